@@ -1,0 +1,71 @@
+"""Time and randomness as arguments: the only module that reads the machine's clocks.
+
+Code that needs time takes a `Clock`; code that needs chance takes a `random.Random`. Programs make both here, at
+their edge; tests pass a `ManualClock` and a seeded generator, and never sleep.
+"""
+
+from __future__ import annotations
+
+import random
+import time
+from typing import Protocol
+
+__all__ = ["Clock", "ManualClock", "SystemClock", "system_rng"]
+
+
+class Clock(Protocol):
+    """Two readings: what the calendar says, and a count that never runs backwards."""
+
+    def wall_ns(self) -> int:
+        """Nanoseconds since the Unix epoch; may jump when the machine's time is set."""
+
+    def monotonic_s(self) -> float:
+        """Seconds from an arbitrary start, never decreasing; use it for timers and ages."""
+
+
+class SystemClock:
+    """The machine's own clocks."""
+
+    __slots__ = ()
+
+    def wall_ns(self) -> int:
+        """Nanoseconds since the Unix epoch."""
+        return time.time_ns()
+
+    def monotonic_s(self) -> float:
+        """Seconds of the monotonic clock."""
+        return time.monotonic()
+
+
+class ManualClock:
+    """A clock that moves only when told: for tests and deterministic simulation."""
+
+    __slots__ = ("_monotonic_s", "_wall_ns")
+
+    def __init__(self, *, wall_ns: int = 1_700_000_000_000_000_000, monotonic_s: float = 1000.0) -> None:
+        self._wall_ns = wall_ns
+        self._monotonic_s = monotonic_s
+
+    def wall_ns(self) -> int:
+        """Nanoseconds since the Unix epoch, as set."""
+        return self._wall_ns
+
+    def monotonic_s(self) -> float:
+        """Seconds, as advanced."""
+        return self._monotonic_s
+
+    def advance(self, seconds: float) -> None:
+        """Move both clocks forward by `seconds` (>= 0)."""
+        if seconds < 0:
+            raise ValueError("a clock advances by zero seconds or more; use jump_wall to set the calendar back")
+        self._monotonic_s += seconds
+        self._wall_ns += round(seconds * 1e9)
+
+    def jump_wall(self, seconds: float) -> None:
+        """Set the calendar forwards or backwards, as NTP or an operator would; the monotonic clock stays."""
+        self._wall_ns += round(seconds * 1e9)
+
+
+def system_rng() -> random.Random:
+    """A generator seeded by the operating system, for programs that were given no seed."""
+    return random.Random()

@@ -1,0 +1,148 @@
+"""The errors of `metaros`, as a tree. Every leaf carries a stable `code` for machines.
+
+    MetarosError
+    ├── UsageError                the caller's fault
+    │   ├── NameError_            a ROS name, key or namespace breaks the grammar        invalid_name
+    │   ├── DefinitionError       an interface definition cannot be parsed              invalid_definition
+    │   ├── UnknownTypeError      no such interface in the catalogue                    unknown_type
+    │   ├── FieldError            a value does not fit its field                        invalid_field
+    │   ├── ConfigError           a setting or an option is wrong                       invalid_config
+    │   └── ClosedError           the node, session or publisher was closed             closed
+    └── PeerError                 the other side's fault
+        ├── DecodeError           bytes that are no valid CDR of the type               malformed_cdr
+        ├── AttachmentError       a sample's attachment is missing or malformed         malformed_attachment
+        ├── TokenError            a liveliness token cannot be read                     malformed_token
+        ├── FrameError            a link frame breaks the protocol                      malformed_frame
+        ├── TypeHashError         same type name, another hash                          type_hash_mismatch
+        ├── TooLargeError         a message or frame is over its limit                  too_large
+        ├── TimeoutError_         no answer in time                                     timeout
+        └── UnavailableError      nobody there to answer                                unavailable
+
+`NameError_` and `TimeoutError_` end in an underscore because the plain names are Python's own.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+__all__ = [
+    "AttachmentError",
+    "ClosedError",
+    "ConfigError",
+    "DecodeError",
+    "DefinitionError",
+    "FieldError",
+    "FrameError",
+    "MetarosError",
+    "NameError_",
+    "PeerError",
+    "TimeoutError_",
+    "TokenError",
+    "TooLargeError",
+    "TypeHashError",
+    "UnavailableError",
+    "UnknownTypeError",
+    "UsageError",
+]
+
+
+class MetarosError(Exception):
+    """Root of every error this library raises on purpose."""
+
+    code: ClassVar[str] = "error"
+
+
+class UsageError(MetarosError):
+    """The caller asked for something that cannot be."""
+
+    code = "usage"
+
+
+class NameError_(UsageError):
+    """A ROS name, key or namespace breaks the grammar."""
+
+    code = "invalid_name"
+
+
+class DefinitionError(UsageError):
+    """An interface definition cannot be parsed; the message names the line."""
+
+    code = "invalid_definition"
+
+
+class UnknownTypeError(UsageError):
+    """No interface of that name in the catalogue."""
+
+    code = "unknown_type"
+
+
+class FieldError(UsageError):
+    """A value does not fit its field; the message names the field and the limit."""
+
+    code = "invalid_field"
+
+
+class ConfigError(UsageError):
+    """A setting or a command-line option is wrong."""
+
+    code = "invalid_config"
+
+
+class ClosedError(UsageError):
+    """The node, session or publisher was closed before."""
+
+    code = "closed"
+
+
+class PeerError(MetarosError):
+    """The other side sent something wrong, or nothing."""
+
+    code = "peer"
+
+
+class DecodeError(PeerError):
+    """Bytes that are no valid CDR of the type they claim to be."""
+
+    code = "malformed_cdr"
+
+
+class AttachmentError(PeerError):
+    """A sample's attachment is missing or malformed."""
+
+    code = "malformed_attachment"
+
+
+class TokenError(PeerError):
+    """A liveliness token cannot be read."""
+
+    code = "malformed_token"
+
+
+class FrameError(PeerError):
+    """A frame of the agent-gateway link breaks the protocol."""
+
+    code = "malformed_frame"
+
+
+class TypeHashError(PeerError):
+    """The peer's type has our name but another hash: its fields differ."""
+
+    code = "type_hash_mismatch"
+
+
+class TooLargeError(PeerError):
+    """A message or frame is over its limit."""
+
+    code = "too_large"
+
+
+class TimeoutError_(PeerError):
+    """No answer in time."""
+
+    code = "timeout"
+
+
+class UnavailableError(PeerError):
+    """Nobody there to answer."""
+
+    code = "unavailable"

@@ -1,0 +1,44 @@
+"""Every bound of the library and the link in one table; `docs/reference/limits.md` lists them with their reasons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["LIMITS", "Limits"]
+
+KIB = 1024
+MIB = 1024 * KIB
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """Bounds in bytes, counts and seconds. Passed where a caller may want another value; never mutated."""
+
+    sample_bytes: int = 16 * MIB  # one message; larger ones are a declared gap, reason too_large
+    batch_bytes: int = 1 * MIB  # one Batch, or exactly one sample
+    frame_bytes: int = 4 * MIB  # one message on gRPC or WebSocket
+    chunk_bytes: int = 1 * MIB  # a piece of a sample that is larger than a batch
+    batch_samples: int = 4096
+    window_bytes: int = 16 * MIB  # unacknowledged data on one lane
+    window_batches: int = 256
+    linger_s: float = 0.005  # how long the agent waits to fill a batch
+    outbox_bytes: int = 64 * MIB  # the agent's in-memory outbox, all classes
+    ingress_bytes: int = 64 * MIB  # samples taken from Zenoh but not yet handled by an executor or the agent
+    heartbeat_s: float = 5.0
+    dead_after_s: float = 15.0
+    viewer_queue_bytes: int = 8 * MIB  # one stream connection's backlog
+    viewer_stall_s: float = 10.0  # a viewer that takes nothing for so long is cut
+    ros_name_chars: int = 256
+    key_chars: int = 512
+    schema_bytes: int = 256 * KIB
+    channels_per_robot: int = 4096
+    series_per_robot: int = 4096
+    subscriptions_per_viewer: int = 256
+    json_bytes: int = 1 * MIB  # a request body
+    teleop_fresh_s: float = 0.3  # D13: an actuator without a fresh command for so long is stopped
+    lease_s: float = 3.0  # a teleop lease not renewed for so long is free again
+    command_timeout_s: float = 10.0
+    type_cache: int = 4096  # compiled codecs and classes kept
+
+
+LIMITS = Limits()

@@ -1,0 +1,40 @@
+"""Fixtures shared by the whole suite."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from metaros.clock import ManualClock
+from tests.support.ports import free_port as _free_port
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    """A clock that moves only when told."""
+    return ManualClock()
+
+
+@pytest.fixture
+def free_port() -> int:
+    """A TCP port on loopback that is free."""
+    return _free_port()
+
+
+@pytest.fixture
+def zenoh_router() -> Iterator[str]:
+    """A real Zenoh router on a free loopback port, its own island; yields the endpoint to connect to."""
+    import zenoh
+
+    endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    config = zenoh.Config()
+    config.insert_json5("mode", '"router"')
+    config.insert_json5("listen/endpoints", f'["{endpoint}"]')
+    config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("timestamping/enabled", "true")
+    session = zenoh.open(config)
+    try:
+        yield endpoint
+    finally:
+        session.close()

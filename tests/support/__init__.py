@@ -1,0 +1,1 @@
+"""Shared test support: data sets, ports, waiting."""
