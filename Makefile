@@ -1,0 +1,51 @@
+# Thin aliases; the work is in tools/setup.py (fresh machine to ready) and in `metaros` itself.
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11 python; do \
+	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
+BIN = .venv/bin
+WORKERS ?= 2
+# CI runs the slow tests too; at a desk they are one word away: make test SLOW=1
+MARKERS = $(if $(or $(CI),$(SLOW)),,-m "not slow")
+
+.PHONY: setup up test check fmt proto lock bench campaign clean
+
+setup:
+	@[ -n "$(PYTHON)" ] || { echo "metaros: needs Python 3.11 or newer (Debian: apt install python3)"; exit 1; }
+	@$(PYTHON) tools/setup.py
+
+up: setup
+	@$(BIN)/metaros up $(ARGS)
+
+test: setup
+	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup $(MARKERS) $(ARGS)
+
+check: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python tools/gen_proto.py --check
+	$(BIN)/python tools/gen_interfaces.py --check
+	$(BIN)/python tools/dashboard.py check
+
+fmt: setup
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+proto: setup
+	$(BIN)/python tools/gen_proto.py
+	$(BIN)/python tools/gen_interfaces.py
+
+lock:
+	$(BIN)/uv pip compile --universal --all-extras --generate-hashes --no-emit-index-url --no-annotate --no-header \
+		--python-version 3.11 --upgrade -q pyproject.toml -o requirements.lock
+
+bench: setup
+	@$(BIN)/python -m load_tests $(ARGS)
+
+campaign: setup
+	@$(BIN)/python -m load_tests.campaign $(ARGS)
+
+clean:
+	rm -rf .venv .make build dist gateway/static dashboard/node_modules dashboard/dist \
+		.pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

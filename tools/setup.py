@@ -1,0 +1,107 @@
+"""From a bare machine (Python >= 3.11, make, git) to a ready `.venv`: locked dependencies, this project, the dashboard.
+
+Standard library only, because it runs before anything is installed. Run by `make setup`; does nothing when nothing
+changed. Where Debian's python3-venv is missing it takes PyPI's virtualenv, if pip is there to fetch it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+VENV = ROOT / ".venv"
+BIN = VENV / ("Scripts" if os.name == "nt" else "bin")
+PYTHON = BIN / ("python.exe" if os.name == "nt" else "python")
+STATE = ROOT / ".make"
+STAMP = STATE / "setup"
+STATIC = ROOT / "gateway" / "static"
+
+# (command, what works without it, Debian package): said in one line each, never fatal.
+OPTIONAL = (("chromium", "browser tests", "chromium"),)
+
+
+def say(text: str) -> None:
+    """One line of progress."""
+    print(f"metaros: {text}", flush=True)
+
+
+def run(*command: str | Path, what: str, env: dict[str, str] | None = None) -> None:
+    """Run a step quietly; on failure show its last lines and stop."""
+    done = subprocess.run([str(part) for part in command], cwd=ROOT, env=env, capture_output=True, text=True)
+    if done.returncode:
+        sys.stderr.write("\n".join((done.stdout + done.stderr).strip().splitlines()[-25:]) + "\n")
+        raise SystemExit(f"metaros: {what} failed (exit {done.returncode})")
+
+
+def has_module(name: str) -> bool:
+    """Whether the system's Python can import `name`."""
+    return subprocess.run([sys.executable, "-c", f"import {name}"], capture_output=True).returncode == 0
+
+
+def make_venv() -> None:
+    """Make `.venv` with venv, else with virtualenv from PyPI; name the Debian package when neither can be."""
+    if PYTHON.exists() and subprocess.run([str(PYTHON), "-m", "pip", "--version"], capture_output=True).returncode == 0:
+        return
+    shutil.rmtree(VENV, ignore_errors=True)
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    say(f"making .venv with Python {version}")
+    if has_module("venv") and has_module("ensurepip"):
+        run(sys.executable, "-m", "venv", VENV, what="venv")
+    elif has_module("pip"):
+        tool = STATE / "virtualenv"
+        run(sys.executable, "-m", "pip", "install", "-q", "--target", tool, "virtualenv", what="fetching virtualenv")
+        env = {**os.environ, "PYTHONPATH": str(tool)}
+        run(sys.executable, "-m", "virtualenv", "-q", VENV, what="virtualenv", env=env)
+    else:
+        raise SystemExit("metaros: this Python has neither venv nor pip (Debian: apt install python3-venv)")
+
+
+def fingerprint(paths: Sequence[Path]) -> str:
+    """A hash of the files that decide what is installed."""
+    digest = hashlib.sha256(sys.version.encode())
+    for path in paths:
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def install(*, state: str) -> None:
+    """Install the lock and this project, unless the stamp says that is done."""
+    if STAMP.exists() and STAMP.read_text() == state:
+        return
+    say("installing locked dependencies (a minute on a fresh machine)")
+    run(PYTHON, "-m", "pip", "install", "-q", "--disable-pip-version-check", "--require-hashes",
+        "-r", "requirements.lock", what="installing requirements.lock")  # fmt: skip
+    env = {**os.environ, "METAROS_SKIP_DASHBOARD": "1"}
+    run(PYTHON, "-m", "pip", "install", "-q", "--disable-pip-version-check", "--no-deps", "--no-build-isolation",
+        "-e", ".", what="installing metaros", env=env)  # fmt: skip
+    STATE.mkdir(exist_ok=True)
+    STAMP.write_text(state)
+
+
+def build_dashboard() -> None:
+    """Build the dashboard if its sources changed; a machine that cannot is told, and goes on without."""
+    done = subprocess.run([str(PYTHON), "tools/dashboard.py", "build"], cwd=ROOT)
+    if done.returncode:
+        say("the dashboard could not be built (see above); everything else works")
+
+
+def main() -> None:
+    """Everything, in order."""
+    if sys.version_info < (3, 11):
+        raise SystemExit("metaros: needs Python 3.11 or newer (Debian: apt install python3)")
+    make_venv()
+    install(state=fingerprint([ROOT / "requirements.lock", ROOT / "pyproject.toml"]))
+    build_dashboard()
+    for command, what, package in OPTIONAL:
+        if shutil.which(command) is None:
+            say(f"no {command}: {what} are skipped (Debian: apt install {package})")
+
+
+if __name__ == "__main__":
+    main()
