@@ -93,7 +93,7 @@ def build_dashboard() -> None:
 
 def main() -> None:
     """Everything, in order."""
-    if sys.version_info < (3, 11):
+    if sys.version_info < (3, 11):  # noqa: UP036 - an older Python may well run this file
         raise SystemExit("metaros: needs Python 3.11 or newer (Debian: apt install python3)")
     make_venv()
     install(state=fingerprint([ROOT / "requirements.lock", ROOT / "pyproject.toml"]))
