@@ -1,0 +1,408 @@
+from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
+from google.protobuf import descriptor as _descriptor
+from google.protobuf import message as _message
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
+
+DESCRIPTOR: _descriptor.FileDescriptor
+
+class Lane(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    LANE_UNSPECIFIED: _ClassVar[Lane]
+    LANE_CONTROL: _ClassVar[Lane]
+    LANE_DATA: _ClassVar[Lane]
+    LANE_BACKFILL: _ClassVar[Lane]
+
+class DeliveryClass(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    DELIVERY_CLASS_UNSPECIFIED: _ClassVar[DeliveryClass]
+    DELIVERY_CLASS_EVENT: _ClassVar[DeliveryClass]
+    DELIVERY_CLASS_METRIC: _ClassVar[DeliveryClass]
+    DELIVERY_CLASS_BULK: _ClassVar[DeliveryClass]
+    DELIVERY_CLASS_LIVE: _ClassVar[DeliveryClass]
+LANE_UNSPECIFIED: Lane
+LANE_CONTROL: Lane
+LANE_DATA: Lane
+LANE_BACKFILL: Lane
+DELIVERY_CLASS_UNSPECIFIED: DeliveryClass
+DELIVERY_CLASS_EVENT: DeliveryClass
+DELIVERY_CLASS_METRIC: DeliveryClass
+DELIVERY_CLASS_BULK: DeliveryClass
+DELIVERY_CLASS_LIVE: DeliveryClass
+
+class AgentFrame(_message.Message):
+    __slots__ = ("hello", "announce", "batches", "metrics", "gap", "statistics", "result", "heartbeat")
+    HELLO_FIELD_NUMBER: _ClassVar[int]
+    ANNOUNCE_FIELD_NUMBER: _ClassVar[int]
+    BATCHES_FIELD_NUMBER: _ClassVar[int]
+    METRICS_FIELD_NUMBER: _ClassVar[int]
+    GAP_FIELD_NUMBER: _ClassVar[int]
+    STATISTICS_FIELD_NUMBER: _ClassVar[int]
+    RESULT_FIELD_NUMBER: _ClassVar[int]
+    HEARTBEAT_FIELD_NUMBER: _ClassVar[int]
+    hello: Hello
+    announce: Announce
+    batches: Batches
+    metrics: MetricBatch
+    gap: Gap
+    statistics: TopicStatistics
+    result: CommandResult
+    heartbeat: Heartbeat
+    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., announce: _Optional[_Union[Announce, _Mapping]] = ..., batches: _Optional[_Union[Batches, _Mapping]] = ..., metrics: _Optional[_Union[MetricBatch, _Mapping]] = ..., gap: _Optional[_Union[Gap, _Mapping]] = ..., statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ..., result: _Optional[_Union[CommandResult, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ...) -> None: ...
+
+class GatewayFrame(_message.Message):
+    __slots__ = ("welcome", "ack", "demand", "command", "teleop", "heartbeat", "goodbye")
+    WELCOME_FIELD_NUMBER: _ClassVar[int]
+    ACK_FIELD_NUMBER: _ClassVar[int]
+    DEMAND_FIELD_NUMBER: _ClassVar[int]
+    COMMAND_FIELD_NUMBER: _ClassVar[int]
+    TELEOP_FIELD_NUMBER: _ClassVar[int]
+    HEARTBEAT_FIELD_NUMBER: _ClassVar[int]
+    GOODBYE_FIELD_NUMBER: _ClassVar[int]
+    welcome: Welcome
+    ack: Ack
+    demand: Demand
+    command: Command
+    teleop: Teleop
+    heartbeat: Heartbeat
+    goodbye: Goodbye
+    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ack: _Optional[_Union[Ack, _Mapping]] = ..., demand: _Optional[_Union[Demand, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., teleop: _Optional[_Union[Teleop, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ...) -> None: ...
+
+class Hello(_message.Message):
+    __slots__ = ("protocol", "robot_id", "session_id", "session_number", "lane", "agent_version", "namespace", "hostname", "labels", "streams")
+    class LabelsEntry(_message.Message):
+        __slots__ = ("key", "value")
+        KEY_FIELD_NUMBER: _ClassVar[int]
+        VALUE_FIELD_NUMBER: _ClassVar[int]
+        key: str
+        value: str
+        def __init__(self, key: _Optional[str] = ..., value: _Optional[str] = ...) -> None: ...
+    PROTOCOL_FIELD_NUMBER: _ClassVar[int]
+    ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
+    SESSION_ID_FIELD_NUMBER: _ClassVar[int]
+    SESSION_NUMBER_FIELD_NUMBER: _ClassVar[int]
+    LANE_FIELD_NUMBER: _ClassVar[int]
+    AGENT_VERSION_FIELD_NUMBER: _ClassVar[int]
+    NAMESPACE_FIELD_NUMBER: _ClassVar[int]
+    HOSTNAME_FIELD_NUMBER: _ClassVar[int]
+    LABELS_FIELD_NUMBER: _ClassVar[int]
+    STREAMS_FIELD_NUMBER: _ClassVar[int]
+    protocol: int
+    robot_id: str
+    session_id: bytes
+    session_number: int
+    lane: Lane
+    agent_version: str
+    namespace: str
+    hostname: str
+    labels: _containers.ScalarMap[str, str]
+    streams: _containers.RepeatedCompositeFieldContainer[StreamState]
+    def __init__(self, protocol: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[bytes] = ..., session_number: _Optional[int] = ..., lane: _Optional[_Union[Lane, str]] = ..., agent_version: _Optional[str] = ..., namespace: _Optional[str] = ..., hostname: _Optional[str] = ..., labels: _Optional[_Mapping[str, str]] = ..., streams: _Optional[_Iterable[_Union[StreamState, _Mapping]]] = ...) -> None: ...
+
+class StreamState(_message.Message):
+    __slots__ = ("stream_id", "epoch", "first_seq", "last_seq")
+    STREAM_ID_FIELD_NUMBER: _ClassVar[int]
+    EPOCH_FIELD_NUMBER: _ClassVar[int]
+    FIRST_SEQ_FIELD_NUMBER: _ClassVar[int]
+    LAST_SEQ_FIELD_NUMBER: _ClassVar[int]
+    stream_id: int
+    epoch: int
+    first_seq: int
+    last_seq: int
+    def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., last_seq: _Optional[int] = ...) -> None: ...
+
+class Welcome(_message.Message):
+    __slots__ = ("gateway_id", "store_id", "watermarks", "window_bytes", "window_batches", "heartbeat_s")
+    GATEWAY_ID_FIELD_NUMBER: _ClassVar[int]
+    STORE_ID_FIELD_NUMBER: _ClassVar[int]
+    WATERMARKS_FIELD_NUMBER: _ClassVar[int]
+    WINDOW_BYTES_FIELD_NUMBER: _ClassVar[int]
+    WINDOW_BATCHES_FIELD_NUMBER: _ClassVar[int]
+    HEARTBEAT_S_FIELD_NUMBER: _ClassVar[int]
+    gateway_id: str
+    store_id: str
+    watermarks: _containers.RepeatedCompositeFieldContainer[Watermark]
+    window_bytes: int
+    window_batches: int
+    heartbeat_s: float
+    def __init__(self, gateway_id: _Optional[str] = ..., store_id: _Optional[str] = ..., watermarks: _Optional[_Iterable[_Union[Watermark, _Mapping]]] = ..., window_bytes: _Optional[int] = ..., window_batches: _Optional[int] = ..., heartbeat_s: _Optional[float] = ...) -> None: ...
+
+class Watermark(_message.Message):
+    __slots__ = ("stream_id", "epoch", "seq")
+    STREAM_ID_FIELD_NUMBER: _ClassVar[int]
+    EPOCH_FIELD_NUMBER: _ClassVar[int]
+    SEQ_FIELD_NUMBER: _ClassVar[int]
+    stream_id: int
+    epoch: int
+    seq: int
+    def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., seq: _Optional[int] = ...) -> None: ...
+
+class Ack(_message.Message):
+    __slots__ = ("watermarks",)
+    WATERMARKS_FIELD_NUMBER: _ClassVar[int]
+    watermarks: _containers.RepeatedCompositeFieldContainer[Watermark]
+    def __init__(self, watermarks: _Optional[_Iterable[_Union[Watermark, _Mapping]]] = ...) -> None: ...
+
+class Announce(_message.Message):
+    __slots__ = ("channels", "series")
+    CHANNELS_FIELD_NUMBER: _ClassVar[int]
+    SERIES_FIELD_NUMBER: _ClassVar[int]
+    channels: _containers.RepeatedCompositeFieldContainer[Channel]
+    series: _containers.RepeatedCompositeFieldContainer[Series]
+    def __init__(self, channels: _Optional[_Iterable[_Union[Channel, _Mapping]]] = ..., series: _Optional[_Iterable[_Union[Series, _Mapping]]] = ...) -> None: ...
+
+class Channel(_message.Message):
+    __slots__ = ("channel_id", "topic", "encoding", "schema_name", "schema_encoding", "schema", "type_hash", "qos", "max_rate_hz", "forward")
+    CHANNEL_ID_FIELD_NUMBER: _ClassVar[int]
+    TOPIC_FIELD_NUMBER: _ClassVar[int]
+    ENCODING_FIELD_NUMBER: _ClassVar[int]
+    SCHEMA_NAME_FIELD_NUMBER: _ClassVar[int]
+    SCHEMA_ENCODING_FIELD_NUMBER: _ClassVar[int]
+    SCHEMA_FIELD_NUMBER: _ClassVar[int]
+    TYPE_HASH_FIELD_NUMBER: _ClassVar[int]
+    QOS_FIELD_NUMBER: _ClassVar[int]
+    CLASS_FIELD_NUMBER: _ClassVar[int]
+    MAX_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    FORWARD_FIELD_NUMBER: _ClassVar[int]
+    channel_id: int
+    topic: str
+    encoding: str
+    schema_name: str
+    schema_encoding: str
+    schema: bytes
+    type_hash: str
+    qos: str
+    max_rate_hz: float
+    forward: bool
+    def __init__(self, channel_id: _Optional[int] = ..., topic: _Optional[str] = ..., encoding: _Optional[str] = ..., schema_name: _Optional[str] = ..., schema_encoding: _Optional[str] = ..., schema: _Optional[bytes] = ..., type_hash: _Optional[str] = ..., qos: _Optional[str] = ..., max_rate_hz: _Optional[float] = ..., forward: _Optional[bool] = ..., **kwargs) -> None: ...
+
+class Series(_message.Message):
+    __slots__ = ("series_id", "name", "topic", "field")
+    SERIES_ID_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    TOPIC_FIELD_NUMBER: _ClassVar[int]
+    FIELD_FIELD_NUMBER: _ClassVar[int]
+    series_id: int
+    name: str
+    topic: str
+    field: str
+    def __init__(self, series_id: _Optional[int] = ..., name: _Optional[str] = ..., topic: _Optional[str] = ..., field: _Optional[str] = ...) -> None: ...
+
+class Batches(_message.Message):
+    __slots__ = ("batches",)
+    BATCHES_FIELD_NUMBER: _ClassVar[int]
+    batches: _containers.RepeatedCompositeFieldContainer[Batch]
+    def __init__(self, batches: _Optional[_Iterable[_Union[Batch, _Mapping]]] = ...) -> None: ...
+
+class Batch(_message.Message):
+    __slots__ = ("stream_id", "epoch", "first_seq", "count", "stamps", "lengths", "payload", "chunk_index", "chunk_count")
+    STREAM_ID_FIELD_NUMBER: _ClassVar[int]
+    EPOCH_FIELD_NUMBER: _ClassVar[int]
+    FIRST_SEQ_FIELD_NUMBER: _ClassVar[int]
+    COUNT_FIELD_NUMBER: _ClassVar[int]
+    STAMPS_FIELD_NUMBER: _ClassVar[int]
+    LENGTHS_FIELD_NUMBER: _ClassVar[int]
+    PAYLOAD_FIELD_NUMBER: _ClassVar[int]
+    CHUNK_INDEX_FIELD_NUMBER: _ClassVar[int]
+    CHUNK_COUNT_FIELD_NUMBER: _ClassVar[int]
+    stream_id: int
+    epoch: int
+    first_seq: int
+    count: int
+    stamps: bytes
+    lengths: bytes
+    payload: bytes
+    chunk_index: int
+    chunk_count: int
+    def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., count: _Optional[int] = ..., stamps: _Optional[bytes] = ..., lengths: _Optional[bytes] = ..., payload: _Optional[bytes] = ..., chunk_index: _Optional[int] = ..., chunk_count: _Optional[int] = ...) -> None: ...
+
+class MetricBatch(_message.Message):
+    __slots__ = ("epoch", "first_seq", "count", "series_ids", "stamps", "values")
+    EPOCH_FIELD_NUMBER: _ClassVar[int]
+    FIRST_SEQ_FIELD_NUMBER: _ClassVar[int]
+    COUNT_FIELD_NUMBER: _ClassVar[int]
+    SERIES_IDS_FIELD_NUMBER: _ClassVar[int]
+    STAMPS_FIELD_NUMBER: _ClassVar[int]
+    VALUES_FIELD_NUMBER: _ClassVar[int]
+    epoch: int
+    first_seq: int
+    count: int
+    series_ids: bytes
+    stamps: bytes
+    values: bytes
+    def __init__(self, epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., count: _Optional[int] = ..., series_ids: _Optional[bytes] = ..., stamps: _Optional[bytes] = ..., values: _Optional[bytes] = ...) -> None: ...
+
+class Gap(_message.Message):
+    __slots__ = ("stream_id", "epoch", "from_seq", "to_seq", "reason", "from_ns", "to_ns")
+    STREAM_ID_FIELD_NUMBER: _ClassVar[int]
+    EPOCH_FIELD_NUMBER: _ClassVar[int]
+    FROM_SEQ_FIELD_NUMBER: _ClassVar[int]
+    TO_SEQ_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    FROM_NS_FIELD_NUMBER: _ClassVar[int]
+    TO_NS_FIELD_NUMBER: _ClassVar[int]
+    stream_id: int
+    epoch: int
+    from_seq: int
+    to_seq: int
+    reason: str
+    from_ns: int
+    to_ns: int
+    def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., from_seq: _Optional[int] = ..., to_seq: _Optional[int] = ..., reason: _Optional[str] = ..., from_ns: _Optional[int] = ..., to_ns: _Optional[int] = ...) -> None: ...
+
+class TopicStatistics(_message.Message):
+    __slots__ = ("topics", "outbox_bytes", "outbox_samples", "malformed")
+    TOPICS_FIELD_NUMBER: _ClassVar[int]
+    OUTBOX_BYTES_FIELD_NUMBER: _ClassVar[int]
+    OUTBOX_SAMPLES_FIELD_NUMBER: _ClassVar[int]
+    MALFORMED_FIELD_NUMBER: _ClassVar[int]
+    topics: _containers.RepeatedCompositeFieldContainer[TopicRate]
+    outbox_bytes: int
+    outbox_samples: int
+    malformed: int
+    def __init__(self, topics: _Optional[_Iterable[_Union[TopicRate, _Mapping]]] = ..., outbox_bytes: _Optional[int] = ..., outbox_samples: _Optional[int] = ..., malformed: _Optional[int] = ...) -> None: ...
+
+class TopicRate(_message.Message):
+    __slots__ = ("channel_id", "rate_hz", "bytes_per_s", "messages", "dropped", "publishers", "subscribers")
+    CHANNEL_ID_FIELD_NUMBER: _ClassVar[int]
+    RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    BYTES_PER_S_FIELD_NUMBER: _ClassVar[int]
+    MESSAGES_FIELD_NUMBER: _ClassVar[int]
+    DROPPED_FIELD_NUMBER: _ClassVar[int]
+    PUBLISHERS_FIELD_NUMBER: _ClassVar[int]
+    SUBSCRIBERS_FIELD_NUMBER: _ClassVar[int]
+    channel_id: int
+    rate_hz: float
+    bytes_per_s: float
+    messages: int
+    dropped: int
+    publishers: int
+    subscribers: int
+    def __init__(self, channel_id: _Optional[int] = ..., rate_hz: _Optional[float] = ..., bytes_per_s: _Optional[float] = ..., messages: _Optional[int] = ..., dropped: _Optional[int] = ..., publishers: _Optional[int] = ..., subscribers: _Optional[int] = ...) -> None: ...
+
+class Demand(_message.Message):
+    __slots__ = ("revision", "entries")
+    REVISION_FIELD_NUMBER: _ClassVar[int]
+    ENTRIES_FIELD_NUMBER: _ClassVar[int]
+    revision: int
+    entries: _containers.RepeatedCompositeFieldContainer[DemandEntry]
+    def __init__(self, revision: _Optional[int] = ..., entries: _Optional[_Iterable[_Union[DemandEntry, _Mapping]]] = ...) -> None: ...
+
+class DemandEntry(_message.Message):
+    __slots__ = ("channel_id", "max_rate_hz")
+    CHANNEL_ID_FIELD_NUMBER: _ClassVar[int]
+    MAX_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    channel_id: int
+    max_rate_hz: float
+    def __init__(self, channel_id: _Optional[int] = ..., max_rate_hz: _Optional[float] = ...) -> None: ...
+
+class Command(_message.Message):
+    __slots__ = ("command_id", "timeout_ms", "lease_id", "publish", "call_service", "grant_lease", "release_lease")
+    COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
+    TIMEOUT_MS_FIELD_NUMBER: _ClassVar[int]
+    LEASE_ID_FIELD_NUMBER: _ClassVar[int]
+    PUBLISH_FIELD_NUMBER: _ClassVar[int]
+    CALL_SERVICE_FIELD_NUMBER: _ClassVar[int]
+    GRANT_LEASE_FIELD_NUMBER: _ClassVar[int]
+    RELEASE_LEASE_FIELD_NUMBER: _ClassVar[int]
+    command_id: bytes
+    timeout_ms: int
+    lease_id: str
+    publish: PublishMessage
+    call_service: CallService
+    grant_lease: GrantLease
+    release_lease: ReleaseLease
+    def __init__(self, command_id: _Optional[bytes] = ..., timeout_ms: _Optional[int] = ..., lease_id: _Optional[str] = ..., publish: _Optional[_Union[PublishMessage, _Mapping]] = ..., call_service: _Optional[_Union[CallService, _Mapping]] = ..., grant_lease: _Optional[_Union[GrantLease, _Mapping]] = ..., release_lease: _Optional[_Union[ReleaseLease, _Mapping]] = ...) -> None: ...
+
+class PublishMessage(_message.Message):
+    __slots__ = ("topic", "type_name", "type_hash", "payload")
+    TOPIC_FIELD_NUMBER: _ClassVar[int]
+    TYPE_NAME_FIELD_NUMBER: _ClassVar[int]
+    TYPE_HASH_FIELD_NUMBER: _ClassVar[int]
+    PAYLOAD_FIELD_NUMBER: _ClassVar[int]
+    topic: str
+    type_name: str
+    type_hash: str
+    payload: bytes
+    def __init__(self, topic: _Optional[str] = ..., type_name: _Optional[str] = ..., type_hash: _Optional[str] = ..., payload: _Optional[bytes] = ...) -> None: ...
+
+class CallService(_message.Message):
+    __slots__ = ("service", "type_name", "type_hash", "request")
+    SERVICE_FIELD_NUMBER: _ClassVar[int]
+    TYPE_NAME_FIELD_NUMBER: _ClassVar[int]
+    TYPE_HASH_FIELD_NUMBER: _ClassVar[int]
+    REQUEST_FIELD_NUMBER: _ClassVar[int]
+    service: str
+    type_name: str
+    type_hash: str
+    request: bytes
+    def __init__(self, service: _Optional[str] = ..., type_name: _Optional[str] = ..., type_hash: _Optional[str] = ..., request: _Optional[bytes] = ...) -> None: ...
+
+class GrantLease(_message.Message):
+    __slots__ = ("lease_id", "holder", "valid_ms")
+    LEASE_ID_FIELD_NUMBER: _ClassVar[int]
+    HOLDER_FIELD_NUMBER: _ClassVar[int]
+    VALID_MS_FIELD_NUMBER: _ClassVar[int]
+    lease_id: str
+    holder: str
+    valid_ms: int
+    def __init__(self, lease_id: _Optional[str] = ..., holder: _Optional[str] = ..., valid_ms: _Optional[int] = ...) -> None: ...
+
+class ReleaseLease(_message.Message):
+    __slots__ = ("lease_id",)
+    LEASE_ID_FIELD_NUMBER: _ClassVar[int]
+    lease_id: str
+    def __init__(self, lease_id: _Optional[str] = ...) -> None: ...
+
+class CommandResult(_message.Message):
+    __slots__ = ("command_id", "ok", "code", "message", "payload")
+    COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
+    OK_FIELD_NUMBER: _ClassVar[int]
+    CODE_FIELD_NUMBER: _ClassVar[int]
+    MESSAGE_FIELD_NUMBER: _ClassVar[int]
+    PAYLOAD_FIELD_NUMBER: _ClassVar[int]
+    command_id: bytes
+    ok: bool
+    code: str
+    message: str
+    payload: bytes
+    def __init__(self, command_id: _Optional[bytes] = ..., ok: _Optional[bool] = ..., code: _Optional[str] = ..., message: _Optional[str] = ..., payload: _Optional[bytes] = ...) -> None: ...
+
+class Teleop(_message.Message):
+    __slots__ = ("lease_id", "seq", "sent_ns", "topic", "type_name", "type_hash", "payload")
+    LEASE_ID_FIELD_NUMBER: _ClassVar[int]
+    SEQ_FIELD_NUMBER: _ClassVar[int]
+    SENT_NS_FIELD_NUMBER: _ClassVar[int]
+    TOPIC_FIELD_NUMBER: _ClassVar[int]
+    TYPE_NAME_FIELD_NUMBER: _ClassVar[int]
+    TYPE_HASH_FIELD_NUMBER: _ClassVar[int]
+    PAYLOAD_FIELD_NUMBER: _ClassVar[int]
+    lease_id: str
+    seq: int
+    sent_ns: int
+    topic: str
+    type_name: str
+    type_hash: str
+    payload: bytes
+    def __init__(self, lease_id: _Optional[str] = ..., seq: _Optional[int] = ..., sent_ns: _Optional[int] = ..., topic: _Optional[str] = ..., type_name: _Optional[str] = ..., type_hash: _Optional[str] = ..., payload: _Optional[bytes] = ...) -> None: ...
+
+class Heartbeat(_message.Message):
+    __slots__ = ("sent_ns", "echo_ns", "held_ns")
+    SENT_NS_FIELD_NUMBER: _ClassVar[int]
+    ECHO_NS_FIELD_NUMBER: _ClassVar[int]
+    HELD_NS_FIELD_NUMBER: _ClassVar[int]
+    sent_ns: int
+    echo_ns: int
+    held_ns: int
+    def __init__(self, sent_ns: _Optional[int] = ..., echo_ns: _Optional[int] = ..., held_ns: _Optional[int] = ...) -> None: ...
+
+class Goodbye(_message.Message):
+    __slots__ = ("code", "message", "retry_after_ms")
+    CODE_FIELD_NUMBER: _ClassVar[int]
+    MESSAGE_FIELD_NUMBER: _ClassVar[int]
+    RETRY_AFTER_MS_FIELD_NUMBER: _ClassVar[int]
+    code: str
+    message: str
+    retry_after_ms: int
+    def __init__(self, code: _Optional[str] = ..., message: _Optional[str] = ..., retry_after_ms: _Optional[int] = ...) -> None: ...
