@@ -1,0 +1,147 @@
+"""Driving a simulated robot through gateway and agent, and what happens when either dies while it moves."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from websockets.sync.client import ClientConnection
+
+import metaros
+from metaros.interfaces.nav_msgs.msg import Odometry
+from tests.support.stack import Stack
+from tests.support.viewer import open_socket
+from tests.support.waiting import wait_until
+
+MOVING, STILL = 0.1, 0.01
+
+
+class Speedometer:
+    """What the robot itself says of its motion, read from Zenoh past agent and gateway."""
+
+    def __init__(self, zenoh_port: int) -> None:
+        self.context = metaros.Context(connect=f"tcp/127.0.0.1:{zenoh_port}")
+        self.node = metaros.Node("speedometer", context=self.context)
+        self.node.create_subscription(Odometry, "/sim_1/odom", self.heard, metaros.qos_sensor_data)
+        self.log: list[tuple[float, float]] = []
+        self.executor = metaros.SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.thread = threading.Thread(target=self.executor.spin)
+        self.thread.start()
+
+    def heard(self, message: Odometry) -> None:
+        self.log.append((time.monotonic(), abs(message.twist.twist.linear.x)))
+
+    def speed(self) -> float:
+        return self.log[-1][1] if self.log else 0.0
+
+    def stopped_after(self, since: float) -> float:
+        """Seconds from `since` to the first of the samples that stay still."""
+        later = [(stamp, speed) for stamp, speed in self.log if stamp >= since]
+        moving = [stamp for stamp, speed in later if speed > STILL]
+        return (max(moving) - since) if moving else 0.0
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.thread.join(5)
+        self.node.close()
+        self.context.close()
+
+
+class Driver:
+    """A browser's hold-to-drive: 10 Hz while held."""
+
+    def __init__(self, stack: Stack) -> None:
+        self.socket: ClientConnection = open_socket(stack.url, "/api/v1/robots/sim_1/teleop")
+        self.socket.send(json.dumps({"op": "take", "holder": "test"}))
+        self.granted = json.loads(self.socket.recv(timeout=5))
+        self.held = threading.Event()
+        self.ended = threading.Event()
+        self.thread = threading.Thread(target=self.send_while_held)
+        self.thread.start()
+
+    def send_while_held(self) -> None:
+        seq = 0
+        while not self.ended.wait(0.1):
+            if self.held.is_set():
+                seq += 1
+                try:
+                    self.socket.send(json.dumps({"op": "drive", "linear": 0.4, "angular": 0.0, "seq": seq}))
+                except Exception:
+                    return
+
+    def release(self) -> None:
+        self.held.clear()
+        self.socket.send(json.dumps({"op": "stop"}))
+
+    def close(self) -> None:
+        self.ended.set()
+        self.thread.join(5)
+        self.socket.close()
+
+
+@pytest.fixture
+def driven(tmp_path: Path) -> Iterator[tuple[Stack, Driver, Speedometer]]:
+    with Stack(tmp_path) as stack:
+        stack.router()
+        stack.gateway()
+        stack.sim("--resume-after", "60", "--seed", "1")
+        stack.agent("sim_1")
+        wait_until(lambda: "/sim_1/cmd_vel" in stack.topics("sim_1") or stack.online() == {"sim_1"}, timeout_s=20)
+        speedometer, driver = Speedometer(stack.zenoh_port), Driver(stack)
+        try:
+            assert driver.granted["op"] == "granted", driver.granted
+            # The first zero command takes the robot out of autonomy; it must stand before a test makes it move.
+            driver.release()
+            wait_until(lambda: speedometer.log and speedometer.speed() < STILL, timeout_s=5)
+            yield stack, driver, speedometer
+        finally:
+            driver.close()
+            speedometer.close()
+
+
+def drive(driver: Driver, speedometer: Speedometer) -> None:
+    """Hold until the robot moves."""
+    driver.held.set()
+    wait_until(lambda: speedometer.speed() > MOVING, timeout_s=5)
+
+
+def assert_stays_stopped(speedometer: Speedometer, *, since: float, within_s: float) -> None:
+    """Still within the deadline, and still two seconds later."""
+    wait_until(lambda: time.monotonic() - since > 2.0, timeout_s=5)
+    assert speedometer.stopped_after(since) < within_s
+    assert len([stamp for stamp, _ in speedometer.log if stamp > since]) > 10
+
+
+def test_release_stops_the_robot(driven: tuple[Stack, Driver, Speedometer]) -> None:
+    _stack, driver, speedometer = driven
+    drive(driver, speedometer)
+    driver.release()
+    assert_stays_stopped(speedometer, since=time.monotonic(), within_s=0.5)
+
+
+@pytest.mark.parametrize("victim", ["gateway", "agent-sim_1"])
+def test_kill_while_driving_stops_the_robot(driven: tuple[Stack, Driver, Speedometer], victim: str) -> None:
+    stack, driver, speedometer = driven
+    drive(driver, speedometer)
+    next(program for program in stack.programs if program.name == victim).kill()
+    assert_stays_stopped(speedometer, since=time.monotonic(), within_s=0.5)
+
+
+def test_agents_return_within_two_seconds_of_a_gateway_restart(tmp_path: Path) -> None:
+    with Stack(tmp_path) as stack:
+        stack.router()
+        gateway = stack.gateway()
+        stack.sim(robots=2)
+        stack.agent("sim_1")
+        stack.agent("sim_2")
+        wait_until(lambda: stack.online() == {"sim_1", "sim_2"}, timeout_s=20)
+        gateway.kill()
+        stack.restart(gateway)
+        ready = time.monotonic()
+        wait_until(lambda: stack.online() == {"sim_1", "sim_2"}, timeout_s=10)
+        assert time.monotonic() - ready < 2.0
