@@ -1,0 +1,139 @@
+"""One supervised process: started in its own group behind the guard, its output captured, its death awaited.
+
+Spawn from the thread that lives as long as the supervisor (the event loop's): Linux ties the parent-death signal to
+the thread that forked.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from metaros.supervise import guard
+from metaros.supervise.logs import RotatingLog
+from metaros.supervise.policy import Exit, RestartPolicy
+
+__all__ = ["Launch", "Process"]
+
+_READ_BYTES = 64 * 1024
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Launch:
+    """One row of a launch table: what to run, and how to keep it."""
+
+    name: str
+    argv: tuple[str, ...]
+    log_path: Path
+    stage: int = 0  # stages start in rising order and stop in falling order
+    env: Mapping[str, str] = field(default_factory=dict)  # added to the supervisor's own
+    cwd: Path | None = None
+    policy: RestartPolicy = field(default_factory=RestartPolicy)
+    log_bytes: int = 4 * 1024 * 1024
+
+
+class Process:
+    """A running child. `await wait()` gives how it ended; `signal` reaches its whole group."""
+
+    def __init__(self, launch: Launch) -> None:
+        self.launch = launch
+        self.log = RotatingLog(launch.log_path, size_bytes=launch.log_bytes)
+        self._loop = asyncio.get_running_loop()
+        self._ended: asyncio.Future[Exit] = self._loop.create_future()
+        self._popen = self._spawn()
+        self._watch_output()
+        self._watch_death()
+
+    @property
+    def pid(self) -> int:
+        """The child's process id, which is also its group's."""
+        return self._popen.pid
+
+    @property
+    def running(self) -> bool:
+        """False once its death was seen."""
+        return not self._ended.done()
+
+    async def wait(self) -> Exit:
+        """Wait for the end; safe to cancel and to call again."""
+        return await asyncio.shield(self._ended)
+
+    def signal(self, number: int) -> None:
+        """Send to the process's group, if any of it is left."""
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            if sys.platform == "win32":
+                self._popen.send_signal(number)
+            else:
+                os.killpg(self.pid, number)
+
+    def _spawn(self) -> subprocess.Popen[bytes]:
+        launch = self.launch
+        argv = list(launch.argv)
+        if sys.platform == "linux":
+            argv = [sys.executable, "-I", "-S", guard.__file__, str(os.getpid()), *argv]
+        return subprocess.Popen(
+            argv,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            env={**os.environ, **launch.env},
+            cwd=launch.cwd,
+            bufsize=0,
+            process_group=None if sys.platform == "win32" else 0,  # Ctrl-C is the supervisor's to pass on
+        )
+
+    def _watch_output(self) -> None:
+        os.set_blocking(self._pipe, False)
+        self._loop.add_reader(self._pipe, self._read_output)
+
+    @property
+    def _pipe(self) -> int:
+        assert self._popen.stdout is not None
+        return self._popen.stdout.fileno()
+
+    def _read_output(self) -> None:
+        """Take one piece; at the end of the output stop listening, or the loop would turn for nothing."""
+        try:
+            data = os.read(self._pipe, _READ_BYTES)
+        except BlockingIOError:
+            return
+        if data:
+            self.log.write(data)
+        else:
+            self._loop.remove_reader(self._pipe)
+
+    def _watch_death(self) -> None:
+        if sys.platform == "linux":
+            with contextlib.suppress(OSError):
+                descriptor = os.pidfd_open(self.pid)
+                self._loop.add_reader(descriptor, self._died, descriptor)
+                return
+        future = self._loop.run_in_executor(None, self._popen.wait)
+        future.add_done_callback(lambda _: self._died(None))
+
+    def _died(self, descriptor: int | None) -> None:
+        if descriptor is not None:
+            self._loop.remove_reader(descriptor)
+            os.close(descriptor)
+        returncode = self._popen.wait()  # it is dead: this only reaps it
+        self._drain()
+        self.signal(signal.SIGKILL if sys.platform != "win32" else signal.SIGTERM)  # what it left in its group
+        if not self._ended.done():
+            self._ended.set_result(Exit.from_returncode(returncode))
+
+    def _drain(self) -> None:
+        """Read what is left in the pipe; a grandchild that still holds it must not keep us waiting."""
+        self._loop.remove_reader(self._pipe)
+        with contextlib.suppress(BlockingIOError):
+            while data := os.read(self._pipe, _READ_BYTES):
+                self.log.write(data)
+        assert self._popen.stdout is not None
+        self._popen.stdout.close()
+        self.log.close()
