@@ -1,0 +1,67 @@
+"""A wheel built from the repository installs and serves the dashboard with no Node on the machine."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import urllib.request
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from tests.support.ports import free_port
+from tests.support.waiting import wait_until
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_wheel_serves_the_dashboard_without_node(tmp_path: Path) -> None:
+    build = [
+        sys.executable,
+        "-m",
+        "pip",
+        "wheel",
+        "--no-deps",
+        "--no-build-isolation",
+        "-q",
+        "-w",
+        str(tmp_path),
+        str(ROOT),
+    ]
+    subprocess.run(build, check=True, cwd=tmp_path)
+    (wheel,) = tmp_path.glob("metaros-*.whl")
+    names = zipfile.ZipFile(wheel).namelist()
+    assert "gateway/static/index.html" in names
+    assert not [name for name in names if name.startswith(("dashboard/", "tests/", "node_modules/"))]
+
+    site = tmp_path / "site"
+    subprocess.run(
+        [sys.executable, "-m", "pip", "install", "--no-deps", "-q", "--target", str(site), str(wheel)], check=True
+    )
+    # An empty PATH: no node, no npm. PYTHONPATH comes before the editable install of this checkout.
+    environment = {"PATH": str(tmp_path), "PYTHONPATH": str(site), "HOME": str(tmp_path)}
+    where = subprocess.run(
+        [sys.executable, "-c", "import gateway; print(gateway.__file__)"],
+        env=environment,
+        cwd=tmp_path,
+        capture_output=True,
+    )
+    assert str(site) in where.stdout.decode(), "the wheel, not this checkout"
+    status, port = tmp_path / "status.json", free_port()
+    command = [sys.executable, "-m", "metaros", "gateway", "--port", str(port), "--grpc-port", str(free_port())]
+    command += ["--data-dir", str(tmp_path / "data"), "--status-file", str(status)]
+    with (tmp_path / "log").open("wb") as log:
+        gateway = subprocess.Popen(command, cwd=tmp_path, env=environment, stdout=log, stderr=log)
+    try:
+        wait_until(lambda: status.exists() or gateway.poll() is not None, timeout_s=30)
+        assert status.exists(), (tmp_path / "log").read_text()
+        page = urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=5).read().decode()
+        assert '<div id="app"' in page
+        assert json.loads(status.read_text())["pid"] == gateway.pid
+    finally:
+        gateway.terminate()
+        gateway.wait(10)
