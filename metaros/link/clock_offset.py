@@ -46,6 +46,7 @@ class ClockOffset:
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._sent: dict[int, int] = {}  # our wall time in a beat -> our monotonic ns then
+        self._last_sent_ns = -1_000_000
         self._heard: tuple[int, int] | None = None  # peer's sent_ns, our monotonic ns at arrival
         self._exchanges: deque[_Exchange] = deque(maxlen=EXCHANGES)
         self._one_way_ns: int | None = None
@@ -54,8 +55,9 @@ class ClockOffset:
         """The heartbeat to send now."""
         now_ns = self._monotonic_ns()
         sent_ns = self._clock.wall_ns()
-        while sent_ns in self._sent:
-            sent_ns += 1
+        if 0 <= self._last_sent_ns - sent_ns < 1_000_000:  # two beats of one instant must have two names
+            sent_ns = self._last_sent_ns + 1
+        self._last_sent_ns = sent_ns
         self._sent[sent_ns] = now_ns
         while len(self._sent) > REMEMBERED_BEATS:
             del self._sent[next(iter(self._sent))]
