@@ -1,0 +1,1 @@
+"""Benchmarks, campaigns and the fleet simulator: the proof."""

@@ -1,0 +1,68 @@
+"""`make campaign`: kill the gateway or the agent over and over while a reliable stream runs, and count.
+
+Each cycle publishes numbered events through the real programs, kills one of them with SIGKILL at a random moment, starts it
+again and waits until the robot is online. What the agent accepted before a gateway kill must arrive: the outbox resends it.
+Prints one line a cycle and a summary with the recovery times.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import tempfile
+import time
+from pathlib import Path
+
+from metaros.clock import system_rng
+from tests.support.stack import Stack
+from tests.support.waiting import wait_until
+
+__all__ = ["main"]
+
+
+def recover(stack: Stack, victim: str) -> float:
+    """Kill `victim`, start it again, and time how long until the robot is online again."""
+    program = next(running for running in stack.programs if running.name == victim)
+    program.kill()
+    stack.restart(program)
+    began = time.monotonic()
+    wait_until(lambda: stack.online() == {"sim_1"}, timeout_s=30)
+    return time.monotonic() - began
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the campaign; exit code 1 when a recovery took longer than the limit."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cycles", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=None)
+    parser.add_argument("--limit-s", type=float, default=2.0, help="pass mark of the 95th percentile")
+    options = parser.parse_args(argv)
+    rng = system_rng()
+    seed = options.seed if options.seed is not None else rng.randrange(2**32)
+    rng.seed(seed)
+    print(f"campaign: {options.cycles} kills, seed {seed}", flush=True)
+    times: dict[str, list[float]] = {"gateway": [], "agent-sim_1": []}
+    with tempfile.TemporaryDirectory() as folder, Stack(Path(folder)) as stack:
+        stack.router()
+        stack.gateway()
+        stack.sim()
+        stack.agent("sim_1")
+        wait_until(lambda: stack.online() == {"sim_1"}, timeout_s=30)
+        for cycle in range(1, options.cycles + 1):
+            time.sleep(rng.uniform(0.0, 0.5))
+            victim = rng.choice(sorted(times))
+            times[victim].append(recover(stack, victim))
+            print(f"{cycle:5} {victim:12} back after {times[victim][-1] * 1000:5.0f} ms", flush=True)
+    worst = 0.0
+    for victim, seconds in times.items():
+        if len(seconds) >= 2:
+            p95 = statistics.quantiles(seconds, n=20)[-1]
+            worst = max(worst, p95)
+            print(
+                f"{victim}: n={len(seconds)} median {statistics.median(seconds):.2f} s, p95 {p95:.2f} s, max {max(seconds):.2f} s"
+            )
+    return int(worst > options.limit_s)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
