@@ -1,8 +1,7 @@
-"""`make campaign`: kill the gateway or the agent over and over while a reliable stream runs, and count.
+"""`make campaign`: kill the gateway or the agent with SIGKILL, over and over, and time the recovery.
 
-Each cycle publishes numbered events through the real programs, kills one of them with SIGKILL at a random moment, starts it
-again and waits until the robot is online. What the agent accepted before a gateway kill must arrive: the outbox resends it.
-Prints one line a cycle and a summary with the recovery times.
+Each cycle kills one of the real programs at a random moment, starts it again as a supervisor would, and waits until the
+robot is online. Prints one line a cycle and a summary; the pass mark is the 95th percentile.
 """
 
 from __future__ import annotations
@@ -58,9 +57,8 @@ def main(argv: list[str] | None = None) -> int:
         if len(seconds) >= 2:
             p95 = statistics.quantiles(seconds, n=20)[-1]
             worst = max(worst, p95)
-            print(
-                f"{victim}: n={len(seconds)} median {statistics.median(seconds):.2f} s, p95 {p95:.2f} s, max {max(seconds):.2f} s"
-            )
+            middle = statistics.median(seconds)
+            print(f"{victim}: n={len(seconds)} median {middle:.2f} s, p95 {p95:.2f} s, max {max(seconds):.2f} s")
     return int(worst > options.limit_s)
 
 

@@ -78,9 +78,9 @@ def test_every_route_is_documented(tmp_path: Path) -> None:
 def test_links_between_pages_lead_somewhere() -> None:
     broken = []
     for page in [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]:
-        for target in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", page.read_text()):
-            if "://" not in target and not (page.parent / target).exists():
-                broken.append(f"{page.relative_to(ROOT)} -> {target}")
+        targets = re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", page.read_text())
+        local = [target for target in targets if "://" not in target]
+        broken += [f"{page.relative_to(ROOT)} -> {target}" for target in local if not (page.parent / target).exists()]
     assert broken == []
 
 
