@@ -122,9 +122,9 @@ class Process:
         if descriptor is not None:
             self._loop.remove_reader(descriptor)
             os.close(descriptor)
-        returncode = self._popen.wait()  # it is dead: this only reaps it
-        self._drain()
         self.signal(signal.SIGKILL if sys.platform != "win32" else signal.SIGTERM)  # what it left in its group
+        returncode = self._popen.wait()  # it is dead: this only reaps it, and only now may its number be used again
+        self._drain()
         if not self._ended.done():
             self._ended.set_result(Exit.from_returncode(returncode))
 

@@ -1,0 +1,106 @@
+"""The program `metaros`: finds the noun, runs it, and turns errors into one line and an exit code.
+
+Exit codes: 0 done, 1 the other side failed or nobody is there, 2 the command was wrong, 130 Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from metaros.cli.nouns import NounCommands
+from metaros.errors import MetarosError, UsageError
+
+__all__ = ["exit_code", "main"]
+
+
+class NounGroup(TyperGroup):
+    """The top level: its commands come from the table of nouns."""
+
+    def __init__(self, **attrs: Any) -> None:
+        super().__init__(**{**attrs, "commands": None})
+        self.commands = NounCommands()
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """All nouns, in the table's order."""
+        return list(self.commands)
+
+
+def _version(value: bool) -> None:
+    if value:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            number = version("metaros")
+        except PackageNotFoundError:
+            number = "(not installed: run from a source tree)"
+        typer.echo(f"metaros {number}")
+        raise typer.Exit
+
+
+app = typer.Typer(
+    name="metaros",
+    cls=NounGroup,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Start with: metaros up",
+)
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it, exit.")
+    ] = False,
+) -> None:
+    """Robots on the ROS 2 wire, and the cloud-edge gateway above them."""
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run `metaros` with `argv` (default: the process's own arguments) and exit."""
+    command = typer.main.get_command(app)
+    try:
+        command.main(args=None if argv is None else list(argv), prog_name="metaros")
+    except MetarosError as error:
+        _say(error)
+        sys.exit(exit_code(error))
+    except BrokenPipeError:
+        _close_stdout()
+        sys.exit(0)
+    except SystemExit:
+        _flush()
+        raise
+
+
+def exit_code(error: MetarosError) -> int:
+    """2 for the caller's fault, 1 for everything else."""
+    return 2 if isinstance(error, UsageError) else 1
+
+
+def _say(error: MetarosError) -> None:
+    """The first line in red, further lines (what to do) plain."""
+    first, _, rest = (str(error) or error.code).partition("\n")
+    if sys.stderr.isatty() and "NO_COLOR" not in os.environ:
+        first = f"\x1b[1;31m✗\x1b[0m \x1b[31m{first}\x1b[0m"
+    else:
+        first = f"error: {first}"
+    sys.stderr.write(f"{first}\n{rest}{chr(10) if rest else ''}")
+
+
+def _flush() -> None:
+    """Write what is buffered now: a reader that went away is no failure of ours."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _close_stdout()
+
+
+def _close_stdout() -> None:
+    """Point stdout to nowhere, or Python complains about the broken pipe while it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

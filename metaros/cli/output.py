@@ -1,0 +1,92 @@
+"""Printing for two readers: tables and colours on a terminal, plain columns in a pipe, JSON on request."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from metaros.cli.options import Format
+
+__all__ = ["Output", "human_bytes", "human_seconds"]
+
+
+class Output:
+    """One command's standard output."""
+
+    def __init__(self, format_: Format = Format.TEXT) -> None:
+        self.json = format_ is Format.JSON
+        self.tty = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
+        self.colour = self.tty and "NO_COLOR" not in os.environ
+
+    def table(self, columns: Sequence[str], rows: Iterable[Sequence[object]], *, empty: str = "") -> None:
+        """Rows under headings; the first column is the one people look for. `empty` is said when there is none."""
+        texts = [[str(cell) for cell in row] for row in rows]
+        if not texts:
+            if self.tty and empty:
+                self.note(empty)
+            return
+        if self.tty:
+            self._rich_table(columns, texts)
+        else:
+            self._columns(texts)
+
+    def objects(self, value: Any) -> None:
+        """One JSON document."""
+        self.line(json.dumps(value, indent=2 if self.tty else None, ensure_ascii=False))
+
+    def object_line(self, value: Mapping[str, Any]) -> None:
+        """One JSON object of a stream, flushed so that a pipe sees it now."""
+        self.line(json.dumps(value, ensure_ascii=False))
+
+    def line(self, text: str = "") -> None:
+        """A plain line."""
+        sys.stdout.write(f"{text}\n")
+        sys.stdout.flush()
+
+    def note(self, text: str) -> None:
+        """A remark for people, on stderr, so that it never mixes with data."""
+        sys.stderr.write(f"\x1b[2m{text}\x1b[0m\n" if self.colour else f"{text}\n")
+        sys.stderr.flush()
+
+    def style(self, text: str, code: str) -> str:
+        """`text` with an ANSI style on a colour terminal."""
+        return f"\x1b[{code}m{text}\x1b[0m" if self.colour else text
+
+    def _columns(self, rows: list[list[str]]) -> None:
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        for row in rows:
+            self.line("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+
+    def _rich_table(self, columns: Sequence[str], rows: list[list[str]]) -> None:
+        from rich import box
+        from rich.console import Console
+        from rich.table import Table
+        from rich.text import Text
+
+        table = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, show_edge=False)
+        for number, column in enumerate(columns):
+            table.add_column(column, style="cyan" if number == 0 else None, overflow="fold")
+        for row in rows:
+            table.add_row(*(Text(cell) for cell in row))
+        Console().print(table)
+
+
+def human_bytes(count: float) -> str:
+    """`1.23 kB`: decimal units, three significant digits."""
+    for unit in ("B", "kB", "MB"):
+        if abs(count) < 999.5:
+            return f"{count:.0f} {unit}" if unit == "B" or count >= 99.95 else f"{count:.3g} {unit}"
+        count /= 1000.0
+    return f"{count:.3g} GB"
+
+
+def human_seconds(seconds: float) -> str:
+    """`3 s`, `4 min`, `2 h 5 min`: an age at a glance."""
+    minutes, whole = divmod(int(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    if hours:
+        return f"{hours} h {minutes} min"
+    return f"{minutes} min {whole} s" if minutes else f"{whole} s"

@@ -1,0 +1,136 @@
+"""The launch table of `metaros up`: which processes, in which order, with which arguments. Pure."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from metaros.supervise import Launch
+
+__all__ = ["Plan", "first_free_robot", "host_robot_name", "launches"]
+
+ROUTER, GATEWAY, SIMULATOR, AGENTS = range(4)  # stages; they stop in falling order: agents first, router last
+_SIM = re.compile(r"^sim_(\d+)$")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """All that was decided before anything is started."""
+
+    host: str
+    http_port: int
+    grpc_port: int
+    zenoh_port: int
+    domain: int
+    own_router: bool
+    data_dir: Path
+    robots: int
+    first_robot: int
+    seed: int
+    host_robot: str  # empty: this machine is no robot
+    host_metrics: bool  # False where another agent publishes this machine's metrics already
+    camera: str  # empty: none
+
+    @property
+    def robot_names(self) -> tuple[str, ...]:
+        """Every robot that is to be online."""
+        return (*self.simulated, self.host_robot) if self.host_robot else self.simulated
+
+    @property
+    def simulated(self) -> tuple[str, ...]:
+        """The simulated robots' names."""
+        return tuple(f"sim_{number}" for number in range(self.first_robot, self.first_robot + self.robots))
+
+    @property
+    def url(self) -> str:
+        """Where a browser goes."""
+        host = "127.0.0.1" if self.host in ("0.0.0.0", "::") else self.host
+        return f"http://[{host}]:{self.http_port}" if ":" in host else f"http://{host}:{self.http_port}"
+
+    @property
+    def log_dir(self) -> Path:
+        """Where each process has its log file."""
+        return self.data_dir / "logs"
+
+    def status_file(self, name: str) -> Path:
+        """The file a process writes when it is ready."""
+        return self.data_dir / "run" / f"{name}.json"
+
+
+def launches(plan: Plan) -> tuple[Launch, ...]:
+    """The table, in the order of start."""
+    rows = [_router(plan)] if plan.own_router else []
+    rows.append(_gateway(plan))
+    if plan.robots:
+        rows.append(_simulator(plan))
+    rows.extend(_agent(plan, name) for name in plan.simulated)
+    if plan.host_robot:
+        rows.append(_host_agent(plan))
+        if plan.camera:
+            rows.append(_camera(plan))
+    return tuple(rows)
+
+
+def host_robot_name(hostname: str) -> str:
+    """This machine's name as a robot: lower case, letters, digits and underscores, never one of the simulator's."""
+    name = re.sub(r"[^a-z0-9_]+", "_", hostname.split(".")[0].lower()).strip("_") or "host"
+    return f"host_{name}" if not name[0].isalpha() or _SIM.match(name) else name
+
+
+def first_free_robot(names: Iterable[str]) -> int:
+    """The first number N such that `sim_N` and all after it are free; `names` are robots or namespaces in use."""
+    numbers = [int(match[1]) for name in names if (match := _SIM.match(name.strip("/").split("/")[0]))]
+    return max(numbers, default=0) + 1
+
+
+def _row(plan: Plan, name: str, stage: int, *arguments: str) -> Launch:
+    return Launch(
+        name=name,
+        argv=(sys.executable, "-m", "metaros", *arguments),
+        log_path=plan.log_dir / f"{name}.log",
+        stage=stage,
+        env={"ROS_DOMAIN_ID": str(plan.domain), "PYTHONUNBUFFERED": "1"},
+    )
+
+
+def _zenoh(plan: Plan) -> tuple[str, ...]:
+    return ("--zenoh-port", str(plan.zenoh_port))
+
+
+def _router(plan: Plan) -> Launch:
+    status = str(plan.status_file("router"))
+    return _row(plan, "router", ROUTER, "router", "--port", str(plan.zenoh_port), "--status-file", status)
+
+
+def _gateway(plan: Plan) -> Launch:
+    ports = ("--host", plan.host, "--port", str(plan.http_port), "--grpc-port", str(plan.grpc_port))
+    places = ("--data-dir", str(plan.data_dir / "gateway"), "--status-file", str(plan.status_file("gateway")))
+    return _row(plan, "gateway", GATEWAY, "gateway", *ports, *places)
+
+
+def _simulator(plan: Plan) -> Launch:
+    numbers = ("--robots", str(plan.robots), "--first", str(plan.first_robot), "--seed", str(plan.seed))
+    status = ("--status-file", str(plan.status_file("sim")))
+    return _row(plan, "sim", SIMULATOR, "sim", *numbers, *_zenoh(plan), *status)
+
+
+def _agent(plan: Plan, name: str) -> Launch:
+    link = ("--gateway", f"127.0.0.1:{plan.grpc_port}", *_zenoh(plan))
+    return _row(
+        plan, f"agent {name}", AGENTS, "agent", "--name", name, "--namespace", f"/{name}", *link, "--no-host-metrics"
+    )
+
+
+def _host_agent(plan: Plan) -> Launch:
+    link = ("--gateway", f"127.0.0.1:{plan.grpc_port}", *_zenoh(plan), "--exclude", "/sim_*/**")
+    metrics = "--host-metrics" if plan.host_metrics else "--no-host-metrics"
+    name = plan.host_robot
+    return _row(plan, f"agent {name}", AGENTS, "agent", "--name", name, "--namespace", "/", *link, metrics)
+
+
+def _camera(plan: Plan) -> Launch:
+    source = ("--param", f"source={plan.camera}")
+    return _row(plan, "camera", SIMULATOR, "driver", "run", "camera", *source, *_zenoh(plan))

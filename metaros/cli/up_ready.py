@@ -1,0 +1,53 @@
+"""Waiting until everything answers: status files, the gateway's /readyz, every robot online."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import json
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+__all__ = ["get_json", "ready_file", "robots_online", "wait_for"]
+
+POLL_S = 0.05
+
+
+def ready_file(path: Path) -> bool:
+    """True once the process has written its status file and says that it is ready."""
+    try:
+        return bool(json.loads(path.read_text()).get("ready"))
+    except (OSError, ValueError, AttributeError):
+        return False
+
+
+def get_json(port: int, path: str, *, host: str = "127.0.0.1", timeout_s: float = 2.0) -> tuple[int, Any]:
+    """GET from the gateway; status 0 where nobody answers. Blocks: call it in a thread."""
+    connection = http.client.HTTPConnection(host, port, timeout=timeout_s)
+    try:
+        connection.request("GET", path)
+        response = connection.getresponse()
+        return response.status, json.loads(response.read() or b"null")
+    except (OSError, ValueError, http.client.HTTPException):
+        return 0, None
+    finally:
+        connection.close()
+
+
+def robots_online(port: int, *, host: str = "127.0.0.1") -> set[str]:
+    """The robots that the gateway says are online."""
+    status, body = get_json(port, "/api/v1/robots", host=host)
+    if status != 200 or not isinstance(body, dict):
+        return set()
+    robots: Iterable[dict[str, Any]] = body.get("robots", ())
+    return {str(robot["id"]) for robot in robots if robot.get("state") == "online"}
+
+
+async def wait_for(condition: Callable[[], Any], *, timeout_s: float, every_s: float = POLL_S) -> Any:
+    """The first true answer of `condition`, asked in a thread; TimeoutError if there is none in time."""
+    async with asyncio.timeout(timeout_s):
+        while True:
+            if answer := await asyncio.to_thread(condition):
+                return answer
+            await asyncio.sleep(every_s)
