@@ -1,0 +1,69 @@
+"""The teleop lease: at most one holder drives a robot, and only as long as it keeps renewing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from gateway.errors import LeaseRequiredError, LeaseTakenError
+
+__all__ = ["Lease", "LeaseTable"]
+
+
+@dataclass(frozen=True, slots=True)
+class Lease:
+    """Who may drive which robot until when (monotonic seconds)."""
+
+    lease_id: str
+    robot: str
+    holder: str
+    expires_s: float
+
+    def expires_in_s(self, now_s: float) -> float:
+        """Seconds left, never negative."""
+        return max(0.0, self.expires_s - now_s)
+
+
+class LeaseTable:
+    """Leases by robot; pure, `now_s` comes from the caller."""
+
+    def __init__(self, *, valid_s: float) -> None:
+        self._valid_s = valid_s
+        self._leases: dict[str, Lease] = {}
+
+    def take(self, robot: str, holder: str, *, lease_id: str, now_s: float) -> Lease:
+        """Give the robot to `holder`; LeaseTakenError while another lease is alive."""
+        held = self.holder_of(robot, now_s=now_s)
+        if held is not None:
+            raise LeaseTakenError(f"{held.holder!r} is driving {robot}", holder=held.holder)
+        lease = Lease(lease_id, robot, holder, now_s + self._valid_s)
+        self._leases[robot] = lease
+        return lease
+
+    def renew(self, robot: str, lease_id: str, *, now_s: float) -> Lease:
+        """Extend a lease from now; LeaseRequiredError when it is not alive any more."""
+        lease = replace(self.check(robot, lease_id, now_s=now_s), expires_s=now_s + self._valid_s)
+        self._leases[robot] = lease
+        return lease
+
+    def check(self, robot: str, lease_id: str, *, now_s: float) -> Lease:
+        """The living lease of that id, or LeaseRequiredError."""
+        held = self.holder_of(robot, now_s=now_s)
+        if held is None or not lease_id or held.lease_id != lease_id:
+            raise LeaseRequiredError(f"{robot} needs a valid teleop lease; take one at /api/v1/robots/{robot}/teleop")
+        return held
+
+    def release(self, robot: str, lease_id: str) -> bool:
+        """End a lease; False when it is not the robot's current one."""
+        held = self._leases.get(robot)
+        if held is None or held.lease_id != lease_id:
+            return False
+        del self._leases[robot]
+        return True
+
+    def holder_of(self, robot: str, *, now_s: float) -> Lease | None:
+        """The robot's living lease, or None."""
+        held = self._leases.get(robot)
+        if held is not None and held.expires_s <= now_s:
+            del self._leases[robot]
+            return None
+        return held

@@ -1,0 +1,284 @@
+"""The gateway's half of a link session: frames and the time in, events out. No I/O, no clock of its own.
+
+A session is one robot's (session id, session number) with a control and a data lane. The first frame of a lane is
+its Hello, answered with a Welcome. Whatever breaks the protocol ends the whole session with a Goodbye that says why;
+the agent comes back with a higher session number and resumes at the watermarks. A session whose lane is silent for
+`dead_after_s` is dead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from gateway.domain.channel import LIVE, METRIC_STREAM, Channel, Series
+from gateway.domain.robot import Robot
+from gateway.domain.sample import Gap, Rows, Run
+from gateway.errors import LinkError, ProtocolError
+from gateway.ingest.events import (
+    Announced,
+    Arrived,
+    Closed,
+    Event,
+    GapDeclared,
+    Measured,
+    Online,
+    Reported,
+    Resulted,
+    RowsArrived,
+    Send,
+)
+from gateway.ingest.hello import LANES, check_hello, read_channel, read_series
+from gateway.ingest.streams import StreamTable
+from metaros._proto import link_pb2
+from metaros.errors import FrameError
+from metaros.limits import LIMITS, Limits
+from metaros.link import Reassembler, SampleColumns, unpack_metrics
+
+__all__ = ["Session"]
+
+CONTROL, DATA = LANES
+REMEMBERED_BEATS = 4
+
+
+@dataclass(slots=True)
+class _Lane:
+    """What is remembered of one open lane."""
+
+    heard_s: float
+    pieces: Reassembler
+    beat_s: float = -1e9
+
+
+class Session:
+    """One robot's session. Every method returns the events it caused, in order."""
+
+    def __init__(
+        self,
+        hello: link_pb2.Hello,
+        streams: StreamTable,
+        *,
+        gateway_id: str,
+        store_id: str,
+        limits: Limits = LIMITS,
+    ) -> None:
+        """Raises ProtocolError when the Hello is not acceptable; `streams` outlives the session."""
+        self.robot: Robot = check_hello(hello, limits=limits)
+        self.session_id = hello.session_id
+        self.number = int(hello.session_number)
+        self.channels: dict[int, Channel] = {}
+        self._series: dict[int, Series] = {}
+        self._streams = streams
+        self._gateway_id = gateway_id
+        self._store_id = store_id
+        self._limits = limits
+        self._lanes: dict[int, _Lane] = {}
+        self._closed = False
+        self._beats: dict[int, float] = {}
+        self._last_beat: tuple[int, float] | None = None
+        self._handlers: dict[str, Callable[[int, link_pb2.AgentFrame, float, int], list[Event]]] = {
+            "announce": self._on_announce,
+            "batches": self._on_batches,
+            "metrics": self._on_metrics,
+            "gap": self._on_gap,
+            "statistics": lambda lane, frame, now_s, wall_ns: [Reported(frame.statistics)],
+            "result": lambda lane, frame, now_s, wall_ns: [Resulted(frame.result)],
+            "heartbeat": self._on_heartbeat,
+        }
+
+    @property
+    def online(self) -> bool:
+        """True while control and data lane are both open."""
+        return not self._closed and all(lane in self._lanes for lane in LANES)
+
+    def open_lane(self, hello: link_pb2.Hello, *, now_s: float, wall_ns: int) -> list[Event]:
+        """A lane's Hello: Welcome, or Goodbye when it does not belong here."""
+        try:
+            check_hello(hello, limits=self._limits)
+            if self._closed or hello.lane in self._lanes:
+                raise ProtocolError("this lane of the session is open already, or the session is over")
+        except LinkError as error:
+            return [*self._goodbye(hello.lane, error.code, str(error)), *self.close(error.code, str(error))]
+        self._lanes[hello.lane] = _Lane(now_s, Reassembler(limits=self._limits))
+        lost: list[Event] = []
+        for stream_id, epoch, gap in self._streams.missing(hello.streams, wall_ns=wall_ns):
+            lost += self._skip(stream_id, epoch, gap)
+        events: list[Event] = [Send(hello.lane, self._welcome(hello)), *lost]
+        if self.online:
+            events.append(Online())
+            events += self._beat(CONTROL, now_s, wall_ns)
+        return events
+
+    def receive(self, lane: int, frame: link_pb2.AgentFrame, *, now_s: float, wall_ns: int) -> list[Event]:
+        """A frame after the Hello."""
+        if self._closed or lane not in self._lanes:
+            return []
+        self._lanes[lane].heard_s = now_s
+        events: list[Event] = []
+        try:
+            handler = self._handlers.get(frame.WhichOneof("frame") or "")
+            if handler is None:
+                raise ProtocolError("a frame is empty, or a second Hello")
+            events += handler(lane, frame, now_s, wall_ns)
+        except (LinkError, FrameError) as error:
+            code = error.code if isinstance(error, LinkError) else ProtocolError.code
+            events += self.close(code, str(error))
+        return events
+
+    def committed(self, watermarks: Iterable[tuple[int, int, int]]) -> list[Event]:
+        """(stream, epoch, seq) that a commit stored: one cumulative Ack on the data lane."""
+        ack = link_pb2.Ack(
+            watermarks=[link_pb2.Watermark(stream_id=s, epoch=epoch, seq=seq) for s, epoch, seq in watermarks]
+        )
+        lane = DATA if DATA in self._lanes else CONTROL
+        if self._closed or lane not in self._lanes or not ack.watermarks:
+            return []
+        return [Send(lane, link_pb2.GatewayFrame(ack=ack))]
+
+    def touch(self, lane: int, *, now_s: float) -> None:
+        """The shell was not reading this lane for a reason of its own: silence does not count."""
+        if lane in self._lanes:
+            self._lanes[lane].heard_s = now_s
+
+    def tick(self, *, now_s: float, wall_ns: int) -> list[Event]:
+        """Heartbeats that are due, and the end of a session whose lane went silent. Call once a second or so."""
+        events: list[Event] = []
+        for lane, state in list(self._lanes.items()):
+            if now_s - state.heard_s >= self._limits.dead_after_s:
+                return self.close("dead", f"nothing heard for {self._limits.dead_after_s:g} s")
+            if now_s - state.beat_s >= self._limits.heartbeat_s:
+                events += self._beat(lane, now_s, wall_ns)
+        return events
+
+    def close(self, code: str, message: str, *, retry_after_ms: int = 0) -> list[Event]:
+        """End the session: Goodbye on every lane, then Closed. Nothing happens the second time."""
+        if self._closed:
+            return []
+        self._closed = True
+        events: list[Event] = []
+        for lane in self._lanes:
+            events += self._goodbye(lane, code, message, retry_after_ms=retry_after_ms)
+        self._lanes.clear()
+        return [*events, Closed(code, message)]
+
+    def lane_ended(self) -> list[Event]:
+        """A lane's connection ended: the session ends with it, the agent reopens both."""
+        return self.close("", "a lane's connection ended")
+
+    def _welcome(self, hello: link_pb2.Hello) -> link_pb2.GatewayFrame:
+        known = [
+            link_pb2.Watermark(stream_id=s.stream_id, epoch=s.epoch, seq=self._streams.accepted(s.stream_id, s.epoch))
+            for s in hello.streams
+        ]
+        welcome = link_pb2.Welcome(
+            gateway_id=self._gateway_id,
+            store_id=self._store_id,
+            watermarks=known,
+            window_bytes=self._limits.window_bytes,
+            window_batches=self._limits.window_batches,
+            heartbeat_s=self._limits.heartbeat_s,
+        )
+        return link_pb2.GatewayFrame(welcome=welcome)
+
+    @staticmethod
+    def _goodbye(lane: int, code: str, message: str, *, retry_after_ms: int = 0) -> list[Event]:
+        if not code:
+            return []
+        goodbye = link_pb2.Goodbye(code=code, message=message[:1024], retry_after_ms=retry_after_ms)
+        return [Send(lane, link_pb2.GatewayFrame(goodbye=goodbye))]
+
+    def _on_announce(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
+        channels = [read_channel(self.robot.id, c, limits=self._limits) for c in frame.announce.channels]
+        for channel in channels:
+            known = self.channels.get(channel.channel_id)
+            if known is not None and (known.topic, known.schema_name) != (channel.topic, channel.schema_name):
+                raise ProtocolError(f"channel {channel.channel_id} was {known.topic}, it cannot become {channel.topic}")
+            self.channels[channel.channel_id] = channel
+        series = {s.series_id: read_series(s) for s in frame.announce.series}
+        for number, item in series.items():
+            if self._series.setdefault(number, item).name != item.name:
+                raise ProtocolError(f"series {number} was {self._series[number].name}, it cannot become {item.name}")
+        if len(self.channels) > self._limits.channels_per_robot or len(self._series) > self._limits.series_per_robot:
+            raise ProtocolError("too many channels or series for one robot")
+        return [Announced(tuple(channels), tuple(series.values()))]
+
+    def _on_batches(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
+        events: list[Event] = []
+        for batch in frame.batches.batches:
+            channel = self.channels.get(batch.stream_id)
+            if channel is None:
+                raise ProtocolError(f"stream {batch.stream_id} was not announced")
+            columns = self._lanes[lane].pieces.feed(batch)
+            if columns is not None:
+                events += self._samples(channel, columns, wall_ns)
+        return events
+
+    def _samples(self, channel: Channel, columns: SampleColumns, wall_ns: int) -> list[Event]:
+        if channel.delivery == LIVE:
+            return [Arrived(Run(channel, columns, wall_ns), columns.epoch, columns.last_seq, False, 0)]
+        accepted = self._streams.accept(columns.stream_id, columns.epoch, columns.first_seq, columns.last_seq)
+        fresh = _without_first(columns, accepted.duplicates)
+        return [Arrived(Run(channel, fresh, wall_ns), columns.epoch, accepted.seq, True, accepted.duplicates)]
+
+    def _on_metrics(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
+        columns = unpack_metrics(frame.metrics, limits=self._limits)
+        numbers, index = np.unique(columns.series_ids, return_inverse=True)
+        unknown = [number for number in numbers.tolist() if number not in self._series]
+        if unknown:
+            raise ProtocolError(f"series {unknown[0]} was not announced")
+        accepted = self._streams.accept(METRIC_STREAM, columns.epoch, columns.first_seq, columns.last_seq)
+        fresh = slice(accepted.duplicates, None)
+        rows = Rows(
+            tuple(self._series[number] for number in numbers.tolist()),
+            index.astype(np.uint32)[fresh],
+            columns.stamps_ns[fresh],
+            columns.values[fresh],
+        )
+        return [RowsArrived(rows, columns.epoch, accepted.seq, accepted.duplicates)]
+
+    def _on_gap(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
+        gap = frame.gap
+        if gap.stream_id != METRIC_STREAM and gap.stream_id not in self.channels:
+            raise ProtocolError(f"stream {gap.stream_id} was not announced")
+        declared = Gap(gap.from_seq, gap.to_seq, gap.reason[:64], gap.from_ns, gap.to_ns)
+        return self._skip(gap.stream_id, gap.epoch, declared)
+
+    def _skip(self, stream_id: int, epoch: int, gap: Gap) -> list[Event]:
+        fresh = self._streams.skip(stream_id, epoch, gap)
+        return [] if fresh is None else [GapDeclared(stream_id, epoch, fresh)]
+
+    def _on_heartbeat(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
+        beat = frame.heartbeat
+        self._last_beat = (beat.sent_ns, now_s)
+        sent_s = self._beats.pop(beat.echo_ns, None)
+        if sent_s is None:
+            return []
+        return [Measured(max(0.0, now_s - sent_s - beat.held_ns / 1e9))]
+
+    def _beat(self, lane: int, now_s: float, wall_ns: int) -> list[Event]:
+        self._lanes[lane].beat_s = now_s
+        beat = link_pb2.Heartbeat(sent_ns=wall_ns)
+        if self._last_beat is not None:
+            beat.echo_ns = self._last_beat[0]
+            beat.held_ns = round((now_s - self._last_beat[1]) * 1e9)
+        self._beats[wall_ns] = now_s
+        while len(self._beats) > REMEMBERED_BEATS:
+            del self._beats[next(iter(self._beats))]
+        return [Send(lane, link_pb2.GatewayFrame(heartbeat=beat))]
+
+
+def _without_first(columns: SampleColumns, skip: int) -> SampleColumns:
+    """The columns without their first `skip` samples."""
+    if skip == 0:
+        return columns
+    offsets = columns.offsets[skip:]
+    return SampleColumns(
+        stream_id=columns.stream_id,
+        epoch=columns.epoch,
+        first_seq=columns.first_seq + skip,
+        stamps_ns=columns.stamps_ns[skip:],
+        offsets=offsets - offsets[0],
+        payload=columns.payload[int(offsets[0]) :],
+    )

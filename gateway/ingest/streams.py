@@ -1,0 +1,85 @@
+"""Sequence bookkeeping: per stream and epoch, what was accepted and what is stored. Pure; outlives sessions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from gateway.domain.sample import Gap
+from gateway.errors import ProtocolError
+from metaros._proto import link_pb2
+
+__all__ = ["Accepted", "StreamTable"]
+
+Key = tuple[int, int]
+MAX_SEQ = 2**63 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Accepted:
+    """How much of a run is new: skip the first `duplicates`; the stream now stands at `seq`."""
+
+    duplicates: int
+    seq: int
+
+
+class StreamTable:
+    """One robot's watermarks. `accepted` moves when a frame arrives, `stored` when its commit is done."""
+
+    def __init__(self, stored: Mapping[Key, int] | None = None, *, max_streams: int = 65536) -> None:
+        self._stored: dict[Key, int] = dict(stored or {})
+        self._accepted: dict[Key, int] = dict(self._stored)
+        self._max_streams = max_streams
+
+    def accepted(self, stream_id: int, epoch: int) -> int:
+        """The last sequence number taken in, 0 for none."""
+        return self._accepted.get((stream_id, epoch), 0)
+
+    def stored(self, stream_id: int, epoch: int) -> int:
+        """The last sequence number committed, 0 for none."""
+        return self._stored.get((stream_id, epoch), 0)
+
+    def accept(self, stream_id: int, epoch: int, first_seq: int, last_seq: int) -> Accepted:
+        """Take a run of a durable stream in; ProtocolError when samples before it are missing and undeclared."""
+        watermark = self.accepted(stream_id, epoch)
+        if first_seq > watermark + 1:
+            raise ProtocolError(
+                f"stream {stream_id}: seq {first_seq} follows {watermark}, and no gap declares what is between"
+            )
+        duplicates = max(0, min(last_seq, watermark) - first_seq + 1)
+        if last_seq > watermark:
+            self._put(self._accepted, (stream_id, epoch), last_seq)
+        return Accepted(duplicates, max(last_seq, watermark))
+
+    def skip(self, stream_id: int, epoch: int, gap: Gap) -> Gap | None:
+        """Move over a declared gap; returns the part of it that is new, None when nothing is."""
+        if not 1 <= gap.from_seq <= gap.to_seq <= MAX_SEQ:
+            raise ProtocolError(f"stream {stream_id}: no gap goes from {gap.from_seq} to {gap.to_seq}")
+        watermark = self.accepted(stream_id, epoch)
+        if gap.to_seq <= watermark:
+            return None
+        if gap.from_seq > watermark + 1:
+            raise ProtocolError(f"stream {stream_id}: a gap from {gap.from_seq} does not follow seq {watermark}")
+        self._put(self._accepted, (stream_id, epoch), gap.to_seq)
+        return Gap(watermark + 1, gap.to_seq, gap.reason, gap.from_ns, gap.to_ns)
+
+    def commit(self, stream_id: int, epoch: int, seq: int) -> None:
+        """A commit with this watermark is done."""
+        key = (stream_id, epoch)
+        if seq > self._stored.get(key, 0):
+            self._put(self._stored, key, seq)
+
+    def missing(self, states: Iterable[link_pb2.StreamState], *, wall_ns: int) -> list[tuple[int, int, Gap]]:
+        """Gaps nobody can fill: the agent's oldest sample is newer than ours, so it was given up or is lost here."""
+        gaps = []
+        for state in states:
+            watermark = self.accepted(state.stream_id, state.epoch)
+            if watermark + 1 < state.first_seq <= MAX_SEQ:
+                gap = Gap(watermark + 1, state.first_seq - 1, "not_held", wall_ns, wall_ns)
+                gaps.append((state.stream_id, state.epoch, gap))
+        return gaps
+
+    def _put(self, table: dict[Key, int], key: Key, seq: int) -> None:
+        if key not in table and len(table) >= self._max_streams:
+            del table[next(iter(table))]
+        table[key] = seq
