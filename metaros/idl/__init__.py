@@ -1,0 +1,47 @@
+"""ROS 2 interface definitions: parser, catalogue, type hashes, schema texts and message classes."""
+
+from __future__ import annotations
+
+from metaros.idl import globs, names
+from metaros.idl.catalogue import Catalogue, default_catalogue, parse_definition
+from metaros.idl.classes import Action, Message, Service, message_class
+from metaros.idl.definitions import (
+    ActionDefinition,
+    Constant,
+    Definition,
+    Field,
+    FieldType,
+    MessageDefinition,
+    ServiceDefinition,
+)
+from metaros.idl.hashing import parse_hash, type_description, type_hash
+from metaros.idl.parser import parse_action, parse_msg, parse_srv
+from metaros.idl.schema import add_schema_text, definition_text, schema_text
+
+__all__ = [
+    "Action",
+    "ActionDefinition",
+    "Catalogue",
+    "Constant",
+    "Definition",
+    "Field",
+    "FieldType",
+    "Message",
+    "MessageDefinition",
+    "Service",
+    "ServiceDefinition",
+    "add_schema_text",
+    "default_catalogue",
+    "definition_text",
+    "globs",
+    "message_class",
+    "names",
+    "parse_action",
+    "parse_definition",
+    "parse_hash",
+    "parse_msg",
+    "parse_srv",
+    "schema_text",
+    "type_description",
+    "type_hash",
+]

@@ -1,0 +1,84 @@
+"""Numeric arrays of messages: which numpy type each primitive has, and how other Python values become one."""
+
+from __future__ import annotations
+
+from array import array
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from metaros.errors import FieldError
+from metaros.idl.definitions import INTEGER_RANGES
+
+__all__ = ["DTYPES", "as_array", "same_values"]
+
+DTYPES: dict[str, np.dtype[Any]] = {
+    "bool": np.dtype(np.bool_),
+    "byte": np.dtype(np.uint8),
+    "char": np.dtype(np.uint8),
+    "int8": np.dtype(np.int8),
+    "uint8": np.dtype(np.uint8),
+    "int16": np.dtype(np.int16),
+    "uint16": np.dtype(np.uint16),
+    "int32": np.dtype(np.int32),
+    "uint32": np.dtype(np.uint32),
+    "int64": np.dtype(np.int64),
+    "uint64": np.dtype(np.uint64),
+    "float32": np.dtype(np.float32),
+    "float64": np.dtype(np.float64),
+}
+_TYPE_CODES = dict(zip(DTYPES, "BBBbBhHiIqQfd", strict=True))
+
+
+def as_array(value: Any, base: str) -> npt.NDArray[Any]:
+    """`value` as a numpy array of the primitive type `base`; no copy where it already is one.
+
+    Takes arrays, `array.array`, lists, tuples and other iterables of numbers, and for one-byte types raw bytes.
+    Raises `FieldError` for what does not fit: fractions in integers, numbers out of range, text.
+    """
+    dtype = DTYPES[base]
+    if isinstance(value, np.ndarray):
+        return value if value.dtype == dtype else _cast(value, base, dtype)
+    if isinstance(value, (bytes, bytearray, memoryview)):
+        if dtype.itemsize == 1 and memoryview(value).itemsize == 1:
+            return _cast(np.frombuffer(value, np.uint8), base, dtype) if base == "bool" else np.frombuffer(value, dtype)
+        if isinstance(value, memoryview) and value.itemsize != 1:
+            return as_array(np.asarray(value), base)
+        raise FieldError(f"bytes are no array of {base}")
+    return _from_items(value, base, dtype)
+
+
+def _from_items(value: Any, base: str, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+    if isinstance(value, (str, dict)):
+        raise FieldError(f"expected an array of {base}, got {type(value).__name__}")
+    try:
+        items = array(_TYPE_CODES[base], value if isinstance(value, (list, tuple, array)) else list(value))
+    except (TypeError, ValueError, OverflowError) as error:
+        raise FieldError(f"no array of {base}: {error}") from None
+    found = np.frombuffer(items, np.uint8 if base == "bool" else dtype) if len(items) else np.empty(0, dtype)
+    return _cast(found, base, dtype) if found.dtype != dtype else found
+
+
+def _cast(value: npt.NDArray[Any], base: str, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+    kind = value.dtype.kind
+    if dtype.kind == "f" and kind in "fiub":
+        with np.errstate(over="ignore"):
+            return value.astype(dtype)
+    if kind not in "iub" and value.size:
+        raise FieldError(f"an array of {value.dtype} is no array of {base}")
+    if value.size and dtype.kind != "f":
+        low, high = (0, 1) if base == "bool" else INTEGER_RANGES[base]
+        smallest, largest = int(value.min()), int(value.max())
+        if smallest < low or largest > high:
+            raise FieldError(f"{smallest if smallest < low else largest} does not fit {base} ({low} to {high})")
+    return value.astype(dtype)
+
+
+def same_values(left: Any, right: Any) -> bool:
+    """Whether two values of an array field hold the same numbers, whatever kind of container they are in."""
+    if isinstance(left, (bytes, bytearray, memoryview)):
+        left = np.frombuffer(left, np.uint8)
+    if isinstance(right, (bytes, bytearray, memoryview)):
+        right = np.frombuffer(right, np.uint8)
+    return bool(np.array_equal(left, right))

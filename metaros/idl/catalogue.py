@@ -1,0 +1,183 @@
+"""The catalogue of interfaces: the common ROS 2 packages as data, and whatever a program adds.
+
+The shipped definitions are `catalogue_data/<package>.txt`: sections that begin with `=== msg/Name` and hold the
+definition's text. A package is read when one of its interfaces is first asked for.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from metaros.errors import DefinitionError, UnknownTypeError
+from metaros.idl.definitions import Definition, MessageDefinition
+from metaros.idl.derived import derived_definitions, root_names, whole_message
+from metaros.idl.parser import parse_action, parse_msg, parse_srv
+from metaros.limits import LIMITS
+
+__all__ = ["Catalogue", "default_catalogue", "parse_definition"]
+
+_DATA = Path(__file__).parent / "catalogue_data"
+_PARSERS: dict[str, Callable[[str, str], Definition]] = {"msg": parse_msg, "srv": parse_srv, "action": parse_action}
+T = TypeVar("T")
+
+
+def parse_definition(text: str, name: str) -> Definition:
+    """Parse `text` as what its full name says it is: "pkg/msg/N", "pkg/srv/N" or "pkg/action/N"."""
+    parts = name.split("/")
+    if len(parts) != 3 or parts[1] not in _PARSERS:
+        raise DefinitionError(f"{name!r} is no interface name: it must look like package/msg/Name")
+    return _PARSERS[parts[1]](text, name)
+
+
+class Catalogue:
+    """Interfaces by full name. Thread-safe; a definition, once in, never changes.
+
+    `base` is another catalogue to look in for what this one does not have; with None it starts empty.
+    Derived interfaces ("std_srvs/srv/Trigger_Request") are found under their own names.
+    """
+
+    def __init__(self, *, base: Catalogue | None = None) -> None:
+        self._base = base
+        self._lock = threading.RLock()
+        self._own: dict[str, Definition] = {}
+        self._derived: dict[str, Definition] = {}
+        self._made: dict[tuple[str, str], Any] = {}
+
+    def get(self, name: str) -> Definition:
+        """The definition of `name`, or `UnknownTypeError`."""
+        definition = self._find(name)
+        if definition is None:
+            raise UnknownTypeError(f"no interface {name!r} in the catalogue")
+        return definition
+
+    def message(self, name: str) -> MessageDefinition:
+        """The definition of `name`, which must be a message or a part of a service or action."""
+        definition = self.get(name)
+        if not isinstance(definition, MessageDefinition):
+            raise UnknownTypeError(f"{name!r} is a whole service or action; name one of its parts")
+        return definition
+
+    def add(self, definition: Definition) -> None:
+        """Add an interface; adding it again is nothing, another definition under its name is an error.
+
+        A catalogue with a base may define a name of the base anew; that is how two robots with different
+        versions of one interface are told apart.
+        """
+        with self._lock:
+            present = self._lookup(definition.name)
+            if present is not None and present != definition:
+                raise DefinitionError(f"{definition.name} is already in the catalogue with another definition")
+            if present is None:
+                if len(self._own) >= LIMITS.type_cache:
+                    raise DefinitionError(f"the catalogue is full: {LIMITS.type_cache} interfaces were added")
+                self._own[definition.name] = definition
+                self._derived.update(derived_definitions(definition))
+
+    def names(self, kind: str | None = None) -> list[str]:
+        """The sorted names of all interfaces, or of one kind: "msg", "srv" or "action"; derived ones left out."""
+        names = set(self._base.names()) if self._base else set()
+        names.update(self._listed())
+        return sorted(name for name in names if kind is None or name.split("/")[1] == kind)
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and self._find(name) is not None
+
+    def dependencies(self, name: str) -> list[str]:
+        """The names of all messages that `name` is made of, transitively, sorted, without itself."""
+        return self.memo("dependencies", name, lambda: sorted(self._closure(name)))
+
+    def home(self, name: str) -> Catalogue:
+        """The catalogue down the chain of bases whose definitions of `name` and its parts are the same as here."""
+        if self._base is None or any(self._lookup(part) is not None for part in (name, *self.dependencies(name))):
+            return self
+        return self._base.home(name)
+
+    def memo(self, kind: str, name: str, build: Callable[[], T]) -> T:
+        """What `build` made of `name` the first time: the bounded cache of hashes, classes and codecs."""
+        key = (kind, name)
+        made = self._made.get(key)
+        if made is None:
+            with self._lock:
+                made = self._made.get(key)
+                if made is None:
+                    made = build()
+                    if len(self._made) >= 4 * LIMITS.type_cache:
+                        self._made.pop(next(iter(self._made)))
+                    self._made[key] = made
+        return cast("T", made)
+
+    def _find(self, name: str) -> Definition | None:
+        found = self._lookup(name)
+        return found if found is not None or self._base is None else self._base._find(name)
+
+    def _lookup(self, name: str) -> Definition | None:
+        return self._own.get(name) or self._derived.get(name)
+
+    def _listed(self) -> Iterator[str]:
+        with self._lock:
+            return iter(list(self._own))
+
+    def _closure(self, name: str) -> set[str]:
+        found: set[str] = set()
+        pending = [name]
+        while pending:
+            current = pending.pop()
+            for part in self._parts(current):
+                if part not in found:
+                    found.add(part)
+                    pending.append(part)
+            if name in found:
+                raise DefinitionError(f"{name} contains itself")
+        return found
+
+    def _parts(self, name: str) -> list[str]:
+        definition = self.get(name)
+        if not isinstance(definition, MessageDefinition):
+            definition = whole_message(definition)
+        return [field.type.base for field in definition.fields if field.type.is_nested]
+
+
+class _ShippedCatalogue(Catalogue):
+    """The catalogue that reads `catalogue_data` on demand."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._unread = {path.stem: path for path in _DATA.glob("*.txt")}
+        self._texts: dict[str, str] = {}
+
+    def _lookup(self, name: str) -> Definition | None:
+        found = super()._lookup(name)
+        if found is not None:
+            return found
+        with self._lock:
+            self._read(name.split("/", 1)[0])
+            for candidate in (name, *root_names(name)):
+                text = self._texts.pop(candidate, None)
+                if text is not None:
+                    definition = parse_definition(text, candidate)
+                    self._own[candidate] = definition
+                    self._derived.update(derived_definitions(definition))
+            return super()._lookup(name)
+
+    def _listed(self) -> Iterator[str]:
+        with self._lock:
+            for package in list(self._unread):
+                self._read(package)
+            return iter([*self._own, *self._texts])
+
+    def _read(self, package: str) -> None:
+        path = self._unread.pop(package, None)
+        if path is not None:
+            for section in path.read_text(encoding="utf-8").split("=== ")[1:]:
+                title, _, text = section.partition("\n")
+                self._texts[f"{package}/{title.strip()}"] = text
+
+
+@cache
+def default_catalogue() -> Catalogue:
+    """The catalogue of the process: the shipped packages and what the program added."""
+    return _ShippedCatalogue()
