@@ -1,0 +1,199 @@
+"""The channels and series of a robot: what the tap saw, numbered, described for the gateway, and counted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from edge_agent.select import MetricExtractor, Selector
+from edge_agent.topics import Delivery, TopicRule, TopicTable, series_name
+from metaros._proto import link_pb2
+from metaros.cdr import field_reader
+from metaros.errors import FieldError, UsageError
+from metaros.idl import default_catalogue, schema_text, type_hash
+from metaros.limits import LIMITS, Limits
+
+__all__ = ["METRIC_STREAM", "Channel", "Channels"]
+
+METRIC_STREAM = 0
+ANNOUNCE_BYTES = 1 << 20
+CLASS_NUMBERS = {
+    "event": link_pb2.DELIVERY_CLASS_EVENT,
+    "metric": link_pb2.DELIVERY_CLASS_METRIC,
+    "bulk": link_pb2.DELIVERY_CLASS_BULK,
+    "live": link_pb2.DELIVERY_CLASS_LIVE,
+}
+
+
+@dataclass(slots=True, kw_only=True)
+class Channel:
+    """A topic of one type: its description, the decision what goes on, and its counters."""
+
+    channel_id: int
+    topic: str
+    type_name: str
+    type_hash: str
+    rule: TopicRule
+    delivery: Delivery
+    max_rate_hz: float
+    selector: Selector
+    metrics: MetricExtractor | None
+    schema: bytes
+    qos: str = ""
+    revision: int = 0
+    messages: int = 0
+    size_bytes: int = 0
+    dropped: int = 0
+    publishers: int = 0
+    subscribers: int = 0
+    live_seq: int = 0
+    _last: tuple[int, int, int] = field(default=(0, 0, 0))  # monotonic ns, messages, bytes at the last statistics
+
+    def describe(self) -> link_pb2.Channel:
+        """The Channel of an Announce."""
+        return link_pb2.Channel(
+            channel_id=self.channel_id,
+            topic=self.topic,
+            encoding="cdr",
+            schema_name=self.type_name,
+            schema_encoding="ros2msg" if self.schema else "",
+            schema=self.schema,
+            type_hash=self.type_hash,
+            qos=self.qos,
+            **{"class": CLASS_NUMBERS[self.delivery]},
+            max_rate_hz=self.max_rate_hz,
+            forward=self.rule.forward,
+        )
+
+    def rate(self, now_s: float) -> link_pb2.TopicRate:
+        """What it did since the last call, and its totals."""
+        now_ns = round(now_s * 1e9)
+        then_ns, messages, size_bytes = self._last
+        span_s = max((now_ns - then_ns) / 1e9, 1e-9)
+        self._last = (now_ns, self.messages, self.size_bytes)
+        return link_pb2.TopicRate(
+            channel_id=self.channel_id,
+            rate_hz=(self.messages - messages) / span_s if then_ns else 0.0,
+            bytes_per_s=(self.size_bytes - size_bytes) / span_s if then_ns else 0.0,
+            messages=self.messages,
+            dropped=self.dropped,
+            publishers=self.publishers,
+            subscribers=self.subscribers,
+        )
+
+
+class Channels:
+    """The registry: channel ids and series ids are given in the order of discovery and never again."""
+
+    def __init__(self, table: TopicTable, *, namespace: str, limits: Limits = LIMITS) -> None:
+        self._table = table
+        self._namespace = namespace
+        self._limits = limits
+        self._by_name: dict[tuple[str, str, str], Channel] = {}
+        self._by_id: dict[int, Channel] = {}
+        self._series: list[tuple[int, link_pb2.Series]] = []
+        self.revision = 0
+        self.refused = 0
+
+    def __iter__(self) -> Iterator[Channel]:
+        return iter(self._by_id.values())
+
+    def __len__(self) -> int:
+        return len(self._by_id)
+
+    def observe(self, topic: str, type_name: str, hash_text: str, *, qos: str, keeps_all: bool) -> Channel | None:
+        """The channel of a topic and type, new or known; None when the table of channels is full.
+
+        A publisher that is reliable and keeps all (`keeps_all`) lifts an `auto` row to bulk, even later.
+        """
+        channel = self._by_name.get((topic, type_name, hash_text))
+        if channel is None:
+            if len(self._by_id) >= self._limits.channels_per_robot:
+                self.refused += 1
+                return None
+            channel = self._create(topic, type_name, hash_text, keeps_all=keeps_all)
+        elif keeps_all and channel.rule.delivery == "auto" and channel.delivery == "live":
+            channel.delivery, channel.max_rate_hz = decide(channel.rule, keeps_all=True)
+            channel.selector = Selector(channel.rule, channel.delivery, max_rate_hz=channel.max_rate_hz)
+            self._changed(channel)
+        if qos and qos != channel.qos:
+            channel.qos = qos
+            self._changed(channel)
+        return channel
+
+    def by_id(self, channel_id: int) -> Channel | None:
+        """The channel of that id."""
+        return self._by_id.get(channel_id)
+
+    def demand(self, entries: Mapping[int, float]) -> None:
+        """Give every channel its share of a Demand; empty = nobody watches."""
+        for channel in self._by_id.values():
+            channel.selector.demand(entries.get(channel.channel_id))
+
+    def announcements(self, after: int) -> Iterator[link_pb2.Announce]:
+        """What is new or changed since revision `after`, in frames of bounded size."""
+        announce, size = link_pb2.Announce(), 0
+        for channel in self._by_id.values():
+            if channel.revision > after:
+                if size + len(channel.schema) > ANNOUNCE_BYTES:
+                    yield announce
+                    announce, size = link_pb2.Announce(), 0
+                announce.channels.append(channel.describe())
+                size += len(channel.schema) + 512
+        announce.series.extend(series for revision, series in self._series if revision > after)
+        if announce.channels or announce.series:
+            yield announce
+
+    def _create(self, topic: str, type_name: str, hash_text: str, *, keeps_all: bool) -> Channel:
+        rule = self._table.rule(topic)
+        delivery, max_rate_hz = decide(rule, keeps_all=keeps_all)
+        known = type_name in default_catalogue() and type_hash(type_name) == hash_text
+        channel = Channel(
+            channel_id=len(self._by_id) + 1,
+            topic=topic,
+            type_name=type_name,
+            type_hash=hash_text,
+            rule=rule,
+            delivery=delivery,
+            max_rate_hz=max_rate_hz,
+            selector=Selector(rule, delivery, max_rate_hz=max_rate_hz),
+            metrics=self._extractor(topic, type_name, rule) if known else None,
+            schema=schema_text(type_name).encode() if known else b"",
+        )
+        self._by_name[topic, type_name, hash_text] = self._by_id[channel.channel_id] = channel
+        self._changed(channel)
+        return channel
+
+    def _extractor(self, topic: str, type_name: str, rule: TopicRule) -> MetricExtractor | None:
+        """A reader of those of the row's fields that the type has."""
+        fields = [path for path in rule.fields if has_field(type_name, path)]
+        fields = fields[: max(0, self._limits.series_per_robot - len(self._series))]
+        if not fields:
+            return None
+        ids = []
+        for path in fields:
+            name = series_name(topic, path, namespace=self._namespace)
+            ids.append(len(self._series) + 1)
+            series = link_pb2.Series(series_id=ids[-1], name=name, topic=topic, field=path)
+            self._series.append((self.revision + 1, series))
+        return MetricExtractor(tuple(ids), field_reader(type_name, fields), rate_hz=rule.metrics_rate_hz)
+
+    def _changed(self, channel: Channel) -> None:
+        self.revision += 1
+        channel.revision = self.revision
+
+
+def decide(rule: TopicRule, *, keeps_all: bool) -> tuple[Delivery, float]:
+    """A row's class and rate limit for a publisher."""
+    if rule.delivery != "auto":
+        return rule.delivery, rule.max_rate_hz
+    return ("bulk", 0.0) if keeps_all else ("live", rule.max_rate_hz)
+
+
+def has_field(type_name: str, path: str) -> bool:
+    """Whether the type has a numeric field of that path; the default table names topics, not types."""
+    try:
+        field_reader(type_name, [path])
+    except (FieldError, UsageError):
+        return False
+    return True
