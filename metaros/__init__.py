@@ -1,0 +1,81 @@
+"""Meta-ROS: robot nodes in Python on the ROS 2 wire. `import metaros` is the whole everyday API.
+
+Names load when first used, so that a program that needs only `metaros.idl` never loads Zenoh.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from metaros import errors
+    from metaros.executor import SingleThreadedExecutor
+    from metaros.node import Context, MessageInfo, Node, spin
+    from metaros.wire import (
+        Durability,
+        History,
+        Liveliness,
+        QoSProfile,
+        Reliability,
+        qos_default,
+        qos_reliable_all,
+        qos_rosout,
+        qos_sensor_data,
+        qos_services,
+        qos_transient_local,
+    )
+
+__version__ = "2.0.0.dev1"
+
+__all__ = [
+    "Context",
+    "Durability",
+    "History",
+    "Liveliness",
+    "MessageInfo",
+    "Node",
+    "QoSProfile",
+    "Reliability",
+    "SingleThreadedExecutor",
+    "errors",
+    "qos_default",
+    "qos_reliable_all",
+    "qos_rosout",
+    "qos_sensor_data",
+    "qos_services",
+    "qos_transient_local",
+    "spin",
+]
+
+_HOMES = {
+    "metaros.errors": ("errors",),
+    "metaros.executor": ("SingleThreadedExecutor",),
+    "metaros.node": ("Context", "MessageInfo", "Node", "spin"),
+    "metaros.wire": (
+        "Durability",
+        "History",
+        "Liveliness",
+        "QoSProfile",
+        "Reliability",
+        "qos_default",
+        "qos_reliable_all",
+        "qos_rosout",
+        "qos_sensor_data",
+        "qos_services",
+        "qos_transient_local",
+    ),
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOME.get(name)
+    if home is None:
+        raise AttributeError(f"module 'metaros' has no attribute {name!r}")
+    module = importlib.import_module(home)
+    return module if name == "errors" else getattr(module, name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,64 @@
+"""The ROS 2 wire on Zenoh: keys, attachments, tokens, QoS text, the session, the router and the graph."""
+
+from metaros.wire.attachment import Attachment, pack_attachment, parse_attachment
+from metaros.wire.gid import gid_of
+from metaros.wire.graph import EndpointInfo, Graph, NodeInfo
+from metaros.wire.keys import DataKey, parse_key
+from metaros.wire.names import NO_HASH, dds_name, ros_name
+from metaros.wire.qos import (
+    INFINITE_NS,
+    Durability,
+    History,
+    Liveliness,
+    QoSProfile,
+    Reliability,
+    incompatibilities,
+    qos_default,
+    qos_parameters,
+    qos_reliable_all,
+    qos_rosout,
+    qos_sensor_data,
+    qos_services,
+    qos_transient_local,
+)
+from metaros.wire.router import Router, open_router, probe
+from metaros.wire.session import WireSession, default_endpoint, domain_from
+from metaros.wire.tokens import EndpointToken, NodeToken, parse_token
+
+__all__ = [
+    "INFINITE_NS",
+    "NO_HASH",
+    "Attachment",
+    "DataKey",
+    "Durability",
+    "EndpointInfo",
+    "EndpointToken",
+    "Graph",
+    "History",
+    "Liveliness",
+    "NodeInfo",
+    "NodeToken",
+    "QoSProfile",
+    "Reliability",
+    "Router",
+    "WireSession",
+    "dds_name",
+    "default_endpoint",
+    "domain_from",
+    "gid_of",
+    "incompatibilities",
+    "open_router",
+    "pack_attachment",
+    "parse_attachment",
+    "parse_key",
+    "parse_token",
+    "probe",
+    "qos_default",
+    "qos_parameters",
+    "qos_reliable_all",
+    "qos_rosout",
+    "qos_sensor_data",
+    "qos_services",
+    "qos_transient_local",
+    "ros_name",
+]
