@@ -16,7 +16,7 @@ from typer.core import TyperGroup
 from metaros.cli.nouns import NounCommands
 from metaros.errors import MetarosError, UsageError
 
-__all__ = ["exit_code", "main"]
+__all__ = ["build_app", "exit_code", "main"]
 
 
 class NounGroup(TyperGroup):
@@ -43,17 +43,20 @@ def _version(value: bool) -> None:
         raise typer.Exit
 
 
-app = typer.Typer(
-    name="metaros",
-    cls=NounGroup,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="Start with: metaros up",
-)
+def build_app() -> typer.Typer:
+    """The typer app, nouns and plug-ins included (they load at first use)."""
+    app = typer.Typer(
+        name="metaros",
+        cls=NounGroup,
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+        epilog="Start with: metaros up",
+    )
+    app.callback()(_root)
+    return app
 
 
-@app.callback()
 def _root(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it, exit.")
@@ -64,7 +67,7 @@ def _root(
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run `metaros` with `argv` (default: the process's own arguments) and exit."""
-    command = typer.main.get_command(app)
+    command = typer.main.get_command(build_app())
     try:
         command.main(args=None if argv is None else list(argv), prog_name="metaros")
     except MetarosError as error:

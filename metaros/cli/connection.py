@@ -1,0 +1,78 @@
+"""A short visit to the ROS graph: check the router, open a context, wait for what there is to see."""
+
+from __future__ import annotations
+
+import difflib
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from metaros.clock import SystemClock
+from metaros.errors import UnavailableError
+
+if TYPE_CHECKING:
+    from metaros.node import Context
+
+__all__ = ["absolute", "closest", "connect", "settle", "wait_for"]
+
+_SETTLED_S = 0.15  # the graph is complete once nothing was added for so long: the router sends what it knows at once
+_STEP_S = 0.02
+
+
+@contextmanager
+def connect(zenoh_port: int, domain: int, *, spin_time: float = 0.0) -> Iterator[Context]:
+    """A context linked to the router on `zenoh_port`; with `spin_time`, its graph has settled."""
+    from metaros.cli.up_ports import port_accepts, port_owner
+
+    if not port_accepts(zenoh_port):
+        where = f"no Zenoh router on 127.0.0.1:{zenoh_port}"
+        raise UnavailableError(f"{where}\nstart one: `metaros up` (a whole fleet) or `metaros router`")
+    from metaros.node import Context
+
+    with Context(domain_id=domain, connect=f"tcp/127.0.0.1:{zenoh_port}") as context:
+        if not wait_for(context.connected, timeout_s=2.0):
+            owner = port_owner(zenoh_port)
+            raise UnavailableError(
+                f"127.0.0.1:{zenoh_port} is no Zenoh router: {owner} has the port\n"
+                "start a router on another port: metaros router --port PORT, then use --zenoh-port PORT"
+            )
+        if spin_time > 0:
+            settle(context, timeout_s=spin_time)
+        yield context
+
+
+def wait_for(condition: object, *, timeout_s: float) -> bool:
+    """Ask `condition()` until it is true, for at most `timeout_s`."""
+    assert callable(condition)
+    clock, pause = SystemClock(), threading.Event()
+    deadline = clock.monotonic_s() + timeout_s
+    while not (answer := bool(condition())) and clock.monotonic_s() < deadline:
+        pause.wait(_STEP_S)
+    return answer
+
+
+def settle(context: Context, *, timeout_s: float) -> None:
+    """Wait until the graph has stopped growing, at most `timeout_s`."""
+    clock, pause = SystemClock(), threading.Event()
+    deadline = clock.monotonic_s() + timeout_s
+    seen, since = -1, clock.monotonic_s()
+    while (now := clock.monotonic_s()) < deadline and now - since < _SETTLED_S:
+        if (size := len(context.graph.nodes()) + len(context.graph.endpoints())) != seen:
+            seen, since = size, now
+        pause.wait(_STEP_S)
+
+
+def absolute(name: str) -> str:
+    """A name as typed, from the root; NameError_ where it breaks ROS's grammar."""
+    from metaros.idl import names
+
+    return names.resolve(name, namespace="/", node="metaros_cli")
+
+
+def closest(word: str, known: Iterable[str]) -> str:
+    """ "did you mean …" in words, or nothing."""
+    choices = sorted(known)
+    near = difflib.get_close_matches(word, choices, n=3, cutoff=0.6)
+    near += [name for name in choices if name.rsplit("/", 1)[-1] == word.rsplit("/", 1)[-1] and name not in near]
+    return f"did you mean {' or '.join(near[:3])}?" if near else ""

@@ -1,0 +1,99 @@
+"""`metaros node`: who is in the graph, and what they publish, read, serve and call."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
+
+if TYPE_CHECKING:
+    from metaros.cli.output import Output
+
+__all__ = ["register"]
+
+group = typer.Typer(name="node", no_args_is_help=True, help="Nodes: list them, look at one.")
+SECTIONS = (
+    ("MS", "Subscribers", "subscribers"),
+    ("MP", "Publishers", "publishers"),
+    ("SS", "Service Servers", "service_servers"),
+    ("SC", "Service Clients", "service_clients"),
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the noun."""
+    app.add_typer(group)
+
+
+@group.command("list")
+def list_(
+    count: Annotated[bool, typer.Option("--count-nodes", "-c", help="Only how many.")] = False,
+    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
+    domain: Domain = 0,
+    spin_time: SpinTime = 1.0,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """List the nodes of the graph."""
+    from metaros.cli.connection import connect
+    from metaros.cli.output import Output
+
+    out = Output(output)
+    with connect(zenoh_port, domain, spin_time=spin_time) as context:
+        nodes = sorted(context.graph.nodes(), key=lambda node: node.full_name)
+    names = [node.full_name for node in nodes]
+    if count:
+        out.line(str(len(names)))
+    elif out.json:
+        out.objects([{"name": node.full_name, "namespace": node.namespace, "zid": node.zid} for node in nodes])
+    else:
+        for name in names:
+            out.line(name)
+        if not names:
+            out.note("no nodes: start one, or `metaros up`")
+        _warn_twins(names, out)
+
+
+def _warn_twins(names: list[str], out: Output) -> None:
+    twins = sorted({name for name in names if names.count(name) > 1})
+    if twins:
+        out.note(f"several nodes have the same name: {', '.join(twins)}")
+
+
+@group.command("info")
+def info(
+    node: Annotated[str, typer.Argument(metavar="NODE", help="Such as /sim_1/base.")],
+    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
+    domain: Domain = 0,
+    spin_time: SpinTime = 1.0,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Show a node's publishers, subscribers, services and clients."""
+    from metaros.cli.connection import absolute, closest, connect
+    from metaros.cli.output import Output
+    from metaros.errors import UnavailableError
+
+    out = Output(output)
+    name = absolute(node)
+    with connect(zenoh_port, domain, spin_time=spin_time) as context:
+        known = {item.full_name for item in context.graph.nodes()}
+        endpoints = context.graph.endpoints()
+    if name not in known:
+        hint = closest(name, known) or "`metaros node list` shows those there are"
+        raise UnavailableError(f"no node {name!r} in the graph\n{hint}")
+    own = [item for item in endpoints if f"{item.namespace.rstrip('/')}/{item.node}" == name]
+    if out.json:
+        out.objects({"name": name, **{key: _rows(own, kind) for kind, _, key in SECTIONS}})
+        return
+    out.line(out.style(name, "1"))
+    for kind, title, _ in SECTIONS:
+        out.line(out.style(f"  {title}:", "1"))
+        for row in _rows(own, kind):
+            out.line(f"    {out.style(row['name'], '36')}: {row['type']}")
+
+
+def _rows(endpoints: Iterable[Any], kind: str) -> list[dict[str, str]]:
+    pairs = sorted({(item.topic, item.type_name) for item in endpoints if item.kind == kind})
+    return [{"name": topic, "type": type_name} for topic, type_name in pairs]

@@ -1,0 +1,107 @@
+"""`metaros service`: list services, and call one."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
+
+if TYPE_CHECKING:
+    from metaros.node import Context
+
+__all__ = ["register"]
+
+group = typer.Typer(name="service", no_args_is_help=True, help="Services: list them, call one.")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the noun."""
+    app.add_typer(group)
+
+
+@group.command("list")
+def list_(
+    show_types: Annotated[bool, typer.Option("--show-types", "-t", help="Show each service's type.")] = False,
+    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
+    domain: Domain = 0,
+    spin_time: SpinTime = 1.0,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """List the services that a node serves."""
+    from metaros.cli.connection import connect
+    from metaros.cli.output import Output
+
+    out = Output(output)
+    with connect(zenoh_port, domain, spin_time=spin_time) as context:
+        services = _services(context)
+    if out.json:
+        out.objects([{"service": name, "types": types} for name, types in services.items()])
+        return
+    for name, types in services.items():
+        out.line(f"{name} [{', '.join(types)}]" if show_types else name)
+    if not services:
+        out.note("no services: start a node, or `metaros up`")
+
+
+@group.command("call")
+def call(
+    service: Annotated[str, typer.Argument(metavar="SERVICE", help="Such as /sim_1/base/resume.")],
+    type_or_values: Annotated[str, typer.Argument(metavar="[TYPE]", help="Taken from the graph if left out.")] = "",
+    values: Annotated[str, typer.Argument(metavar="[YAML]", help="The request's fields.")] = "",
+    timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds to wait for the response.")] = 10.0,
+    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
+    domain: Domain = 0,
+    spin_time: SpinTime = 1.0,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Call a service and print its response."""
+    from metaros.cli.connection import absolute, connect
+    from metaros.cli.output import Output
+    from metaros.cli.render import message_yaml, plain
+    from metaros.cli.types import full_type, parse_values
+    from metaros.errors import TimeoutError_
+    from metaros.idl import message_class
+    from metaros.idl.json import from_json
+    from metaros.node import Node
+
+    out = Output(output)
+    name = absolute(service)
+    if type_or_values.lstrip().startswith("{"):  # the type was left out
+        type_or_values, values = "", type_or_values
+    with connect(zenoh_port, domain, spin_time=spin_time) as context:
+        full = _type_of(context, name, full_type(type_or_values, "srv") if type_or_values else "")
+        kind: Any = message_class(full)
+        request = from_json(kind.Request, parse_values(values, f"{full}_Request"))
+        with Node("metaros_cli", context=context, enable_rosout=False) as node:
+            client = node.create_client(kind, name)
+            if not client.wait_for_service(min(timeout, max(spin_time, 0.1))):
+                raise TimeoutError_(f"{name} does not answer: its node may have stopped")
+            response = client.call(request, timeout_s=timeout)
+    if out.json:
+        out.objects(plain(response))
+    else:
+        out.line(message_yaml(response))
+
+
+def _services(context: Context) -> dict[str, list[str]]:
+    found: dict[str, set[str]] = {}
+    for item in context.graph.endpoints(kind="SS"):
+        found.setdefault(item.topic, set()).add(item.type_name)
+    return {name: sorted(types) for name, types in sorted(found.items())}
+
+
+def _type_of(context: Context, name: str, wanted: str) -> str:
+    """The type that the service's server declares; UnavailableError where there is none."""
+    from metaros.cli.connection import closest
+    from metaros.errors import UnavailableError, UsageError
+
+    services = _services(context)
+    if name not in services:
+        hint = closest(name, services) or "`metaros service list` shows those there are"
+        raise UnavailableError(f"nobody serves {name!r}\n{hint}")
+    types = services[name]
+    if wanted and wanted not in types:
+        raise UsageError(f"{name} is a {' or '.join(types)}, not a {wanted}")
+    return wanted or types[0]

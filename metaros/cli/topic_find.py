@@ -1,0 +1,89 @@
+"""From a topic's name to what is needed to read or write it: type, hash and a QoS that fits its publishers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from metaros.cli.connection import absolute, closest, settle, wait_for
+from metaros.cli.types import full_type
+from metaros.errors import TypeHashError, UnavailableError, UnknownTypeError, UsageError
+
+if TYPE_CHECKING:
+    from metaros.node import Context
+    from metaros.wire import EndpointInfo, QoSProfile
+
+__all__ = ["FoundTopic", "find_topic", "sensible_qos"]
+
+
+@dataclass(frozen=True, slots=True)
+class FoundTopic:
+    """A topic in the graph."""
+
+    name: str
+    type_name: str
+    type_hash: str
+    qos: QoSProfile
+
+
+def find_topic(context: Context, topic: str, type_name: str = "", *, spin_time: float, raw: bool = False) -> FoundTopic:
+    """Look `topic` up, waiting up to `spin_time` for it; `type_name` chooses where several types share the name.
+
+    Unless `raw`, the type must be in the catalogue with the publishers' hash.
+    """
+    name = absolute(topic)
+    wanted = full_type(type_name) if type_name else ""
+    wait_for(lambda: _matching(context, name, wanted), timeout_s=spin_time)
+    settle(context, timeout_s=min(spin_time, 0.3))
+    ends = _matching(context, name, wanted)
+    if not ends:
+        if wanted:  # nobody yet: listen all the same
+            return FoundTopic(name, wanted, _own_hash(wanted), sensible_qos([]))
+        known = list(context.graph.topics())
+        hint = closest(name, known) or "`metaros topic list` shows those there are; with a TYPE it waits for one"
+        raise UnavailableError(f"no topic {name!r} in the graph\n{hint}")
+    types = sorted({item.type_name for item in ends})
+    if len(types) > 1:
+        raise UsageError(f"{name} has several types: {', '.join(types)}\nname one: metaros topic … {name} {types[0]}")
+    publishers = [item for item in ends if item.kind == "MP"] or ends
+    type_hash = publishers[0].type_hash
+    if not raw:
+        _check(name, types[0], type_hash)
+    return FoundTopic(name, types[0], type_hash, sensible_qos([item.qos for item in publishers]))
+
+
+def sensible_qos(offered: list[QoSProfile]) -> QoSProfile:
+    """Read what all publishers offer: best effort unless all are reliable, old samples where all keep them."""
+    from metaros.wire import Durability, QoSProfile, Reliability
+
+    reliable = all(qos.reliability is Reliability.RELIABLE for qos in offered)
+    kept = bool(offered) and all(qos.durability is Durability.TRANSIENT_LOCAL for qos in offered)
+    return QoSProfile(
+        reliability=Reliability.RELIABLE if reliable else Reliability.BEST_EFFORT,
+        durability=Durability.TRANSIENT_LOCAL if kept else Durability.VOLATILE,
+        depth=100,
+    )
+
+
+def _matching(context: Context, name: str, wanted: str) -> list[EndpointInfo]:
+    ends = context.graph.endpoints(topic=name)
+    return [item for item in ends if item.kind in ("MP", "MS") and wanted in ("", item.type_name)]
+
+
+def _own_hash(type_name: str) -> str:
+    from metaros.idl import type_hash
+
+    return type_hash(type_name)
+
+
+def _check(topic: str, type_name: str, type_hash: str) -> None:
+    from metaros.idl import default_catalogue
+
+    if type_name not in default_catalogue():
+        raise UnknownTypeError(f"{topic} has the type {type_name}, which the catalogue does not know\nuse --raw")
+    ours = _own_hash(type_name)
+    if type_hash.startswith("RIHS01_") and type_hash != ours:
+        raise TypeHashError(
+            f"{topic}: its publisher's {type_name} differs from ours\n"
+            f"publisher {type_hash}\nours      {ours}\nuse --raw to see the bytes"
+        )

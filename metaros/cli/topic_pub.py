@@ -1,0 +1,73 @@
+"""`metaros topic pub`: publish values typed on the command line."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, ZenohPort
+
+if TYPE_CHECKING:
+    from metaros.cli.output import Output
+    from metaros.node import Context
+
+__all__ = ["pub"]
+
+
+def pub(
+    topic: Annotated[str, typer.Argument(metavar="TOPIC")],
+    type_name: Annotated[str, typer.Argument(metavar="TYPE", help="std_msgs/msg/String, or std_msgs/String.")],
+    values: Annotated[str, typer.Argument(metavar="[YAML]", help="Fields; what is left out keeps its default.")] = "{}",
+    rate: Annotated[float, typer.Option("--rate", "-r", min=0.001, help="Messages a second.")] = 1.0,
+    once: Annotated[bool, typer.Option("--once", "-1", help="Publish one message and end.")] = False,
+    times: Annotated[int, typer.Option("-n", "--times", "-t", min=0, help="End after so many messages.")] = 0,
+    wait: Annotated[
+        int | None,
+        typer.Option("--wait-matching-subscriptions", "-w", min=0, help="Wait for so many subscribers first."),
+    ] = None,
+    wait_timeout: Annotated[
+        float, typer.Option("--max-wait-time-secs", min=0.0, help="Publish anyway after so long.")
+    ] = 3.0,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Do not print what is published.")] = False,
+    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
+    domain: Domain = 0,
+) -> None:
+    """Publish to a topic; `--once` waits for a subscriber, so that the one message is heard."""
+    from metaros.cli.connection import absolute, connect, wait_for
+    from metaros.cli.output import Output
+    from metaros.cli.types import full_type, parse_values
+    from metaros.idl import message_class
+    from metaros.idl.json import from_json
+    from metaros.node import Node
+
+    out = Output()
+    name, full = absolute(topic), full_type(type_name)
+    message = from_json(message_class(full), parse_values(values, full))
+    with connect(zenoh_port, domain) as context, Node("metaros_cli", context=context, enable_rosout=False) as node:
+        publisher = node.create_publisher(message_class(full), name, 10)
+        needed = wait if wait is not None else int(once or times > 0)
+        if needed and not wait_for(lambda: _subscribers(context, name, full) >= needed, timeout_s=wait_timeout):
+            out.note(f"no subscriber on {name} within {wait_timeout:g} s: publishing all the same")
+        _publish(publisher, message, out, rate=rate, times=1 if once else times, quiet=quiet)
+
+
+def _subscribers(context: Context, topic: str, type_name: str) -> int:
+    return sum(item.type_name == type_name for item in context.graph.endpoints(topic=topic, kind="MS"))
+
+
+def _publish(publisher: Any, message: Any, out: Output, *, rate: float, times: int, quiet: bool) -> None:
+    from metaros.clock import SystemClock
+
+    clock, pause = SystemClock(), threading.Event()
+    due, count = clock.monotonic_s(), 0
+    while True:
+        publisher.publish(message)
+        count += 1
+        if not quiet:
+            out.line(f"publishing #{count}: {message!r}")
+        if count == times:
+            break
+        due = max(due + 1.0 / rate, clock.monotonic_s() - 1.0)  # catch up a second at most, never a whole night
+        pause.wait(max(0.0, due - clock.monotonic_s()))

@@ -1,0 +1,141 @@
+"""`metaros topic echo`, `hz` and `bw`: listen to one topic and print as it comes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
+
+if TYPE_CHECKING:
+    from metaros.cli.output import Output
+
+__all__ = ["bw", "echo", "hz"]
+
+TopicArgument = Annotated[str, typer.Argument(metavar="TOPIC", help="Such as /sim_1/odom; from the root if relative.")]
+Window = Annotated[int, typer.Option("--window", "-w", min=2, help="Over how many of the last messages.")]
+
+
+def echo(
+    topic: TopicArgument,
+    type_name: Annotated[
+        str, typer.Argument(metavar="[TYPE]", help="Needed only while nobody is there, or of several types.")
+    ] = "",
+    once: Annotated[bool, typer.Option("--once", help="Stop after one message.")] = False,
+    number: Annotated[int, typer.Option("-n", "--number", min=0, help="Stop after so many messages.")] = 0,
+    raw: Annotated[bool, typer.Option("--raw", help="The bytes in hexadecimal, undecoded.")] = False,
+    field: Annotated[str, typer.Option("--field", help="Only this field, such as pose.pose.position.x.")] = "",
+    full: Annotated[bool, typer.Option("--full-length", "-f", help="Arrays in full.")] = False,
+    timeout: Annotated[
+        float, typer.Option("--timeout", min=0.0, help="Give up when silent for so many seconds.")
+    ] = 0.0,
+    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
+    domain: Domain = 0,
+    spin_time: SpinTime = 1.0,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Print a topic's messages."""
+    from metaros.cli.listen import Listener
+    from metaros.cli.output import Output
+
+    out = Output(output)
+    wanted = 1 if once else number
+    with Listener(topic, type_name, zenoh_port=zenoh_port, domain=domain, spin_time=spin_time, raw=raw) as listener:
+        show = _shower(listener, out, raw=raw, field=field, full=full)
+        for count, payload in enumerate(listener.payloads(timeout_s=timeout), start=1):
+            show(payload)
+            if count == wanted:
+                return
+
+
+def _shower(listener: Any, out: Output, *, raw: bool, field: str, full: bool) -> Callable[[bytes], None]:
+    """How one payload is printed."""
+    from metaros.cdr import codec
+    from metaros.cli.render import field_of, message_yaml, plain
+
+    if raw:
+        return lambda payload: out.object_line({"cdr": payload.hex()}) if out.json else out.line(payload.hex())
+    decode = codec(listener.found.type_name).decode
+
+    def show(payload: bytes) -> None:
+        message = decode(payload)
+        value = field_of(message, field) if field else message
+        if out.json:
+            out.line(_json(plain(value)))
+        elif hasattr(type(value), "__metaros_name__"):
+            out.line(f"{message_yaml(value, full=full)}\n---")
+        else:
+            out.line(f"{_text(plain(value))}\n---")
+
+    return show
+
+
+def _json(value: Any) -> str:
+    import json
+
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else _json(value)
+
+
+def hz(
+    topic: TopicArgument,
+    window: Window = 10_000,
+    number: Annotated[int, typer.Option("-n", "--number", min=0, help="Stop after so many reports.")] = 0,
+    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
+    domain: Domain = 0,
+    spin_time: SpinTime = 1.0,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Measure how often a topic is published, once a second."""
+    from metaros.cli.listen import Listener, Rate
+    from metaros.cli.output import Output
+
+    out = Output(output)
+    with Listener(topic, "", zenoh_port=zenoh_port, domain=domain, spin_time=spin_time, raw=True) as listener:
+        rate = Rate(window)
+        for count, report in enumerate(listener.reports(rate), start=1):
+            if out.json:
+                out.object_line(report)
+            elif report["window"] < 2:
+                out.note("no new messages")
+            else:
+                gaps = "   ".join(f"{key}: {report[f'{key}_s']:.4f} s" for key in ("min", "max", "std"))
+                out.line(f"average rate: {report['rate_hz']:.3f}   {gaps}   window: {report['window']}")
+            if count == number:
+                return
+
+
+def bw(
+    topic: TopicArgument,
+    window: Window = 100,
+    number: Annotated[int, typer.Option("-n", "--number", min=0, help="Stop after so many reports.")] = 0,
+    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
+    domain: Domain = 0,
+    spin_time: SpinTime = 1.0,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Measure how many bytes a topic takes, once a second."""
+    from metaros.cli.listen import Listener, Rate
+    from metaros.cli.output import Output, human_bytes
+
+    out = Output(output)
+    with Listener(topic, "", zenoh_port=zenoh_port, domain=domain, spin_time=spin_time, raw=True) as listener:
+        rate = Rate(window)
+        for count, report in enumerate(listener.reports(rate), start=1):
+            if out.json:
+                out.object_line(report)
+            elif report["window"] < 2:
+                out.note("no new messages")
+            else:
+                sizes = [human_bytes(report[key]) for key in ("bytes_per_s", "mean_bytes", "min_bytes", "max_bytes")]
+                out.line(
+                    f"{sizes[0]}/s from {report['window']} messages"
+                    f"   mean: {sizes[1]}   min: {sizes[2]}   max: {sizes[3]}"
+                )
+            if count == number:
+                return
