@@ -77,7 +77,7 @@ class Renderer:
         to_plane = np.where(slope > 0, world.room.height_m - spec.height_m, spec.height_m) / np.abs(slope)
         self._plane_depth = np.repeat(to_plane.astype(np.float32)[:, None], spec.columns, axis=1).ravel()
         self._plane_aside = (to_plane[:, None] * across).astype(np.float32).ravel()
-        self._above = int(math.ceil(spec.horizon_row)) * spec.columns
+        self._above = math.ceil(spec.horizon_row) * spec.columns
 
     def jpeg(self, body: Body, others: Sequence[tuple[int, Circle]] = ()) -> bytes:
         """The picture as JPEG; see `picture`."""

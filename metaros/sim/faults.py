@@ -27,7 +27,7 @@ class FaultKind:
 FAULTS: dict[str, FaultKind] = {
     kind.name: kind
     for kind in (
-        FaultKind("stuck_wheel", "the left wheel blocks: the robot circles, its motor draws stall current and heats up"),
+        FaultKind("stuck_wheel", "the left wheel blocks: the robot circles, its motor draws stall current and heats"),
         FaultKind("hot_motor", "the left motor heats far above what its load explains"),
         FaultKind("camera_freeze", "the camera repeats its last picture under fresh stamps"),
         FaultKind("lidar_dropout", "most laser rays return nothing and every second scan is missing"),

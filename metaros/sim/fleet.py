@@ -45,11 +45,16 @@ def due(rate_hz: float, tick: int) -> bool:
 class SimRobot:
     """One robot: body, sensors, who drives, what is broken. `events` are drained by the reader."""
 
-    def __init__(self, name: str, *, place: tuple[float, float], rng: np.random.Generator, resume_after_s: float) -> None:
+    def __init__(
+        self, number: int, *, place: tuple[float, float], rng: np.random.Generator, resume_after_s: float
+    ) -> None:
         motion, senses = rng.spawn(2)
         heading = float(motion.uniform(-math.pi, math.pi))
-        self.name = name
-        self.body = Body(WAREHOUSE, x=place[0], y=place[1], heading_rad=heading, charge=float(motion.uniform(0.6, 0.98)))
+        self.number = number
+        self.name = f"sim_{number}"
+        self.body = Body(
+            WAREHOUSE, x=place[0], y=place[1], heading_rad=heading, charge=float(motion.uniform(0.6, 0.98))
+        )
         self.gate = CommandGate(resume_after_s=resume_after_s)
         self.autopilot = Autopilot(WAREHOUSE, motion)
         self.odometry = Odometry(self.body, senses)
@@ -98,9 +103,7 @@ class SimRobot:
             self._say("warn", line)
         target = self.gate.target()
         if target is None:
-            target = self.autopilot.steer(
-                self.body, self.lidar.points, sight=self.lidar.sight, now_s=tick * STEP_S
-            )
+            target = self.autopilot.steer(self.body, self.lidar.points, sight=self.lidar.sight, now_s=tick * STEP_S)
         self.body.step(
             *target,
             dt_s=STEP_S,
@@ -163,7 +166,7 @@ class Fleet:
         self.tick = 0
         self.robots = [
             SimRobot(
-                f"sim_{first + index}",
+                first + index,
                 place=places[int(order[index])],
                 rng=np.random.default_rng([seed, first + index]),
                 resume_after_s=resume_after_s,
@@ -184,6 +187,10 @@ class Fleet:
     def others(self, robot: SimRobot) -> tuple[Circle, ...]:
         """Every other robot's outline as it is now."""
         return tuple(other.circle() for other in self.robots if other is not robot)
+
+    def numbered_others(self, robot: SimRobot) -> list[tuple[int, Circle]]:
+        """The same with their numbers, which choose their colours."""
+        return [(other.number, other.circle()) for other in self.robots if other is not robot]
 
     def step(self, *, now_s: float | None = None) -> None:
         """Advance all robots by STEP_S. `now_s` is the clock that commands were stamped with (default: simulated)."""

@@ -1,7 +1,7 @@
 """Who drives: the robot itself, or whoever sends `cmd_vel`; and the base's own watchdog (design D13). No I/O.
 
-    autonomous ──command──▶ commanded ──no command for 300 ms──▶ standing ──resume, or resume_after_s──▶ autonomous
-                                ▲────────────────command────────────────┘
+autonomous ──command──▶ commanded ──no command for 300 ms──▶ standing ──resume, or resume_after_s──▶ autonomous
+                            ▲────────────────command────────────────┘
 """
 
 from __future__ import annotations
