@@ -2,8 +2,8 @@
 
 A session is one robot's (session id, session number) with a control and a data lane. The first frame of a lane is
 its Hello, answered with a Welcome. Whatever breaks the protocol ends the whole session with a Goodbye that says why;
-the agent comes back with a higher session number and resumes at the watermarks. A session whose lane is silent for
-`dead_after_s` is dead.
+the agent comes back with a higher session number and resumes at the watermarks. A session that is silent on all lanes
+for `dead_after_s` is dead.
 """
 
 from __future__ import annotations
@@ -49,7 +49,6 @@ class _Lane:
 
     heard_s: float
     pieces: Reassembler
-    beat_s: float = -1e9
 
 
 class Session:
@@ -76,6 +75,7 @@ class Session:
         self._limits = limits
         self._lanes: dict[int, _Lane] = {}
         self._closed = False
+        self._beat_s = 0.0
         self._beats: dict[int, float] = {}
         self._last_beat: tuple[int, float] | None = None
         self._handlers: dict[str, Callable[[int, link_pb2.AgentFrame, float, int], list[Event]]] = {
@@ -94,13 +94,14 @@ class Session:
         return not self._closed and all(lane in self._lanes for lane in LANES)
 
     def open_lane(self, hello: link_pb2.Hello, *, now_s: float, wall_ns: int) -> list[Event]:
-        """A lane's Hello: Welcome, or Goodbye when it does not belong here."""
-        try:
-            check_hello(hello, limits=self._limits)
-            if self._closed or hello.lane in self._lanes:
-                raise ProtocolError("this lane of the session is open already, or the session is over")
-        except LinkError as error:
-            return [*self._goodbye(hello.lane, error.code, str(error)), *self.close(error.code, str(error))]
+        """A lane's Hello, answered with a Welcome.
+
+        Raises:
+            ProtocolError: this Hello opens no lane here; only its own connection gets the Goodbye.
+        """
+        check_hello(hello, limits=self._limits)
+        if self._closed or hello.lane in self._lanes:
+            raise ProtocolError("this lane of the session is open already, or the session is over")
         self._lanes[hello.lane] = _Lane(now_s, Reassembler(limits=self._limits))
         lost: list[Event] = []
         for stream_id, epoch, gap in self._streams.missing(hello.streams, wall_ns=wall_ns):
@@ -108,7 +109,7 @@ class Session:
         events: list[Event] = [Send(hello.lane, self._welcome(hello)), *lost]
         if self.online:
             events.append(Online())
-            events += self._beat(CONTROL, now_s, wall_ns)
+            events += self._beat(now_s, wall_ns)
         return events
 
     def receive(self, lane: int, frame: link_pb2.AgentFrame, *, now_s: float, wall_ns: int) -> list[Event]:
@@ -143,14 +144,14 @@ class Session:
             self._lanes[lane].heard_s = now_s
 
     def tick(self, *, now_s: float, wall_ns: int) -> list[Event]:
-        """Heartbeats that are due, and the end of a session whose lane went silent. Call once a second or so."""
-        events: list[Event] = []
-        for lane, state in list(self._lanes.items()):
-            if now_s - state.heard_s >= self._limits.dead_after_s:
-                return self.close("dead", f"nothing heard for {self._limits.dead_after_s:g} s")
-            if now_s - state.beat_s >= self._limits.heartbeat_s:
-                events += self._beat(lane, now_s, wall_ns)
-        return events
+        """Heartbeats that are due, and the end of a session that went silent. Call once a second or so."""
+        if self._closed or not self._lanes:
+            return []
+        if now_s - max(lane.heard_s for lane in self._lanes.values()) >= self._limits.dead_after_s:
+            return self.close("dead", f"nothing heard for {self._limits.dead_after_s:g} s")
+        if CONTROL in self._lanes and now_s - self._beat_s >= self._limits.heartbeat_s:
+            return self._beat(now_s, wall_ns)
+        return []
 
     def close(self, code: str, message: str, *, retry_after_ms: int = 0) -> list[Event]:
         """End the session: Goodbye on every lane, then Closed. Nothing happens the second time."""
@@ -169,7 +170,7 @@ class Session:
 
     def _welcome(self, hello: link_pb2.Hello) -> link_pb2.GatewayFrame:
         known = [
-            link_pb2.Watermark(stream_id=s.stream_id, epoch=s.epoch, seq=self._streams.accepted(s.stream_id, s.epoch))
+            link_pb2.Watermark(stream_id=s.stream_id, epoch=s.epoch, seq=self._streams.stored(s.stream_id, s.epoch))
             for s in hello.streams
         ]
         welcome = link_pb2.Welcome(
@@ -257,8 +258,8 @@ class Session:
             return []
         return [Measured(max(0.0, now_s - sent_s - beat.held_ns / 1e9))]
 
-    def _beat(self, lane: int, now_s: float, wall_ns: int) -> list[Event]:
-        self._lanes[lane].beat_s = now_s
+    def _beat(self, now_s: float, wall_ns: int) -> list[Event]:
+        self._beat_s = now_s
         beat = link_pb2.Heartbeat(sent_ns=wall_ns)
         if self._last_beat is not None:
             beat.echo_ns = self._last_beat[0]
@@ -266,7 +267,7 @@ class Session:
         self._beats[wall_ns] = now_s
         while len(self._beats) > REMEMBERED_BEATS:
             del self._beats[next(iter(self._beats))]
-        return [Send(lane, link_pb2.GatewayFrame(heartbeat=beat))]
+        return [Send(CONTROL, link_pb2.GatewayFrame(heartbeat=beat))]
 
 
 def _without_first(columns: SampleColumns, skip: int) -> SampleColumns:

@@ -70,11 +70,14 @@ class StreamTable:
             self._put(self._stored, key, seq)
 
     def missing(self, states: Iterable[link_pb2.StreamState], *, wall_ns: int) -> list[tuple[int, int, Gap]]:
-        """Gaps nobody can fill: the agent's oldest sample is newer than ours, so it was given up or is lost here."""
+        """Gaps nobody can fill: the agent's oldest sample is newer than what we have, so it was given up or lost here.
+
+        A stream of which nothing was ever accepted is left alone: it may be live, or its agent declares the gap.
+        """
         gaps = []
         for state in states:
             watermark = self.accepted(state.stream_id, state.epoch)
-            if watermark + 1 < state.first_seq <= MAX_SEQ:
+            if watermark and watermark + 1 < state.first_seq <= MAX_SEQ:
                 gap = Gap(watermark + 1, state.first_seq - 1, "not_held", wall_ns, wall_ns)
                 gaps.append((state.stream_id, state.epoch, gap))
         return gaps

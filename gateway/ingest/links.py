@@ -1,0 +1,266 @@
+"""Sessions at work: fencing, what their events cause, acknowledgements after commits, silence and shutdown.
+
+No gRPC here: a lane is a `LaneOutbox` and frames that somebody feeds in.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from gateway.domain.channel import METRIC_STREAM
+from gateway.domain.sample import Run
+from gateway.errors import FencedError, RobotOfflineError
+from gateway.ingest.events import (
+    Announced,
+    Arrived,
+    Closed,
+    Event,
+    GapDeclared,
+    Measured,
+    Online,
+    Reported,
+    Resulted,
+    RowsArrived,
+    Send,
+)
+from gateway.ingest.hello import LANES, check_hello
+from gateway.ingest.outbox import LaneOutbox
+from gateway.ingest.registry import Registry, RobotRecord
+from gateway.ingest.session import Session
+from gateway.ingest.streams import StreamTable
+from gateway.store import RobotWrite, Store, StreamWrite, Write
+from metaros._proto import link_pb2
+from metaros.clock import Clock
+from metaros.limits import LIMITS, Limits
+
+__all__ = ["Lane", "LinkHooks", "Links"]
+
+log = logging.getLogger(__name__)
+
+OUTBOX_BYTES = 4 * LIMITS.frame_bytes
+SEEN_EVERY_S = 60.0
+FENCED_RETRY_MS = 5000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkHooks:
+    """Whom to tell; `app.py` connects them to the other features."""
+
+    on_samples: Callable[[Run], None]
+    on_values: Callable[[str, dict[str, tuple[int, float]]], None]
+    on_channels: Callable[[str], None]
+    on_online: Callable[[str, bool], None]
+    on_result: Callable[[str, link_pb2.CommandResult], None]
+
+
+@dataclass(slots=True)
+class _Live:
+    """A robot's session and its lanes' outboxes."""
+
+    session: Session
+    record: RobotRecord
+    outboxes: dict[int, LaneOutbox] = field(default_factory=dict)
+    closed: bool = False
+    seen_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """One open connection of a session, as its shell holds it."""
+
+    robot_id: str
+    number: int
+    outbox: LaneOutbox
+    live: _Live
+
+
+class Links:
+    """All sessions of this gateway."""
+
+    def __init__(
+        self, registry: Registry, store: Store, hooks: LinkHooks, *, clock: Clock, limits: Limits = LIMITS
+    ) -> None:
+        self._registry = registry
+        self._store = store
+        self._hooks = hooks
+        self._clock = clock
+        self._limits = limits
+        self._live: dict[str, _Live] = {}
+        self._joining = asyncio.Lock()
+
+    async def join(self, hello: link_pb2.Hello) -> Lane:
+        """Open a lane for a Hello; ProtocolError or FencedError when it may not."""
+        robot = check_hello(hello, limits=self._limits)
+        async with self._joining:
+            record = self._registry.find(robot.id)
+            if record is None:
+                record = self._registry.add(RobotRecord(robot, seen_ns=self._clock.wall_ns()))
+            if record.streams is None:
+                record.streams = StreamTable(await self._store.streams(robot.id))
+            live = self._admit(hello, record, record.streams)
+            outbox = LaneOutbox(max_bytes=OUTBOX_BYTES)
+            events = live.session.open_lane(hello, now_s=self._clock.monotonic_s(), wall_ns=self._clock.wall_ns())
+            live.outboxes[hello.lane] = outbox
+            self._apply(live, events)
+        return Lane(robot.id, hello.lane, outbox, live)
+
+    async def receive(self, lane: Lane, frame: link_pb2.AgentFrame) -> None:
+        """A frame of a lane; waits while the store's queue is full, so that the agent's window fills instead."""
+        while not await self._store.room(timeout_s=1.0):
+            lane.live.session.touch(lane.number, now_s=self._clock.monotonic_s())
+        now_s, wall_ns = self._clock.monotonic_s(), self._clock.wall_ns()
+        self._apply(lane.live, lane.live.session.receive(lane.number, frame, now_s=now_s, wall_ns=wall_ns))
+
+    def ended(self, lane: Lane) -> None:
+        """A lane's connection is gone."""
+        if lane.live.outboxes.get(lane.number) is lane.outbox:
+            self._apply(lane.live, lane.live.session.lane_ended())
+
+    def send(self, robot_id: str, frame: link_pb2.GatewayFrame) -> None:
+        """Put a frame on the robot's control lane; RobotOfflineError when it has none."""
+        live = self._live.get(robot_id)
+        if live is None or not live.session.online:
+            raise RobotOfflineError(f"robot {robot_id} has no link now")
+        self._put(live, LANES[0], frame)
+
+    def committed(self, writes: Sequence[Write]) -> None:
+        """A commit is done: move the stored watermarks and acknowledge, one Ack a robot."""
+        newest: dict[str, dict[tuple[int, int], int]] = {}
+        for write in writes:
+            if isinstance(write, StreamWrite):
+                seqs = newest.setdefault(write.robot, {})
+                key = (write.stream_id, write.epoch)
+                seqs[key] = max(write.seq, seqs.get(key, 0))
+        for robot_id, seqs in newest.items():
+            record = self._registry.get(robot_id)
+            for (stream_id, epoch), seq in seqs.items():
+                if record.streams is not None:
+                    record.streams.commit(stream_id, epoch, seq)
+            live = self._live.get(robot_id)
+            if live is not None:
+                acks = [(stream_id, epoch, seq) for (stream_id, epoch), seq in seqs.items()]
+                self._apply(live, live.session.committed(acks))
+
+    def tick(self) -> None:
+        """Heartbeats and dead links; call about twice a second."""
+        now_s, wall_ns = self._clock.monotonic_s(), self._clock.wall_ns()
+        for live in list(self._live.values()):
+            self._apply(live, live.session.tick(now_s=now_s, wall_ns=wall_ns))
+            if not live.closed and now_s - live.seen_s >= SEEN_EVERY_S:
+                live.seen_s = now_s
+                self._store.submit(RobotWrite(live.record.robot, wall_ns))
+
+    def close(self) -> None:
+        """Say goodbye on every lane: the gateway goes down and wants its agents back soon."""
+        for live in list(self._live.values()):
+            self._apply(live, live.session.close("shutting_down", "the gateway is shutting down", retry_after_ms=200))
+
+    def _admit(self, hello: link_pb2.Hello, record: RobotRecord, streams: StreamTable) -> _Live:
+        """The session this Hello belongs to: the living one, or a new one that fences it."""
+        live = self._live.get(hello.robot_id)
+        if live is not None:
+            if hello.session_number == live.session.number and hello.session_id == live.session.session_id:
+                return live
+            if hello.session_number <= live.session.number:
+                raise FencedError(f"session {live.session.number} of {hello.robot_id} is alive and newer")
+            fenced = live.session.close("fenced", "a newer session took over", retry_after_ms=FENCED_RETRY_MS)
+            self._apply(live, fenced)
+        session = Session(
+            hello, streams, gateway_id=self._store.gateway_id, store_id=self._store.store_id, limits=self._limits
+        )
+        record.begin(session.robot, session_id=session.session_id, session_number=session.number)
+        live = self._live[hello.robot_id] = _Live(session, record, seen_s=self._clock.monotonic_s())
+        self._store.submit(RobotWrite(session.robot, self._clock.wall_ns()))
+        return live
+
+    def _apply(self, live: _Live, events: Sequence[Event]) -> None:
+        for event in events:
+            if isinstance(event, Send):
+                self._put(live, event.lane, event.frame)
+            else:
+                self._happened(live, event)
+
+    def _put(self, live: _Live, lane: int, frame: link_pb2.GatewayFrame) -> None:
+        outbox = live.outboxes.get(lane)
+        if outbox is not None and not outbox.put(frame) and not live.closed:
+            self._apply(live, live.session.close("too_slow", "the agent does not read its lane"))
+
+    def _happened(self, live: _Live, event: Event) -> None:
+        record, robot_id = live.record, live.record.robot.id
+        wall_ns, now_s = self._clock.wall_ns(), self._clock.monotonic_s()
+        if isinstance(event, Arrived):
+            record.count_run(event.run, event.duplicates, now_s=now_s)
+            if event.run.count:
+                self._hooks.on_samples(event.run)
+            if event.durable:
+                self._store_stream(live, event.run.columns.stream_id, event.epoch, event.seq)
+        elif isinstance(event, RowsArrived):
+            newest = record.count_rows(event.rows, event.duplicates, wall_ns=wall_ns, now_s=now_s)
+            if newest:
+                self._hooks.on_values(robot_id, newest)
+            self._store_rows(live, event)
+        elif isinstance(event, GapDeclared):
+            self._store_gap(live, event)
+        elif isinstance(event, Announced):
+            record.announce(event.channels, event.series)
+            self._hooks.on_channels(robot_id)
+        elif isinstance(event, Reported):
+            record.report(event.statistics)
+        elif isinstance(event, Resulted):
+            self._hooks.on_result(robot_id, event.result)
+        elif isinstance(event, Measured):
+            record.rtt_s = event.rtt_s
+        elif isinstance(event, Online):
+            record.set_online(True, wall_ns=wall_ns)
+            self._hooks.on_online(robot_id, True)
+        elif isinstance(event, Closed):
+            self._closed(live, event)
+
+    def _store_stream(self, live: _Live, stream_id: int, epoch: int, seq: int) -> None:
+        robot_id = live.record.robot.id
+        self._store.submit(StreamWrite(robot=robot_id, stream_id=stream_id, epoch=epoch, seq=seq))
+
+    def _store_rows(self, live: _Live, event: RowsArrived) -> None:
+        write = StreamWrite(
+            robot=live.record.robot.id,
+            stream_id=METRIC_STREAM,
+            epoch=event.epoch,
+            seq=event.seq,
+            rows=event.rows if len(event.rows) else None,
+        )
+        self._store.submit(write)
+
+    def _store_gap(self, live: _Live, event: GapDeclared) -> None:
+        live.record.count_gap(event.stream_id, event.gap)
+        log.warning(
+            "robot %s lost %d samples of stream %d (%s)",
+            live.record.robot.id,
+            event.gap.count,
+            event.stream_id,
+            event.gap.reason,
+        )
+        write = StreamWrite(
+            robot=live.record.robot.id,
+            stream_id=event.stream_id,
+            epoch=event.epoch,
+            seq=event.gap.to_seq,
+            gap=event.gap,
+        )
+        self._store.submit(write)
+
+    def _closed(self, live: _Live, event: Closed) -> None:
+        live.closed = True
+        robot_id = live.record.robot.id
+        if event.code not in ("", "shutting_down"):
+            log.warning("robot %s: link closed: %s: %s", robot_id, event.code, event.message)
+        for outbox in live.outboxes.values():
+            outbox.close()
+        if self._live.get(robot_id) is live:
+            del self._live[robot_id]
+            wall_ns = self._clock.wall_ns()
+            live.record.set_online(False, wall_ns=wall_ns)
+            self._store.submit(RobotWrite(live.record.robot, wall_ns))
+            self._hooks.on_online(robot_id, False)

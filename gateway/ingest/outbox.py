@@ -1,0 +1,55 @@
+"""What waits to be written to one lane: frames in order, bounded in bytes, with one place for the newest teleop."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+
+from metaros._proto import link_pb2
+
+__all__ = ["LaneOutbox"]
+
+
+class LaneOutbox:
+    """Filled and emptied on the event loop. When it is full the lane is too slow to live: `put` answers False."""
+
+    def __init__(self, *, max_bytes: int) -> None:
+        self._max_bytes = max_bytes
+        self._bytes = 0
+        self._frames: deque[link_pb2.GatewayFrame] = deque()
+        self._teleop: link_pb2.GatewayFrame | None = None
+        self._closed = False
+        self._wake = asyncio.Event()
+
+    def put(self, frame: link_pb2.GatewayFrame) -> bool:
+        """Queue a frame; a newer teleop replaces a waiting one. False when the bound would be passed."""
+        size_bytes = frame.ByteSize()
+        if frame.WhichOneof("frame") == "teleop":
+            self._teleop = frame
+        elif self._bytes + size_bytes > self._max_bytes or self._closed:
+            return False
+        else:
+            self._frames.append(frame)
+            self._bytes += size_bytes
+        self._wake.set()
+        return True
+
+    def close(self) -> None:
+        """Nothing more comes; what is queued is still written."""
+        self._closed = True
+        self._wake.set()
+
+    async def next(self) -> link_pb2.GatewayFrame | None:
+        """The next frame, teleop first; None when the outbox is closed and empty."""
+        while True:
+            if self._teleop is not None and not self._closed:
+                frame, self._teleop = self._teleop, None
+                return frame
+            if self._frames:
+                frame = self._frames.popleft()
+                self._bytes -= frame.ByteSize()
+                return frame
+            if self._closed:
+                return None
+            self._wake.clear()
+            await self._wake.wait()

@@ -1,0 +1,219 @@
+"""What the gateway knows about every robot: state, channels, counts, newest values. Lives on the event loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from gateway.domain.channel import METRIC_STREAM, Channel, Series
+from gateway.domain.robot import Robot
+from gateway.domain.sample import Gap, Rows, Run
+from gateway.errors import UnknownRobotError
+from gateway.ingest.streams import StreamTable
+from metaros._proto import link_pb2
+
+__all__ = ["ChannelState", "Counts", "RateMeter", "Registry", "RobotRecord", "SeriesState"]
+
+HEADLINE_SERIES = 64
+
+
+class RateMeter:
+    """A rate over the last couple of seconds, by exponential forgetting; pure."""
+
+    def __init__(self, *, span_s: float = 2.0) -> None:
+        self._span_s = span_s
+        self._rate = 0.0
+        self._at_s: float | None = None
+
+    def add(self, amount: float, now_s: float) -> None:
+        """Count `amount` in."""
+        self._rate = self.read(now_s) + amount / self._span_s
+
+    def read(self, now_s: float) -> float:
+        """The rate a second, now."""
+        if self._at_s is not None and now_s > self._at_s:
+            self._rate *= math.exp((self._at_s - now_s) / self._span_s)
+        self._at_s = now_s
+        return self._rate
+
+
+@dataclass(slots=True)
+class ChannelState:
+    """One channel and what came of it."""
+
+    channel: Channel
+    received: int = 0
+    received_bytes: int = 0
+    lost: int = 0
+    last_stamp_ns: int | None = None
+    rate: link_pb2.TopicRate = field(default_factory=link_pb2.TopicRate)
+
+
+@dataclass(slots=True)
+class SeriesState:
+    """One series and its newest row."""
+
+    series: Series
+    samples: int = 0
+    stamp_ns: int | None = None
+    value: float | None = None
+
+
+@dataclass(slots=True)
+class Counts:
+    """What arrived from a robot since this gateway started."""
+
+    samples: int = 0
+    bytes: int = 0
+    duplicates: int = 0
+    gaps: int = 0
+    lost: int = 0
+
+
+class RobotRecord:
+    """Everything known about one robot. `revision` grows with every visible change."""
+
+    def __init__(self, robot: Robot, *, seen_ns: int, streams: StreamTable | None = None) -> None:
+        self.robot = robot
+        self.streams = streams
+        self.online = False
+        self.since_ns = seen_ns
+        self.last_seen_ns = seen_ns
+        self.session_number = 0
+        self.rtt_s: float | None = None
+        self.statistics = link_pb2.TopicStatistics()
+        self.counts = Counts()
+        self.channels: dict[int, ChannelState] = {}
+        self.series: dict[str, SeriesState] = {}
+        self.byte_rate = RateMeter()
+        self.revision = 1
+        self._process = b""
+        self._former: dict[str, ChannelState] = {}
+
+    def begin(self, robot: Robot, *, session_id: bytes, session_number: int) -> None:
+        """A new session; a new agent process also starts its channels afresh, keeping the topics' counts."""
+        self.robot = robot
+        self.session_number = session_number
+        if session_id != self._process:
+            self._process = session_id
+            self._former = {state.channel.topic: state for state in self.channels.values()}
+            self.channels = {}
+            self.statistics = link_pb2.TopicStatistics()
+        self.revision += 1
+
+    def set_online(self, online: bool, *, wall_ns: int) -> None:
+        """The link came or went."""
+        if online != self.online:
+            self.online = online
+            self.since_ns = wall_ns
+            self.rtt_s = None
+        self.last_seen_ns = wall_ns
+        self.revision += 1
+
+    def announce(self, channels: Iterable[Channel], series: Iterable[Series]) -> None:
+        """Channels and series were declared or changed."""
+        for channel in channels:
+            state = self.channels.get(channel.channel_id)
+            if state is None:
+                former = self._former.pop(channel.topic, None)
+                state = self.channels[channel.channel_id] = ChannelState(channel)
+                if former is not None:
+                    state.received, state.received_bytes = former.received, former.received_bytes
+                    state.lost, state.last_stamp_ns = former.lost, former.last_stamp_ns
+            state.channel = channel
+        for item in series:
+            self.series.setdefault(item.name, SeriesState(item)).series = item
+        self.revision += 1
+
+    def count_run(self, run: Run, duplicates: int, *, now_s: float) -> None:
+        """Samples of a channel arrived."""
+        self._arrived(run.count, run.size_bytes, duplicates, run.receive_ns, now_s)
+        state = self.channels.get(run.channel.channel_id)
+        if state is not None and run.count:
+            state.received += run.count
+            state.received_bytes += run.size_bytes
+            state.last_stamp_ns = int(run.columns.stamps_ns[-1])
+
+    def count_rows(self, rows: Rows, duplicates: int, *, wall_ns: int, now_s: float) -> dict[str, tuple[int, float]]:
+        """Metric rows arrived; returns the newest (stamp, value) of each series in them."""
+        self._arrived(len(rows), 20 * len(rows), duplicates, wall_ns, now_s)
+        newest: dict[str, tuple[int, float]] = {}
+        columns = zip(rows.index.tolist(), rows.stamps.tolist(), rows.values.tolist(), strict=True)
+        for index, stamp_ns, value in columns:
+            series = rows.series[index]
+            state = self.series.setdefault(series.name, SeriesState(series))
+            state.samples += 1
+            state.stamp_ns, state.value = stamp_ns, value
+            newest[series.name] = (stamp_ns, value)
+        return newest
+
+    def count_gap(self, stream_id: int, gap: Gap) -> None:
+        """A loss was declared."""
+        self.counts.gaps += 1
+        self.counts.lost += gap.count
+        state = self.channels.get(stream_id)
+        if stream_id != METRIC_STREAM and state is not None:
+            state.lost += gap.count
+        self.revision += 1
+
+    def report(self, statistics: link_pb2.TopicStatistics) -> None:
+        """The agent's statistics came."""
+        self.statistics = statistics
+        for rate in statistics.topics:
+            state = self.channels.get(rate.channel_id)
+            if state is not None:
+                state.rate = rate
+        self.revision += 1
+
+    def channel_of(self, topic: str) -> Channel | None:
+        """The announced channel of a topic."""
+        for state in self.channels.values():
+            if state.channel.topic == topic:
+                return state.channel
+        return None
+
+    def headline(self) -> dict[str, tuple[int, float]]:
+        """The newest values of the first series by name, as many as a fleet page can show."""
+        found: dict[str, tuple[int, float]] = {}
+        for name in sorted(self.series):
+            state = self.series[name]
+            if state.stamp_ns is not None and state.value is not None:
+                found[name] = (state.stamp_ns, state.value)
+                if len(found) >= HEADLINE_SERIES:
+                    break
+        return found
+
+    def _arrived(self, samples: int, size_bytes: int, duplicates: int, wall_ns: int, now_s: float) -> None:
+        self.counts.samples += samples
+        self.counts.bytes += size_bytes
+        self.counts.duplicates += duplicates
+        self.last_seen_ns = wall_ns
+        self.byte_rate.add(size_bytes, now_s)
+        self.revision += 1
+
+
+class Registry:
+    """All robots by id."""
+
+    def __init__(self) -> None:
+        self._records: dict[str, RobotRecord] = {}
+
+    def add(self, record: RobotRecord) -> RobotRecord:
+        """Know a robot; the first record of an id stays."""
+        return self._records.setdefault(record.robot.id, record)
+
+    def get(self, robot_id: str) -> RobotRecord:
+        """A robot's record, or UnknownRobotError."""
+        record = self._records.get(robot_id)
+        if record is None:
+            raise UnknownRobotError(f"no robot {robot_id[:64]!r} has ever connected; GET /api/v1/robots lists them")
+        return record
+
+    def find(self, robot_id: str) -> RobotRecord | None:
+        """A robot's record, or None."""
+        return self._records.get(robot_id)
+
+    def all(self) -> list[RobotRecord]:
+        """Every robot, by id."""
+        return [self._records[key] for key in sorted(self._records)]

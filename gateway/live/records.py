@@ -1,0 +1,58 @@
+"""The binary record of the stream protocol: a 40-byte header, then a sample's bytes, padded to a multiple of 8."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from metaros.errors import FrameError
+
+__all__ = ["HEADER", "Record", "record_bytes", "record_parts", "split_records"]
+
+# record_bytes, subscription, channel, payload_bytes, seq, stamp_ns, gateway_receive_ns
+HEADER = struct.Struct("<IIIIQqq")
+_PADDING = tuple(bytes(count) for count in range(8))
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """One sample on its way to viewers; `payload` is shared by all of them."""
+
+    seq: int
+    stamp_ns: int
+    receive_ns: int
+    payload: bytes
+
+    @property
+    def size_bytes(self) -> int:
+        """What the record takes in a frame and counts in a queue."""
+        return record_bytes(len(self.payload))
+
+
+def record_bytes(payload_bytes: int) -> int:
+    """A record's size with header and padding."""
+    return HEADER.size + (payload_bytes + 7 & ~7)
+
+
+def record_parts(record: Record, *, subscription: int, channel: int) -> tuple[bytes, bytes, bytes]:
+    """Header, payload and padding; the caller joins many records into one frame."""
+    size = len(record.payload)
+    header = HEADER.pack(
+        record_bytes(size), subscription, channel, size, record.seq, record.stamp_ns, record.receive_ns
+    )
+    return header, record.payload, _PADDING[-size & 7]
+
+
+def split_records(frame: bytes) -> Iterator[tuple[int, int, Record]]:
+    """(subscription, channel, record) of each record of a frame; FrameError when it is not made of whole records."""
+    at = 0
+    while at < len(frame):
+        if len(frame) - at < HEADER.size:
+            raise FrameError(f"{len(frame) - at} bytes are left, a record's header has {HEADER.size}")
+        size, subscription, channel, payload_bytes, seq, stamp_ns, receive_ns = HEADER.unpack_from(frame, at)
+        if size != record_bytes(payload_bytes) or at + size > len(frame):
+            raise FrameError(f"a record of {size} bytes with {payload_bytes} of payload does not fit the frame")
+        start = at + HEADER.size
+        yield subscription, channel, Record(seq, stamp_ns, receive_ns, frame[start : start + payload_bytes])
+        at += size
