@@ -1,0 +1,7 @@
+"""CDR, the wire format of ROS 2 messages: compiled codecs and field readers."""
+
+from __future__ import annotations
+
+from metaros.cdr.codec import Codec, codec
+
+__all__ = ["Codec", "codec"]
