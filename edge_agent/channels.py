@@ -19,7 +19,6 @@ METRIC_STREAM = 0
 ANNOUNCE_BYTES = 1 << 20
 CLASS_NUMBERS = {
     "event": link_pb2.DELIVERY_CLASS_EVENT,
-    "metric": link_pb2.DELIVERY_CLASS_METRIC,
     "bulk": link_pb2.DELIVERY_CLASS_BULK,
     "live": link_pb2.DELIVERY_CLASS_LIVE,
 }

@@ -13,7 +13,7 @@ from metaros.idl.globs import Glob
 
 __all__ = ["DEFAULT_TOPICS", "Delivery", "TopicRule", "TopicTable", "series_name"]
 
-Delivery = Literal["auto", "event", "metric", "bulk", "live"]
+Delivery = Literal["auto", "event", "bulk", "live"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

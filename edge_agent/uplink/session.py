@@ -8,6 +8,7 @@ raised (LinkError, FrameError); the shell then ends both lanes and makes a new s
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from edge_agent.batch import Linger, metric_batch, sample_batches
@@ -114,12 +115,13 @@ class AgentSession:
         clock: Clock,
         limits: Limits = LIMITS,
         store_id: str = "",
+        malformed: Callable[[], int] = int,
     ) -> None:
         self.number = number
         self.store_id = store_id
         self.gateway_id = ""
         self.offset = ClockOffset(clock)
-        self.malformed = 0
+        self.malformed: Callable[[], int] = malformed
         self._identity = identity
         self._channels = channels
         self._outbox = outbox
@@ -132,7 +134,8 @@ class AgentSession:
         self._data: deque[link_pb2.AgentFrame] = deque()
         self._window = _Window()
         self._heartbeat_s = limits.heartbeat_s
-        self._next_beat_s = self._next_statistics_s = self._heard_s = clock.monotonic_s()
+        self._next_statistics_s = self._heard_s = clock.monotonic_s()
+        self._next_beat_s = {CONTROL: self._heard_s, DATA: self._heard_s}
 
     @property
     def established(self) -> bool:
@@ -181,7 +184,7 @@ class AgentSession:
                 beat = frame.heartbeat
                 self.offset.received(beat.sent_ns, beat.echo_ns, beat.held_ns)
                 if beat.echo_ns == 0:  # the peer has no round trip yet: let it have one now
-                    self._next_beat_s = self._heard_s
+                    self._next_beat_s[lane] = self._heard_s
             case "demand":
                 entries = frame.demand.entries
                 self._channels.demand({entry.channel_id: entry.max_rate_hz for entry in entries})
@@ -216,8 +219,9 @@ class AgentSession:
             self._announced[lane] = self._channels.revision
             queue.extendleft(link_pb2.AgentFrame(announce=announce) for announce in reversed(announces))
         if not queue:
+            self._beat(lane, queue)
             if lane == CONTROL:
-                self._due_control()
+                self._statistics()
             elif self._linger.wait_s(self._clock.monotonic_s()) == 0.0:
                 self._gather()
         return queue.popleft() if queue else None
@@ -227,10 +231,11 @@ class AgentSession:
         if lane not in self._announced:
             return None
         now_s = self._clock.monotonic_s()
+        beat_s = max(0.0, self._next_beat_s[lane] - now_s)
         if lane == CONTROL:
-            return max(0.0, min(self._next_beat_s, self._next_statistics_s) - now_s)
+            return min(beat_s, max(0.0, self._next_statistics_s - now_s))
         wait_s = self._linger.wait_s(now_s)
-        return None if wait_s == 0.0 else wait_s  # due but nothing given: the window is full, an ack will wake us
+        return min(beat_s, wait_s) if wait_s else beat_s  # 0.0, yet nothing given: the window is full, an ack wakes us
 
     def _welcomed(self, lane: link_pb2.Lane, welcome: link_pb2.Welcome) -> list[Event]:
         if lane in self._announced:
@@ -254,19 +259,22 @@ class AgentSession:
             self._outbox.acknowledge(mark.stream_id, mark.epoch, mark.seq)
             self._window.acknowledged(mark.stream_id, mark.seq, self._heard_s)
 
-    def _due_control(self) -> None:
+    def _beat(self, lane: link_pb2.Lane, queue: deque[link_pb2.AgentFrame]) -> None:
         now_s = self._clock.monotonic_s()
-        if now_s >= self._next_beat_s:
+        if now_s >= self._next_beat_s[lane]:
             beat = self.offset.beat()
             frame = link_pb2.Heartbeat(sent_ns=beat.sent_ns, echo_ns=beat.echo_ns, held_ns=beat.held_ns)
-            self._control.append(link_pb2.AgentFrame(heartbeat=frame))
-            self._next_beat_s = now_s + self._heartbeat_s
+            queue.append(link_pb2.AgentFrame(heartbeat=frame))
+            self._next_beat_s[lane] = now_s + self._heartbeat_s
+
+    def _statistics(self) -> None:
+        now_s = self._clock.monotonic_s()
         if now_s >= self._next_statistics_s:
             statistics = link_pb2.TopicStatistics(
                 topics=[channel.rate(now_s) for channel in self._channels],
                 outbox_bytes=self._outbox.size_bytes,
                 outbox_samples=self._outbox.sample_count,
-                malformed=self.malformed,
+                malformed=self.malformed(),
             )
             self._control.append(link_pb2.AgentFrame(statistics=statistics))
             self._next_statistics_s = now_s + STATISTICS_S

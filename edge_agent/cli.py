@@ -1,0 +1,58 @@
+"""`metaros agent`: runs the edge agent; an entry point of the group `metaros.cli`."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from edge_agent.config import load_settings
+from metaros.errors import MetarosError
+
+__all__ = ["register"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the noun `agent` to the program."""
+    agent = typer.Typer(help="Tap this robot's topics and forward them to a gateway.", no_args_is_help=False)
+    agent.callback(invoke_without_command=True)(run_command)
+    app.add_typer(agent, name="agent")
+
+
+def run_command(
+    context: typer.Context,
+    name: Annotated[str | None, typer.Option(help="The robot's id at the gateway; default: this host's name.")] = None,
+    namespace: Annotated[str | None, typer.Option(help="Tap only topics under this ROS namespace.")] = None,
+    gateway: Annotated[str | None, typer.Option(help="HOST:PORT of the gateway's gRPC port.")] = None,
+    zenoh_port: Annotated[
+        int | None, typer.Option(help="Port of the Zenoh router on this host.", envvar="METAROS_ZENOH_PORT")
+    ] = None,
+    config: Annotated[Path | None, typer.Option(help="TOML file with settings and the topic table.")] = None,
+    exclude: Annotated[list[str] | None, typer.Option(help="Leave these topics to others, e.g. '/sim_*/**'.")] = None,
+    host_metrics: Annotated[
+        bool | None, typer.Option("--host-metrics/--no-host-metrics", help="Publish this host's CPU, memory, …")
+    ] = None,
+    status_file: Annotated[Path | None, typer.Option(help="Write JSON there once the tap runs.")] = None,
+) -> None:
+    """Run the agent until Ctrl-C."""
+    if context.invoked_subcommand is not None:
+        return
+    from edge_agent.main import run  # heavy: Zenoh, gRPC, numpy
+
+    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s %(levelname)s %(message)s")
+    overrides = {
+        "name": name,
+        "namespace": namespace,
+        "gateway": gateway,
+        "zenoh_port": zenoh_port,
+        "exclude": exclude or None,
+        "host_metrics": host_metrics,
+        "status_file": status_file,
+    }
+    try:
+        run(load_settings(config, overrides))
+    except MetarosError as error:
+        typer.echo(f"metaros agent: {error}", err=True)
+        raise typer.Exit(2) from error

@@ -1,0 +1,199 @@
+"""The agent's settings: frozen, from a TOML file and the command line; the command line wins."""
+
+from __future__ import annotations
+
+import socket
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, get_args
+
+from edge_agent.drive_guard import DEFAULT_ACTUATORS
+from edge_agent.outbox import CLASSES, ClassPolicy
+from edge_agent.topics import DEFAULT_TOPICS, Delivery, TopicRule
+from metaros.errors import ConfigError, MetarosError
+from metaros.idl.globs import Glob
+from metaros.idl.names import validate_namespace
+
+__all__ = ["OutboxSettings", "Settings", "load_settings", "sanitised_hostname"]
+
+RULE_KEYS = {
+    "match": str,
+    "class": str,
+    "max_rate_hz": float,
+    "forward": bool,
+    "fields": list,
+    "metrics_rate_hz": float,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutboxSettings:
+    """Quotas of the in-memory outbox and the live queue, in bytes."""
+
+    event_bytes: int = CLASSES["event"].quota_bytes
+    metric_bytes: int = CLASSES["metric"].quota_bytes
+    bulk_bytes: int = CLASSES["bulk"].quota_bytes
+    live_bytes: int = 8 << 20
+
+    def classes(self) -> dict[str, ClassPolicy]:
+        """The outbox's class table with these quotas."""
+        quotas = {"event": self.event_bytes, "metric": self.metric_bytes, "bulk": self.bulk_bytes}
+        return {name: ClassPolicy(quotas[name], policy.give_up) for name, policy in CLASSES.items()}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """Everything an agent can be told. `name` is the robot's id at the gateway."""
+
+    name: str = ""  # "" = the host's name
+    namespace: str = "/"
+    gateway: str = "127.0.0.1:8081"
+    zenoh_port: int = 7447
+    exclude: tuple[str, ...] = ()
+    host_metrics: bool = True
+    actuators: tuple[str, ...] = DEFAULT_ACTUATORS
+    status_file: Path | None = None
+    labels: Mapping[str, str] = field(default_factory=dict)
+    topics: tuple[TopicRule, ...] = DEFAULT_TOPICS
+    outbox: OutboxSettings = OutboxSettings()
+
+
+def load_settings(path: Path | None = None, overrides: Mapping[str, Any] | None = None) -> Settings:
+    """Read the file, if any, and lay what the command line gave (not None) over it.
+
+    Raises:
+        ConfigError: no such file, no TOML, an unknown key, a wrong type or a wrong value; names key and file.
+    """
+    where = str(path) if path else "command line"
+    table = read_toml(path) if path else {}
+    known = {item.name for item in fields(Settings)} | {"default_topics"}
+    for key in table:
+        if key not in known:
+            raise ConfigError(f"{where}: unknown key {key!r}; known are {', '.join(sorted(known))}")
+    values = {
+        key: convert(key, value, where) for key, value in table.items() if key not in ("topics", "default_topics")
+    }
+    rules = topic_rules(table.get("topics", []), where)
+    defaults = expect(table.get("default_topics", True), bool, "default_topics", where)
+    values["topics"] = (*rules, *(DEFAULT_TOPICS if defaults else ()))
+    for key, value in (overrides or {}).items():
+        if value is not None:
+            values[key] = convert(key, value, "command line")
+    values["name"] = values.get("name") or sanitised_hostname()
+    return Settings(**values)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The file's top table."""
+    try:
+        return tomllib.loads(path.read_text())
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: {error}") from error
+
+
+def convert(key: str, value: Any, where: str) -> Any:
+    """One setting's value, checked."""
+    match key:
+        case "namespace":
+            return checked_namespace(expect(value, str, key, where), where)
+        case "exclude" | "actuators":
+            patterns = tuple(expect(item, str, key, where) for item in expect(value, (list, tuple), key, where))
+            for pattern in patterns:
+                checked_glob(pattern, key, where)
+            return patterns
+        case "zenoh_port":
+            if not 1 <= expect(value, int, key, where) <= 65535:
+                raise ConfigError(f"{where}: {key} must be 1 to 65535, not {value}")
+            return value
+        case "gateway":
+            host, _, port = expect(value, str, key, where).rpartition(":")
+            if not host or not port.isdigit():
+                raise ConfigError(f"{where}: {key} must be HOST:PORT, not {value!r}")
+            return value
+        case "host_metrics":
+            return expect(value, bool, key, where)
+        case "labels":
+            table = expect(value, dict, key, where)
+            return {name: expect(text, str, f"labels.{name}", where) for name, text in table.items()}
+        case "outbox":
+            return outbox_settings(expect(value, dict, key, where), where)
+        case "status_file":
+            return Path(value)
+        case _:
+            return expect(value, str, key, where)
+
+
+def expect(value: Any, kind: type | tuple[type, ...], key: str, where: str) -> Any:
+    """The value, if it is of that type; integers pass as floats, booleans never as numbers."""
+    kinds = kind if isinstance(kind, tuple) else (kind,)
+    if float in kinds and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
+        names = " or ".join(item.__name__ for item in kinds)
+        raise ConfigError(f"{where}: {key} must be {names}, not {value!r}")
+    return value
+
+
+def topic_rules(rows: Any, where: str) -> tuple[TopicRule, ...]:
+    """The rows of [[topics]]."""
+    return tuple(
+        topic_rule(expect(row, dict, f"topics[{index}]", where), f"topics[{index}]", where)
+        for index, row in enumerate(expect(rows, list, "topics", where))
+    )
+
+
+def topic_rule(row: dict[str, Any], key: str, where: str) -> TopicRule:
+    """One row of [[topics]]."""
+    for name, value in row.items():
+        if name not in RULE_KEYS:
+            raise ConfigError(f"{where}: unknown key {key}.{name}; known are {', '.join(RULE_KEYS)}")
+        row[name] = expect(value, RULE_KEYS[name], f"{key}.{name}", where)
+    if "match" not in row:
+        raise ConfigError(f"{where}: {key}.match is missing")
+    checked_glob(row["match"], f"{key}.match", where)
+    delivery = row.pop("class", "auto")
+    if delivery not in get_args(Delivery):
+        raise ConfigError(f"{where}: {key}.class must be one of {', '.join(get_args(Delivery))}, not {delivery!r}")
+    for name in ("max_rate_hz", "metrics_rate_hz"):
+        if not 0 <= row.get(name, 0.0) <= 1e6:
+            raise ConfigError(f"{where}: {key}.{name} must be 0 to 1000000, not {row[name]}")
+    row["fields"] = tuple(expect(path, str, f"{key}.fields", where) for path in row.get("fields", ()))
+    return TopicRule(delivery=delivery, **row)
+
+
+def outbox_settings(table: dict[str, Any], where: str) -> OutboxSettings:
+    """The [outbox] table."""
+    known = {item.name for item in fields(OutboxSettings)}
+    for key, value in table.items():
+        if key not in known:
+            raise ConfigError(f"{where}: unknown key outbox.{key}; known are {', '.join(sorted(known))}")
+        if expect(value, int, f"outbox.{key}", where) < 65536:
+            raise ConfigError(f"{where}: outbox.{key} must be at least 65536 bytes, not {value}")
+    return OutboxSettings(**table)
+
+
+def checked_namespace(namespace: str, where: str) -> str:
+    """A ROS namespace."""
+    try:
+        validate_namespace(namespace)
+    except MetarosError as error:
+        raise ConfigError(f"{where}: namespace: {error}") from error
+    return namespace
+
+
+def checked_glob(pattern: str, key: str, where: str) -> None:
+    """A topic pattern."""
+    try:
+        Glob(pattern)
+    except MetarosError as error:
+        raise ConfigError(f"{where}: {key}: {error}") from error
+
+
+def sanitised_hostname() -> str:
+    """This host's name as a robot id: letters, digits, `_`, `-` and `.`."""
+    name = "".join(c if c.isascii() and (c.isalnum() or c in "_-.") else "_" for c in socket.gethostname())
+    return name or "host"

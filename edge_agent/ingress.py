@@ -1,0 +1,118 @@
+"""The crossing from Zenoh's threads to the event loop: one C-callable put a sample, one wake-up a batch.
+
+Zenoh calls `sink`, which is SimpleQueue.put itself. One thread drains that queue, reads each sample's attachment, and
+keeps what the loop has not yet taken under a bound in bytes: what is over it is dropped and counted on its channel.
+The payload is not copied here; most live samples are dropped by the selection and never become Python bytes.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from collections.abc import Callable
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from edge_agent.channels import Channel
+from edge_agent.pipeline import Arrival
+from metaros.clock import Clock
+from metaros.errors import AttachmentError
+from metaros.limits import LIMITS
+from metaros.wire.attachment import parse_attachment
+
+__all__ = ["Ingress"]
+
+AT_ONCE = 256
+Route = Callable[[str, bytes], Channel | None]
+
+
+class Ingress:
+    """Owns the draining thread. `route(key, sender gid)` names a sample's channel and must be safe on that thread."""
+
+    def __init__(
+        self,
+        route: Route,
+        take: Callable[[list[Arrival], float], None],
+        wake: Callable[[Callable[[], None]], object],
+        clock: Clock,
+        *,
+        max_bytes: int = LIMITS.ingress_bytes,
+    ) -> None:
+        self._route = route
+        self._take = take
+        self._wake = wake
+        self._clock = clock
+        self._max_bytes = max_bytes
+        self._queue: SimpleQueue[Any] = SimpleQueue()
+        self.sink: Callable[[Any], None] = self._queue.put
+        self._lock = threading.Lock()
+        self._ready: list[Arrival] = []
+        self._ready_bytes = 0
+        self._overflow: Counter[int] = Counter()
+        self._dropped_channels: dict[int, Channel] = {}
+        self.malformed: Counter[str] = Counter()
+        self._thread = threading.Thread(target=self._drain, name="tap-drain", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop the thread; what is queued is forgotten."""
+        self._queue.put(None)
+        self._thread.join()
+
+    def _drain(self) -> None:
+        while True:
+            samples = [self._queue.get()]
+            try:
+                while len(samples) < AT_ONCE:
+                    samples.append(self._queue.get_nowait())
+            except Empty:
+                pass
+            if None in samples:
+                return
+            now_s = self._clock.monotonic_s()
+            arrivals = [arrival for sample in samples if (arrival := self._read(sample, now_s)) is not None]
+            if arrivals:
+                self._offer(arrivals)
+
+    def _read(self, sample: Any, now_s: float) -> Arrival | None:
+        key = str(sample.key_expr)
+        try:
+            if sample.attachment is None:
+                raise AttachmentError("no attachment")
+            attachment = parse_attachment(bytes(sample.attachment))
+        except AttachmentError:
+            self.malformed[key] += 1
+            return None
+        channel = self._route(key, attachment.gid)
+        if channel is None:
+            return None
+        return Arrival(channel, sample.payload, len(sample.payload), attachment.source_ns, now_s)
+
+    def _offer(self, arrivals: list[Arrival]) -> None:
+        """Put arrivals where the loop finds them; wake it unless it is awake already."""
+        with self._lock:
+            idle = not self._ready
+            for arrival in arrivals:
+                if self._ready_bytes + arrival.size_bytes > self._max_bytes:
+                    self._overflow[arrival.channel.channel_id] += 1
+                    self._dropped_channels[arrival.channel.channel_id] = arrival.channel
+                else:
+                    self._ready.append(arrival)
+                    self._ready_bytes += arrival.size_bytes
+        if idle:
+            try:
+                self._wake(self._deliver)
+            except RuntimeError:  # the loop is closed: the program ends
+                return
+
+    def _deliver(self) -> None:
+        """On the loop: take everything that is ready."""
+        with self._lock:
+            arrivals, self._ready = self._ready, []
+            self._ready_bytes = 0
+            overflow, self._overflow = self._overflow, Counter()
+        for channel_id, count in overflow.items():
+            channel = self._dropped_channels[channel_id]
+            channel.dropped += count
+            channel.messages += count
+        self._take(arrivals, self._clock.monotonic_s())

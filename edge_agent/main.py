@@ -1,0 +1,119 @@
+"""The agent program's only wiring: settings in, running parts, clean end on SIGINT or SIGTERM."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import socket
+from importlib.metadata import PackageNotFoundError, version
+
+from edge_agent.batch import Linger
+from edge_agent.channels import Channels
+from edge_agent.commands import Commands
+from edge_agent.config import Settings
+from edge_agent.drive_guard import DriveGuard
+from edge_agent.live import LiveQueue
+from edge_agent.metrics import publish_host
+from edge_agent.outbox import Outbox
+from edge_agent.pipeline import Pipeline
+from edge_agent.publishers import Publishers
+from edge_agent.scope import Scope
+from edge_agent.status import status_file
+from edge_agent.tap import Tap
+from edge_agent.teleop import Teleop
+from edge_agent.topics import TopicTable
+from edge_agent.uplink.backoff import Backoff
+from edge_agent.uplink.grpc import GrpcUplink
+from edge_agent.uplink.keeper import Queues, SessionKeeper
+from edge_agent.uplink.session import Identity
+from metaros.clock import Clock, SystemClock, system_rng
+from metaros.node import Context, Node
+
+__all__ = ["run", "run_agent"]
+
+NODE_NAME, HOST_NODE_NAME = "metaros_agent", "host"
+
+
+def run(settings: Settings) -> None:
+    """Run the agent until SIGINT or SIGTERM."""
+    asyncio.run(run_until_signal(settings))
+
+
+async def run_until_signal(settings: Settings) -> None:
+    """Run the agent; the signals end it as a cancellation, so that every part closes what it opened."""
+    agent = asyncio.ensure_future(run_agent(settings))
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, agent.cancel)
+    with contextlib.suppress(asyncio.CancelledError):
+        await agent
+
+
+async def run_agent(settings: Settings, *, clock: Clock | None = None) -> None:
+    """Tap, queues, uplink, commands and host metrics around one Zenoh session; until cancelled."""
+    clock = clock or SystemClock()
+    with Context(connect=[f"tcp/127.0.0.1:{settings.zenoh_port}"], clock=clock) as context:
+        with contextlib.ExitStack() as stack:
+            node = stack.enter_context(Node(NODE_NAME, namespace=settings.namespace, context=context))
+            host = None
+            if settings.host_metrics:
+                host = stack.enter_context(
+                    Node(HOST_NODE_NAME, namespace=settings.namespace, context=context, enable_rosout=False)
+                )
+            await run_parts(settings, node, host, clock)
+
+
+async def run_parts(settings: Settings, node: Node, host: Node | None, clock: Clock) -> None:
+    """Build the parts on their nodes and run them in one task group."""
+    rng = system_rng()
+    scope = Scope(settings.namespace, settings.exclude)
+    queues = Queues(
+        Channels(TopicTable(settings.topics), namespace=settings.namespace),
+        Outbox(clock, rng.getrandbits(64) or 1, classes=settings.outbox.classes()),
+        LiveQueue(max_bytes=settings.outbox.live_bytes),
+        Linger(),
+    )
+    publishers = Publishers(node)
+    teleop = Teleop(DriveGuard(clock, settings.actuators), publishers, scope)
+    commands = Commands(node, teleop, scope, clock)
+    keeper = SessionKeeper(
+        identity(settings),
+        queues,
+        teleop,
+        commands,
+        clock,
+        malformed=lambda: pipeline.malformed + tap.ingress.malformed.total(),
+        wake=lambda: uplink.wake(),
+    )
+    uplink = GrpcUplink(settings.gateway, keeper, Backoff(rng))
+    pipeline = Pipeline(queues.outbox, queues.live, queues.linger, wake=uplink.wake)
+    tap = Tap(node, queues.channels, scope, pipeline.take, uplink.wake, clock)
+    try:
+        with status_file(settings.status_file, name=settings.name, namespace=settings.namespace):
+            async with asyncio.TaskGroup() as group:
+                group.create_task(uplink.run())
+                group.create_task(teleop.run())
+                if host is not None:
+                    group.create_task(publish_host(host, queues.channels, clock))
+    finally:
+        tap.close()
+        await commands.close()
+        publishers.close()
+
+
+def identity(settings: Settings) -> Identity:
+    """Who this agent says it is; the session id is new in every process."""
+    try:
+        agent_version = version("metaros")
+    except PackageNotFoundError:
+        agent_version = "unpacked"
+    return Identity(
+        robot_id=settings.name,
+        session_id=os.urandom(16),
+        agent_version=agent_version,
+        namespace=settings.namespace,
+        hostname=socket.gethostname(),
+        labels=dict(settings.labels),
+    )

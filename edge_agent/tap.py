@@ -1,0 +1,171 @@
+"""The tap: finds the topics of the agent's scope in the ROS graph and subscribes each once, as raw bytes."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import Counter
+from collections.abc import Callable
+from typing import Protocol
+
+from edge_agent.channels import Channel, Channels
+from edge_agent.ingress import Ingress
+from edge_agent.pipeline import Arrival
+from edge_agent.scope import ROSOUT, Scope
+from metaros.clock import Clock
+from metaros.errors import MetarosError
+from metaros.node import Node
+from metaros.wire import Durability, EndpointInfo, History, QoSProfile, Reliability
+
+__all__ = ["Tap", "matching_qos"]
+
+LOG = logging.getLogger("metaros.agent.tap")
+SETTLE_S = 0.02  # tokens come in bursts when a node starts
+DEPTH = 10
+Topic = tuple[str, str, str]  # name, type, hash
+
+
+class Closable(Protocol):
+    """A subscription, as far as the tap cares."""
+
+    def close(self) -> None:
+        """Undeclare it."""
+
+
+class Tap:
+    """Keeps subscriptions in step with the graph. Everything but `route` runs on the event loop."""
+
+    def __init__(
+        self,
+        node: Node,
+        channels: Channels,
+        scope: Scope,
+        take: Callable[[list[Arrival], float], None],
+        changed: Callable[[], None],
+        clock: Clock,
+    ) -> None:
+        self._node = node
+        self._channels = channels
+        self._scope = scope
+        self._changed = changed
+        self._loop = asyncio.get_running_loop()
+        self._subscriptions: dict[Topic, Closable] = {}
+        self._routes: dict[str, Channel] = {}
+        self._rosout_senders: dict[bytes, bool] = {}
+        self._due: asyncio.TimerHandle | None = None
+        self._closed = False
+        self.ingress = Ingress(self.route, take, self._loop.call_soon_threadsafe, clock)
+        node.graph.on_change(self._on_change)
+        self.reconcile()
+
+    def route(self, key: str, gid: bytes) -> Channel | None:
+        """The channel of a sample, on the draining thread; None for a foreign robot's log line."""
+        topic = topic_of(key)
+        channel = self._routes.get(topic)
+        if channel is None:
+            return None
+        if channel.topic == ROSOUT:
+            ours = self._rosout_senders.get(gid)
+            if ours is None:
+                self._rosout_senders = self._senders()
+                ours = self._rosout_senders.get(gid, False)
+            return channel if ours else None
+        return channel
+
+    def reconcile(self) -> None:
+        """Announce what is new in the graph and subscribe what has a publisher."""
+        self._due = None
+        if self._closed:
+            return
+        publishers, subscribers = self._survey()
+        before = self._channels.revision
+        for topic in {**publishers, **dict.fromkeys(subscribers)}:
+            endpoints = publishers.get(topic, [])
+            keeps_all = any(keeps_everything(endpoint.qos) for endpoint in endpoints)
+            qos = endpoints[0].qos_text if endpoints else ""
+            channel = self._channels.observe(*topic, qos=qos, keeps_all=keeps_all)
+            if channel is not None and endpoints and topic not in self._subscriptions:
+                self._subscribe(topic, channel, endpoints)
+        for channel in self._channels:
+            name = (channel.topic, channel.type_name, channel.type_hash)
+            channel.publishers, channel.subscribers = len(publishers.get(name, ())), subscribers[name]
+        self._rosout_senders = self._senders()
+        if self._channels.revision != before:
+            self._changed()
+
+    def close(self) -> None:
+        """Undeclare everything and stop the draining thread."""
+        self._closed = True
+        if self._due is not None:
+            self._due.cancel()
+        for subscription in self._subscriptions.values():
+            subscription.close()
+        self.ingress.close()
+
+    def _on_change(self, *_: object) -> None:
+        """On a Zenoh thread: ask the loop to look again."""
+        try:
+            self._loop.call_soon_threadsafe(self._soon)
+        except RuntimeError:  # the loop is closed: the program ends
+            return
+
+    def _soon(self) -> None:
+        if self._due is None and not self._closed:
+            self._due = self._loop.call_later(SETTLE_S, self.reconcile)
+
+    def _survey(self) -> tuple[dict[Topic, list[EndpointInfo]], Counter[Topic]]:
+        """Publishers of each topic in scope, and how many others subscribe it."""
+        publishers: dict[Topic, list[EndpointInfo]] = {}
+        subscribers: Counter[Topic] = Counter()
+        own = (self._node.context.zid, self._node.full_name)
+        for endpoint in self._node.graph.endpoints():
+            if not self._scope.taps(endpoint.topic) or endpoint.kind not in ("MP", "MS"):
+                continue
+            name = (endpoint.topic, endpoint.type_name, endpoint.type_hash)
+            if endpoint.kind == "MP":
+                publishers.setdefault(name, []).append(endpoint)
+            elif (endpoint.zid, endpoint.node_full_name) != own:
+                subscribers[name] += 1
+        return publishers, subscribers
+
+    def _subscribe(self, topic: Topic, channel: Channel, endpoints: list[EndpointInfo]) -> None:
+        name, type_name, type_hash = topic
+        self._routes[f"{name[1:]}|{type_hash}"] = channel
+        try:
+            qos = matching_qos([endpoint.qos for endpoint in endpoints])
+            self._subscriptions[topic] = self._node.create_raw_subscription(
+                name, type_name, type_hash, qos, self.ingress.sink
+            )
+        except MetarosError as error:
+            LOG.warning("cannot tap %s: %s", name, error)
+
+    def _senders(self) -> dict[bytes, bool]:
+        """The GIDs of all log publishers, and whether their node is in scope."""
+        return {
+            endpoint.gid: self._scope.includes(endpoint.node_full_name)
+            for endpoint in self._node.graph.endpoints(ROSOUT, "MP")
+        }
+
+
+def topic_of(key: str) -> str:
+    """The part of a data key `<domain>/<name>/<type>/<hash>` that names a route: `name|hash`."""
+    _domain, _, rest = key.partition("/")
+    name, _type, type_hash = rest.rsplit("/", 2)
+    return f"{name}|{type_hash}"
+
+
+def keeps_everything(qos: QoSProfile) -> bool:
+    """Whether the publisher asks that nothing be lost."""
+    return qos.reliability == Reliability.RELIABLE and qos.history == History.KEEP_ALL
+
+
+def matching_qos(offered: list[QoSProfile]) -> QoSProfile:
+    """What matches every publisher: best effort and volatile, but more where all of them offer it and mean it."""
+    lossless = all(keeps_everything(qos) for qos in offered)
+    latched = all(qos.durability == Durability.TRANSIENT_LOCAL for qos in offered)
+    return QoSProfile(
+        reliability=Reliability.RELIABLE if lossless or latched else Reliability.BEST_EFFORT,
+        durability=Durability.TRANSIENT_LOCAL if latched else Durability.VOLATILE,
+        history=History.KEEP_ALL if lossless else History.KEEP_LAST,
+        depth=max(DEPTH, *(qos.depth for qos in offered)),
+    )

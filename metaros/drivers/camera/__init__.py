@@ -1,0 +1,1 @@
+"""The camera driver: OpenCV sources to sensor_msgs/CompressedImage."""
