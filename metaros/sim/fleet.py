@@ -52,9 +52,8 @@ class SimRobot:
         heading = float(motion.uniform(-math.pi, math.pi))
         self.number = number
         self.name = f"sim_{number}"
-        self.body = Body(
-            WAREHOUSE, x=place[0], y=place[1], heading_rad=heading, charge=float(motion.uniform(0.6, 0.98))
-        )
+        charge = float(motion.uniform(0.6, 0.98))
+        self.body = Body(WAREHOUSE, x=place[0], y=place[1], heading_rad=heading, charge=charge)
         self.gate = CommandGate(resume_after_s=resume_after_s)
         self.autopilot = Autopilot(WAREHOUSE, motion)
         self.odometry = Odometry(self.body, senses)

@@ -23,6 +23,7 @@ __all__ = [
     "Strip",
     "ceiling",
     "floor",
+    "pack",
     "paint_atlas",
 ]
 
@@ -30,15 +31,8 @@ Picture = npt.NDArray[np.uint8]
 PX_PER_M = 48
 ATLAS_ROWS = 256
 FLOOR_PX_PER_M = 20
-_CARTONS = (
-    (92, 142, 187),
-    (80, 128, 172),
-    (104, 156, 200),
-    (70, 112, 150),
-    (176, 120, 60),
-    (60, 140, 70),
-    (52, 70, 170),
-)
+_BROWNS = ((92, 142, 187), (80, 128, 172), (104, 156, 200), (70, 112, 150))
+_CARTONS = (*_BROWNS, (176, 120, 60), (60, 140, 70), (52, 70, 170))
 _HULLS = ((214, 148, 52), (80, 176, 70), (60, 90, 220), (190, 80, 170), (40, 180, 220), (160, 160, 60))
 ROBOT_HEIGHT_M = 0.52
 
@@ -214,9 +208,6 @@ def floor(world: World) -> npt.NDArray[np.uint32]:
             for bar in range(-4, 5):
                 at = round((x + bar * 0.4) * scale)
                 middle[:, at - 2 : at + 3] = (214.0, 218.0, 220.0)
-            picture[
-                round((y - 0.5) * scale) : round((y + 0.5) * scale), round((x - 2) * scale) : round((x + 2) * scale)
-            ] -= 6
     return pack(_grain(rng, np.clip(picture, 0, 255).astype(np.uint8), 4.0))
 
 

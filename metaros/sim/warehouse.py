@@ -7,6 +7,7 @@ Robots keep right, so two of them pass each other in an aisle.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 from metaros.sim.world import Box, World
 
@@ -22,7 +23,7 @@ _RACK_DEPTH_M = 1.2
 
 
 def _racks() -> Iterator[Box]:
-    for south, north in zip(AISLES_Y, AISLES_Y[1:], strict=False):
+    for south, north in pairwise(AISLES_Y):
         y_min = (south + north - _RACK_DEPTH_M) / 2
         for begin in _RACK_BLOCKS_X:
             for place in range(_RACKS):
