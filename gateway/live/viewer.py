@@ -94,8 +94,10 @@ class Viewer:
         frame = self._frame(now_s)
         texts = [*self._untold, *self._notices(now_s)]
         self._untold = []
-        for feed in (*self._metrics.values(), *self._fleet.values()):
-            texts += feed.take(now_s)
+        for metric in self._metrics.values():
+            texts += metric.take(now_s)
+        for fleet in self._fleet.values():
+            texts += fleet.take(now_s)
         messages: list[str | bytes] = [orjson.dumps(text).decode() for text in texts]
         return [*messages, frame] if frame else messages
 

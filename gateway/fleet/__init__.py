@@ -1,0 +1,1 @@
+"""What is asked of robots: commands, publishing, service calls, driving."""

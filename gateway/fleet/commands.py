@@ -1,0 +1,73 @@
+"""The one path of commands to robots: an id, a deadline, and exactly one outcome for whoever asked."""
+
+from __future__ import annotations
+
+import asyncio
+import uuid
+from dataclasses import dataclass
+
+from gateway.errors import CommandRefusedError, CommandTimeoutError, RobotOfflineError, TooManyError
+from gateway.fleet.robots import SendFrame
+from metaros._proto import link_pb2
+
+__all__ = ["CommandDesk"]
+
+PENDING_PER_ROBOT = 64
+TRAVEL_S = 1.0  # what a result may take on the way, beside the command's own time
+
+
+@dataclass(slots=True)
+class _Pending:
+    """A command without a result yet."""
+
+    robot: str
+    done: asyncio.Future[link_pb2.CommandResult]
+
+
+class CommandDesk:
+    """Sends commands and matches results; lives on the event loop."""
+
+    def __init__(self, send: SendFrame) -> None:
+        """`send` puts a frame on a robot's control lane or raises RobotOfflineError."""
+        self._send = send
+        self._pending: dict[bytes, _Pending] = {}
+
+    async def run(self, robot: str, command: link_pb2.Command, *, timeout_s: float) -> link_pb2.CommandResult:
+        """Send a command (its id and time are set here) and return its good result.
+
+        Raises:
+            RobotOfflineError: no link, or the link went before the result.
+            CommandTimeoutError: no result in time; whether the robot acted is not known.
+            CommandRefusedError: the agent refused or failed; carries its code.
+        """
+        if sum(1 for item in self._pending.values() if item.robot == robot) >= PENDING_PER_ROBOT:
+            raise TooManyError(f"robot {robot} has {PENDING_PER_ROBOT} commands under way already")
+        command_id = uuid.uuid4().bytes
+        command.command_id = command_id
+        command.timeout_ms = max(1, round(timeout_s * 1000))
+        pending = _Pending(robot, asyncio.get_running_loop().create_future())
+        self._pending[command_id] = pending
+        try:
+            self._send(robot, link_pb2.GatewayFrame(command=command))
+            async with asyncio.timeout(timeout_s + TRAVEL_S):
+                result = await pending.done
+        except TimeoutError as error:
+            raise CommandTimeoutError(f"robot {robot} gave no result within {timeout_s:g} s") from error
+        finally:
+            del self._pending[command_id]
+        if not result.ok:
+            text = result.message or f"robot {robot} refused: {result.code}"
+            raise CommandRefusedError(text, agent_code=result.code)
+        return result
+
+    def on_result(self, robot: str, result: link_pb2.CommandResult) -> None:
+        """A result came; one that nobody waits for any more, or from another robot, is dropped."""
+        pending = self._pending.get(result.command_id)
+        if pending is not None and pending.robot == robot and not pending.done.done():
+            pending.done.set_result(result)
+
+    def on_offline(self, robot: str) -> None:
+        """The robot's link is gone: its commands will have no result."""
+        for pending in self._pending.values():
+            if pending.robot == robot and not pending.done.done():
+                pending.done.set_exception(RobotOfflineError(f"robot {robot} lost its link; the outcome is not known"))

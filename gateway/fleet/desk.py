@@ -1,0 +1,87 @@
+"""Publishing on a robot and calling its services, on behalf of API clients."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterable
+from typing import Any
+
+from gateway.domain.lease import LeaseTable
+from gateway.errors import InvalidRequestError
+from gateway.fleet.commands import CommandDesk
+from gateway.fleet.robots import FindRobot, require_online
+from gateway.fleet.types import TypeBook, full_type_name
+from metaros._proto import link_pb2
+from metaros.clock import Clock
+from metaros.idl import names
+from metaros.idl.globs import Glob
+from metaros.limits import LIMITS
+
+__all__ = ["FleetDesk"]
+
+LARGE_JSON_BYTES = 32 * 1024  # beyond it, encoding runs in a thread: the event loop never stops for 5 ms
+MAX_TIMEOUT_S = 120.0
+
+
+class FleetDesk:
+    """Resolves names and types, checks the lease on actuators, and sends the command."""
+
+    def __init__(
+        self,
+        find: FindRobot,
+        commands: CommandDesk,
+        leases: LeaseTable,
+        *,
+        clock: Clock,
+        actuator_topics: Iterable[str] = ("**/cmd_vel",),
+    ) -> None:
+        self._find = find
+        self._commands = commands
+        self._leases = leases
+        self._clock = clock
+        self._actuators = tuple(Glob(pattern) for pattern in actuator_topics)
+        self._types = TypeBook()
+
+    async def publish(
+        self,
+        robot_id: str,
+        topic: str,
+        *,
+        type_name: str = "",
+        message: Any = None,
+        cdr: bytes | None = None,
+        size_hint_bytes: int = 0,
+        lease_id: str = "",
+    ) -> None:
+        """Publish once on a topic of the robot; `cdr` wins over `message`. Returns after the agent's result."""
+        view = require_online(self._find(robot_id))
+        full = names.resolve(topic, view.robot.namespace)
+        if any(glob.matches(full) for glob in self._actuators):
+            self._leases.check(robot_id, lease_id, now_s=self._clock.monotonic_s())
+        channel = view.channel_of(full)
+        if not type_name and channel is None:
+            raise InvalidRequestError(f"type is missing, and robot {robot_id} announces no topic {full}")
+        name = full_type_name(type_name or (channel.schema_name if channel else ""), "msg")
+        if cdr is not None:
+            payload, type_hash = cdr, self._types.hash_of(name, channel)
+        elif size_hint_bytes > LARGE_JSON_BYTES:
+            payload, type_hash = await asyncio.to_thread(self._types.encode, name, message, channel)
+        else:
+            payload, type_hash = self._types.encode(name, message, channel)
+        publish = link_pb2.PublishMessage(topic=full, type_name=name, type_hash=type_hash, payload=payload)
+        command = link_pb2.Command(publish=publish, lease_id=lease_id)
+        await self._commands.run(robot_id, command, timeout_s=LIMITS.command_timeout_s)
+
+    async def call(
+        self, robot_id: str, service: str, *, type_name: str, request: Any, timeout_s: float = LIMITS.command_timeout_s
+    ) -> Any:
+        """Call a service of the robot and return its response as JSON-able values."""
+        if not 0 < timeout_s <= MAX_TIMEOUT_S:
+            raise InvalidRequestError(f"timeout_s is more than 0 and at most {MAX_TIMEOUT_S:g}")
+        view = require_online(self._find(robot_id))
+        full = names.resolve(service, view.robot.namespace)
+        name = full_type_name(type_name, "srv")
+        payload, _ = self._types.encode(f"{name}_Request", request)
+        call = link_pb2.CallService(service=full, type_name=name, type_hash=self._types.hash_of(name), request=payload)
+        result = await self._commands.run(robot_id, link_pb2.Command(call_service=call), timeout_s=timeout_s)
+        return self._types.decode(f"{name}_Response", result.payload)

@@ -1,0 +1,147 @@
+"""Driving: the lease, drive commands under it, and the stop that ends it.
+
+The gateway is neither of the two watchdogs (design D13): when drive commands stop coming, the agent and the base stop
+the robot by themselves. What the gateway adds is the lease, and a zero command as soon as it knows.
+"""
+
+from __future__ import annotations
+
+import math
+import secrets
+from dataclasses import dataclass
+
+from gateway.domain.lease import Lease, LeaseTable
+from gateway.errors import InvalidRequestError, LeaseRequiredError, RobotError
+from gateway.fleet.commands import CommandDesk
+from gateway.fleet.robots import FindRobot, RobotView, SendFrame, require_online
+from gateway.fleet.types import TypeBook
+from metaros._proto import link_pb2
+from metaros.clock import Clock
+from metaros.idl import names
+from metaros.limits import LIMITS
+
+__all__ = ["Drive", "TeleopDesk"]
+
+TWIST = "geometry_msgs/msg/Twist"
+TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
+GRANT_S = 2.0
+MAX_HOLDER_CHARS = 64
+
+
+@dataclass(slots=True)
+class Drive:
+    """One holder at the wheel of one robot."""
+
+    robot: str
+    holder: str
+    lease_id: str
+    topic: str
+    seq: int = 0
+    lost: bool = False  # the robot's link went: take the lease again
+
+
+class TeleopDesk:
+    """Takes, keeps and ends drives; lives on the event loop."""
+
+    def __init__(
+        self, find: FindRobot, commands: CommandDesk, leases: LeaseTable, send: SendFrame, *, clock: Clock
+    ) -> None:
+        self._find = find
+        self._commands = commands
+        self._leases = leases
+        self._send = send
+        self._clock = clock
+        self._types = TypeBook()
+        self._drives: dict[str, Drive] = {}
+
+    async def take(self, robot_id: str, holder: str) -> Drive:
+        """Take the robot's lease here and at its agent; LeaseTakenError names who has it."""
+        if not 1 <= len(holder) <= MAX_HOLDER_CHARS:
+            raise InvalidRequestError(f"holder is a name of 1 to {MAX_HOLDER_CHARS} characters")
+        view = require_online(self._find(robot_id))
+        drive = Drive(robot_id, holder, secrets.token_urlsafe(16), names.resolve("cmd_vel", view.robot.namespace))
+        await self._grant(drive)
+        return drive
+
+    async def drive(self, drive: Drive, *, linear: float, angular: float) -> Lease:
+        """Send one drive command (m/s, rad/s) and renew the lease; a lease that lapsed unclaimed is taken again."""
+        if not (math.isfinite(linear) and math.isfinite(angular)):
+            raise InvalidRequestError("linear and angular are finite numbers")
+        if drive.lost:
+            raise LeaseRequiredError(f"robot {drive.robot} lost its link: take the lease again")
+        try:
+            lease = self._leases.renew(drive.robot, drive.lease_id, now_s=self._clock.monotonic_s())
+        except LeaseRequiredError:
+            lease = await self._grant(drive)
+        self._command(drive, linear, angular)
+        return lease
+
+    def stop(self, drive: Drive) -> None:
+        """A zero command, if the robot can still be told."""
+        if not drive.lost:
+            try:
+                self._command(drive, 0.0, 0.0)
+            except RobotError:
+                drive.lost = True
+
+    async def release(self, drive: Drive) -> None:
+        """Stop and give the lease back."""
+        self.stop(drive)
+        if self._drives.get(drive.robot) is drive:
+            del self._drives[drive.robot]
+        if not self._leases.release(drive.robot, drive.lease_id) or drive.lost:
+            return
+        command = link_pb2.Command(release_lease=link_pb2.ReleaseLease(lease_id=drive.lease_id))
+        try:
+            await self._commands.run(drive.robot, command, timeout_s=GRANT_S)
+        except RobotError:
+            drive.lost = True
+
+    def rtt_ms(self, robot_id: str) -> float | None:
+        """The link's last measured round trip."""
+        rtt_s = self._find(robot_id).rtt_s
+        return None if rtt_s is None else rtt_s * 1000
+
+    def on_offline(self, robot_id: str) -> None:
+        """The robot's link is gone, and with it the lease: the agent has stopped the robot by itself."""
+        drive = self._drives.pop(robot_id, None)
+        if drive is not None:
+            drive.lost = True
+            self._leases.release(robot_id, drive.lease_id)
+
+    async def _grant(self, drive: Drive) -> Lease:
+        now_s = self._clock.monotonic_s()
+        lease = self._leases.take(drive.robot, drive.holder, lease_id=drive.lease_id, now_s=now_s)
+        self._drives[drive.robot] = drive
+        grant = link_pb2.GrantLease(lease_id=drive.lease_id, holder=drive.holder, valid_ms=round(LIMITS.lease_s * 1000))
+        try:
+            await self._commands.run(drive.robot, link_pb2.Command(grant_lease=grant), timeout_s=GRANT_S)
+        except BaseException:
+            self._leases.release(drive.robot, drive.lease_id)
+            raise
+        return lease
+
+    def _command(self, drive: Drive, linear: float, angular: float) -> None:
+        view = self._find(drive.robot)
+        name, value = self._message(view, drive.topic, linear, angular)
+        payload, type_hash = self._types.encode(name, value, view.channel_of(drive.topic))
+        drive.seq += 1
+        teleop = link_pb2.Teleop(
+            lease_id=drive.lease_id,
+            seq=drive.seq,
+            sent_ns=self._clock.wall_ns(),
+            topic=drive.topic,
+            type_name=name,
+            type_hash=type_hash,
+            payload=payload,
+        )
+        self._send(drive.robot, link_pb2.GatewayFrame(teleop=teleop))
+
+    def _message(self, view: RobotView, topic: str, linear: float, angular: float) -> tuple[str, dict[str, object]]:
+        twist: dict[str, object] = {"linear": {"x": linear}, "angular": {"z": angular}}
+        channel = view.channel_of(topic)
+        if channel is None or channel.schema_name != TWIST_STAMPED:
+            return TWIST, twist
+        sec, nanosec = divmod(self._clock.wall_ns(), 1_000_000_000)
+        header = {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": "base_link"}
+        return TWIST_STAMPED, {"header": header, "twist": twist}

@@ -1,0 +1,60 @@
+"""The gateway's settings in one table: every field has its default, its flag and one line of help."""
+
+from __future__ import annotations
+
+import ipaddress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from metaros.errors import ConfigError
+
+__all__ = ["DEFAULT_GRPC_PORT", "DEFAULT_HTTP_PORT", "Settings", "default_data_dir", "is_loopback"]
+
+DEFAULT_HTTP_PORT = 8080
+DEFAULT_GRPC_PORT = 8081
+MIB = 1024 * 1024
+
+
+def default_data_dir() -> Path:
+    """Where the gateway keeps its data when nobody says."""
+    return Path.home() / ".metaros" / "gateway"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """Checked when made. A port of None means: the default one, or a free one when that is taken; 0 a free one."""
+
+    host: str = "127.0.0.1"
+    port: int | None = None
+    grpc_port: int | None = None
+    data_dir: Path = field(default_factory=default_data_dir)
+    allow_hosts: tuple[str, ...] = ()
+    allow_origins: tuple[str, ...] = ()
+    retention_days: float = 7.0
+    retention_bytes: int = 4096 * MIB
+    store_queue_bytes: int = 256 * MIB
+    tick_s: float = 0.005
+    actuator_topics: tuple[str, ...] = ("**/cmd_vel",)
+    static_dir: Path = Path(__file__).parent / "static"
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot work, naming the setting."""
+        if not is_loopback(self.host):
+            raise ConfigError(
+                f"--host {self.host}: loopback only until the identity step\n"
+                "Use 127.0.0.1, and reach it from elsewhere through an SSH tunnel."
+            )
+        if self.retention_days <= 0 or self.retention_bytes < MIB:
+            raise ConfigError("--retention-days is more than 0 and --retention-mib at least 1")
+        if not 0.0 <= self.tick_s <= 0.1:
+            raise ConfigError("--tick-ms is 0 to 100")
+
+
+def is_loopback(host: str) -> bool:
+    """True for localhost and the addresses that never leave this machine."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
