@@ -16,7 +16,7 @@ from typer.core import TyperGroup
 from metaros.cli.nouns import NounCommands
 from metaros.errors import MetarosError, UsageError
 
-__all__ = ["build_app", "exit_code", "main"]
+__all__ = ["build_app", "exit_code", "installed_version", "main"]
 
 
 class NounGroup(TyperGroup):
@@ -30,16 +30,27 @@ class NounGroup(TyperGroup):
         """All nouns, in the table's order."""
         return list(self.commands)
 
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Our own page, from the table of nouns."""
+        from metaros.cli.help import help_page
+
+        assert isinstance(self.commands, NounCommands)
+        sys.stdout.write(help_page(self.commands.table.values(), version=installed_version()))
+
+
+def installed_version() -> str:
+    """The version of the distribution, or that there is none."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("metaros")
+    except PackageNotFoundError:
+        return "from a source tree"
+
 
 def _version(value: bool) -> None:
     if value:
-        from importlib.metadata import PackageNotFoundError, version
-
-        try:
-            number = version("metaros")
-        except PackageNotFoundError:
-            number = "(not installed: run from a source tree)"
-        typer.echo(f"metaros {number}")
+        typer.echo(f"metaros {installed_version()}")
         raise typer.Exit
 
 
@@ -51,7 +62,6 @@ def build_app() -> typer.Typer:
         no_args_is_help=True,
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
-        epilog="Start with: metaros up",
     )
     app.callback()(_root)
     return app

@@ -83,7 +83,7 @@ def info(
     if name not in known:
         hint = closest(name, known) or "`metaros node list` shows those there are"
         raise UnavailableError(f"no node {name!r} in the graph\n{hint}")
-    own = [item for item in endpoints if f"{item.namespace.rstrip('/')}/{item.node}" == name]
+    own = [item for item in endpoints if item.node_full_name == name]
     if out.json:
         out.objects({"name": name, **{key: _rows(own, kind) for kind, _, key in SECTIONS}})
         return

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterator, MutableMapping
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 import typer
@@ -19,58 +19,59 @@ import typer
 __all__ = ["NOUNS", "Noun", "NounCommands"]
 
 GROUP = "metaros.cli"
+SYSTEM = "The whole system"
+GRAPH = "The ROS graph, in ros2's grammar"
+ROBOTS = "Robots and data"
+PLUGINS = "Plug-ins"
 
 
 @dataclass(frozen=True, slots=True)
 class Noun:
-    """A top-level command: its name, the module whose `register` makes it, and its panel in the help."""
+    """A top-level command: its name, the module whose `register` makes it, and its line in the help."""
 
     name: str
-    module: str
+    module: str  # empty: it comes by an entry point
     panel: str
+    summary: str
     extra: str = ""  # the extra of the distribution that it needs
 
 
-SYSTEM = "The whole system"
-GRAPH = "The ROS graph (ros2's grammar)"
-ROBOTS = "Robots and data"
-PLUGINS = "Plug-ins"
-
 NOUNS = (
-    Noun("up", "metaros.cli.up", SYSTEM, "up"),
-    Noun("status", "metaros.cli.status", SYSTEM),
-    Noun("doctor", "metaros.cli.doctor", SYSTEM),
-    Noun("topic", "metaros.cli.topic", GRAPH),
-    Noun("node", "metaros.cli.node", GRAPH),
-    Noun("service", "metaros.cli.service", GRAPH),
-    Noun("interface", "metaros.cli.interface", GRAPH),
-    Noun("sim", "metaros.cli.sim", ROBOTS),
-    Noun("play", "metaros.cli.play", ROBOTS),
-    Noun("driver", "metaros.cli.driver", ROBOTS, "drivers"),
-    Noun("router", "metaros.cli.router", SYSTEM),
+    Noun("up", "metaros.cli.up", SYSTEM, "Gateway, dashboard, simulated robots and this machine, in one command"),
+    Noun("status", "metaros.cli.status", SYSTEM, "What runs, on which ports"),
+    Noun("doctor", "metaros.cli.doctor", SYSTEM, "Check every hop; name the one that fails, and the fix"),
+    Noun("router", "metaros.cli.router", SYSTEM, "Host the Zenoh router of this machine"),
+    Noun("agent", "", SYSTEM, "A robot's agent: forward its topics to a gateway", "agent"),
+    Noun("gateway", "", SYSTEM, "The gateway: agents' link, API, dashboard", "gateway"),
+    Noun("topic", "metaros.cli.topic", GRAPH, "list, info, echo, hz, bw, pub"),
+    Noun("node", "metaros.cli.node", GRAPH, "list, info"),
+    Noun("service", "metaros.cli.service", GRAPH, "list, call"),
+    Noun("interface", "metaros.cli.interface", GRAPH, "list, show: message, service and action types"),
+    Noun("sim", "metaros.cli.sim", ROBOTS, "Simulated robots in a small warehouse"),
+    Noun("play", "metaros.cli.play", ROBOTS, "Replay a real robot's log as live topics"),
+    Noun("driver", "metaros.cli.driver", ROBOTS, "list, run: cameras and other devices", "drivers"),
 )
-
-# What our own distribution brings by entry points: where it stands in the help, and what it needs.
-OWN_PLUGINS = {"agent": Noun("agent", "", SYSTEM, "agent"), "gateway": Noun("gateway", "", SYSTEM, "gateway")}
-
-ORDER = ("up", "status", "doctor", "router", "agent", "gateway")
 
 
 class NounCommands(MutableMapping[str, Any]):
     """Name to click command, each made at its first use."""
 
     def __init__(self) -> None:
-        self._loaders: dict[str, Callable[[], Any]] = {}
         self._made: dict[str, Any] = {}
+        self._loaders: dict[str, Callable[[], Any]] = {}
+        self.table: dict[str, Noun] = {}  # for the help, which loads nothing
         found = {point.name: point for point in entry_points(group=GROUP)}
-        own = {noun.name: noun for noun in NOUNS}
-        names = [*ORDER, *own, *found]
-        for name in dict.fromkeys(names):
-            if name in own:
-                self._loaders[name] = partial(_make, own[name], partial(_own_register, own[name]))
-            elif name in found:
-                noun = OWN_PLUGINS.get(name, Noun(name, found[name].value, PLUGINS))
-                self._loaders[name] = partial(_make, noun, found[name].load)
+        for noun in NOUNS:
+            if noun.module or noun.name in found:
+                self._add(noun, found.get(noun.name))
+        for point in found.values():
+            if point.name not in self.table:
+                self._add(Noun(point.name, "", PLUGINS, f"from {point.value.split(':')[0]}"), point)
+
+    def _add(self, noun: Noun, point: EntryPoint | None) -> None:
+        load = partial(_own_register, noun) if noun.module or point is None else point.load
+        self.table[noun.name] = noun
+        self._loaders[noun.name] = partial(_make, noun, load)
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._made:
@@ -104,25 +105,20 @@ def _make(noun: Noun, load: Callable[[], Any]) -> Any:
     app.callback()(lambda: None)  # so that one command stays a command with a name
     try:
         load()(app)
-        command: Any = typer.main.get_group(app).commands[noun.name]
+        return typer.main.get_group(app).commands[noun.name]
     except Exception as error:  # any fault of a plug-in is that noun's fault only
-        command = _broken(noun, error)
-    command.rich_help_panel = noun.panel
-    return command
+        return _broken(noun, error)
 
 
 def _broken(noun: Noun, error: Exception) -> Any:
     """A command that says in one line why the noun is missing."""
     reason = _reason(noun, error)
     app = typer.Typer(add_completion=False)
+    settings = {"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []}
 
-    @app.command(
-        noun.name,
-        help=f"Not available: {reason}.",
-        context_settings={"ignore_unknown_options": True, "allow_extra_args": True, "help_option_names": []},
-    )
+    @app.command(noun.name, help=noun.summary, context_settings=settings)
     def unavailable() -> None:
-        sys.stderr.write(f"metaros {noun.name} is not available: {reason}\n")
+        sys.stderr.write(f"error: metaros {noun.name} is not available: {reason}\n")
         raise typer.Exit(2)
 
     return typer.main.get_command(app)

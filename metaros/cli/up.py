@@ -1,0 +1,72 @@
+"""`metaros up`: gateway, dashboard, simulated robots and this machine, all from one command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from metaros.cli.options import Domain
+
+__all__ = ["register"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the noun."""
+    app.command("up")(up)
+
+
+def up(
+    robots: Annotated[int, typer.Option("--robots", "-n", min=0, max=50, help="Simulated robots.")] = 3,
+    port: Annotated[
+        int | None, typer.Option("--port", "-p", min=1, max=65535, help="Dashboard and API.  [default: 8080]")
+    ] = None,
+    grpc_port: Annotated[
+        int | None, typer.Option("--grpc-port", min=1, max=65535, help="The agents' link.  [default: 8081]")
+    ] = None,
+    zenoh_port: Annotated[
+        int | None,
+        typer.Option("--zenoh-port", min=1, max=65535, envvar="METAROS_ZENOH_PORT", help="Router.  [default: 7447]"),
+    ] = None,
+    host: Annotated[str, typer.Option("--host", help="Address of dashboard and API.")] = "127.0.0.1",
+    data_dir: Annotated[
+        Path | None, typer.Option("--data-dir", help="Where data and logs are kept.  [default: the user's data folder]")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of the simulation.")] = 1,
+    this_host: Annotated[bool, typer.Option("--this-host/--no-host", help="This machine as a robot too.")] = True,
+    camera: Annotated[
+        str, typer.Option("--camera", metavar="SOURCE", help="A camera of this machine: 0, a file, rtsp://…, test.")
+    ] = "",
+    domain: Domain = 0,
+) -> None:
+    """Start everything on this machine and stay until Ctrl-C.
+
+    A default port in use moves to a free one; a port that you name and that is in use is an error.
+    """
+    import asyncio
+
+    from metaros.cli.extras import require
+    from metaros.cli.main import installed_version
+    from metaros.cli.up_decide import UpOptions
+    from metaros.cli.up_run import run
+    from metaros.cli.up_screen import Screen
+    from metaros.clock import SystemClock, system_rng
+
+    require("agent", "gateway")
+    clock = SystemClock()
+    screen = Screen(clock=clock)
+    screen.title(installed_version())
+    options = UpOptions(
+        host=host,
+        port=port,
+        grpc_port=grpc_port,
+        zenoh_port=zenoh_port,
+        domain=domain,
+        robots=robots,
+        data_dir=data_dir.resolve() if data_dir else None,
+        seed=seed,
+        host_robot=this_host,
+        camera=camera,
+    )
+    asyncio.run(run(options, screen, clock=clock, rng=system_rng()))

@@ -1,0 +1,121 @@
+"""What `metaros up` decides before it starts anything: ports, router, robot numbers, and the claim on them."""
+
+from __future__ import annotations
+
+import os
+import socket
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from metaros.cli.instance import DataDir, Instance, running_instances
+from metaros.cli.options import DEFAULT_ZENOH_PORT
+from metaros.cli.up_plan import Plan, first_free_robot, host_robot_name
+from metaros.cli.up_ports import PortChoice, choose_port, port_owner
+from metaros.clock import Clock
+from metaros.errors import ConfigError, UnavailableError
+
+if TYPE_CHECKING:
+    from metaros.cli.up_screen import Screen
+
+__all__ = ["UpOptions", "claim", "decide"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UpOptions:
+    """What the user asked for; None is "not said"."""
+
+    host: str = "127.0.0.1"
+    port: int | None = None
+    grpc_port: int | None = None
+    zenoh_port: int | None = None
+    domain: int = 0
+    robots: int = 3
+    data_dir: Path | None = None
+    seed: int = 1
+    host_robot: bool = True
+    camera: str = ""
+
+
+def decide(options: UpOptions, data: DataDir, screen: Screen) -> Plan:
+    """Choose ports and robot numbers that nobody has; called under the claim lock."""
+    others = running_instances()
+    taken = [port for other in others for port in (other.http_port, other.grpc_port)]
+    http = choose_port("dashboard", options.port, 8080, host=options.host, taken=taken)
+    grpc = choose_port("agents' link", options.grpc_port, 8081, taken=[*taken, http.port])
+    for what, choice in (("the dashboard", http), ("the agents' link", grpc)):
+        _say_moved(screen, what, choice)
+    zenoh_port, own_router = _router(options, others, screen)
+    names = [name for other in others if other.zenoh_port == zenoh_port for name in other.robots]
+    graph = [] if own_router else _graph_names(zenoh_port, options.domain)
+    simulated = first_free_robot([*names, *graph])
+    if simulated > 1 and options.robots:
+        screen.note(f"sim_1 to sim_{simulated - 1} exist already: this instance's robots start at sim_{simulated}")
+    return Plan(
+        host=options.host,
+        http_port=http.port,
+        grpc_port=grpc.port,
+        zenoh_port=zenoh_port,
+        domain=options.domain,
+        own_router=own_router,
+        data_dir=data.path,
+        robots=options.robots,
+        first_robot=simulated,
+        seed=options.seed,
+        host_robot=host_robot_name(socket.gethostname()) if options.host_robot else "",
+        host_metrics="/host/cpu" not in graph,
+        camera=options.camera,
+    )
+
+
+def _say_moved(screen: Screen, what: str, choice: PortChoice) -> None:
+    if choice.moved:
+        screen.note(f"port {choice.wanted} is in use by {choice.owner}: {what} moves to {choice.port}")
+
+
+def _router(options: UpOptions, others: list[Instance], screen: Screen) -> tuple[int, bool]:
+    """The Zenoh port, and whether we host the router there: a router that exists is joined, never doubled."""
+    from metaros.wire.router import probe
+
+    wanted = options.zenoh_port or DEFAULT_ZENOH_PORT
+    state = probe(wanted)
+    if state == "zenoh" or any(other.zenoh_port == wanted for other in others):
+        screen.note(f"a Zenoh router runs already on port {wanted}: joining it")
+        return wanted, False
+    if state == "free":
+        return wanted, True
+    owner = port_owner(wanted)
+    if options.zenoh_port is not None:
+        raise ConfigError(f"port {wanted} (Zenoh) is in use by {owner}, which is no Zenoh router")
+    choice = choose_port("Zenoh", None, wanted, taken=[other.zenoh_port for other in others])
+    screen.note(f"port {wanted} is in use by {owner}, no Zenoh router: ours moves to {choice.port}")
+    return choice.port, True
+
+
+def _graph_names(zenoh_port: int, domain: int) -> list[str]:
+    """Namespaces and topics on the router that we join."""
+    from metaros.cli.connection import connect
+
+    try:
+        with connect(zenoh_port, domain, spin_time=1.0) as context:
+            return [*(node.namespace for node in context.graph.nodes()), *context.graph.topics()]
+    except UnavailableError:  # claimed by an instance that is still starting
+        return []
+
+
+def claim(plan: Plan, clock: Clock) -> Instance:
+    """What other instances are to leave alone."""
+    return Instance(
+        pid=os.getpid(),
+        state="starting",
+        url=plan.url,
+        host=plan.host,
+        http_port=plan.http_port,
+        grpc_port=plan.grpc_port,
+        zenoh_port=plan.zenoh_port,
+        domain=plan.domain,
+        own_router=plan.own_router,
+        robots=plan.robot_names,
+        data_dir=str(plan.data_dir),
+        started_ns=clock.wall_ns(),
+    )

@@ -1,0 +1,179 @@
+"""`metaros up` at work: decide, start in stages, wait until all answers, watch, stop.
+
+One event loop; the supervisor's events and the signals arrive on it. Every wait ends early when the user asks to stop
+or when a process cannot be kept alive.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+from collections import Counter
+from collections.abc import Callable, Coroutine
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from metaros.cli import instance, up_ready
+from metaros.cli.instance import Instance, StateFile
+from metaros.cli.up_decide import UpOptions, claim, decide
+from metaros.cli.up_plan import Plan, launches
+from metaros.clock import Clock
+from metaros.errors import PeerError, UnavailableError
+from metaros.supervise import Event, EventKind, Supervisor
+
+if TYPE_CHECKING:
+    from random import Random  # noqa: TID251  (the type of an argument)
+
+    from metaros.cli.up_screen import Screen
+
+__all__ = ["run"]
+
+START_TIMEOUT_S = 60.0
+STOP_GRACE_S = 4.0
+GIVE_UP_AFTER = 3  # a process that dies so often before all is ready will not get there
+
+
+class StopAskedError(PeerError):
+    """The user asked to stop before all was ready."""
+
+    code = "stopped"
+
+
+async def run(options: UpOptions, screen: Screen, *, clock: Clock, rng: Random) -> None:
+    """Start everything, stay until asked to stop, leave nothing behind."""
+    data = instance.open_data_dir(options.data_dir)
+    if data.note:
+        screen.note(data.note)
+    state = StateFile()
+    try:
+        with instance.claim_lock():
+            plan = decide(options, data, screen)
+            claimed = claim(plan, clock)
+            state.write(claimed)
+        await _Up(plan, claimed, state, screen, clock=clock, rng=rng).run()
+    finally:
+        state.close()
+        data.lock.close()
+
+
+class _Up:
+    """One run: its supervisor, what it has told the screen, and what went wrong."""
+
+    def __init__(
+        self, plan: Plan, claim: Instance, state: StateFile, screen: Screen, *, clock: Clock, rng: Random
+    ) -> None:
+        self._plan = plan
+        self._claim = claim
+        self._state = state
+        self._screen = screen
+        self._clock = clock
+        self._rows = {row.name: row for row in launches(plan)}
+        self._stop = asyncio.Event()
+        self._broken = asyncio.Event()
+        self._broken_name = ""
+        self._ready = False
+        self._deaths: Counter[str] = Counter()
+        self._supervisor = Supervisor(clock=clock, rng=rng, on_event=self._on_event)
+
+    async def run(self) -> None:
+        """The whole life."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, self._ask_stop)
+        began = self._clock.monotonic_s()
+        try:
+            await self._start()
+            self._ready = True
+            self._save("ready")
+            self._screen.ready(self._plan, self._clock.monotonic_s() - began)
+            await self._stop.wait()
+        except StopAskedError:
+            pass
+        finally:
+            await self._end()
+
+    def _ask_stop(self) -> None:
+        self._stop.set()
+
+    async def _end(self) -> None:
+        self._ready = False
+        self._save("stopping")
+        self._screen.stopping()
+        await self._supervisor.stop(grace_s=STOP_GRACE_S)
+        self._screen.stopped()
+
+    async def _start(self) -> None:
+        plan = self._plan
+        for path in (plan.data_dir / "run").glob("*.json"):
+            path.unlink()
+        if plan.own_router:
+            self._supervisor.start([self._rows["router"]])
+        self._supervisor.start([self._rows["gateway"]])
+        if plan.own_router:
+            await self._step("router", lambda: up_ready.ready_file(plan.status_file("router")))
+        await self._step("gateway", self._gateway_ready)
+        self._supervisor.start([row for name, row in self._rows.items() if name not in ("router", "gateway")])
+        if plan.robots:
+            await self._step("simulator", lambda: up_ready.ready_file(plan.status_file("sim")))
+        if plan.robot_names:
+            await self._step("robots", self._all_online)
+
+    def _gateway_ready(self) -> bool:
+        status, _ = up_ready.get_json(self._plan.http_port, "/readyz", host=self._host)
+        return status == 200
+
+    def _all_online(self) -> bool:
+        online = up_ready.robots_online(self._plan.http_port, host=self._host) & set(self._plan.robot_names)
+        self._screen.progress("robots", f"{len(online)} of {len(self._plan.robot_names)} online")
+        return len(online) == len(self._plan.robot_names)
+
+    @property
+    def _host(self) -> str:
+        return "127.0.0.1" if self._plan.host in ("0.0.0.0", "::") else self._plan.host
+
+    async def _step(self, what: str, condition: Callable[[], bool]) -> None:
+        """Wait for one thing; a stop request or a broken process ends the wait."""
+        self._screen.begin(what)
+        try:
+            await self._first(up_ready.wait_for(condition, timeout_s=START_TIMEOUT_S))
+        except TimeoutError:
+            raise UnavailableError(f"{what} not ready after {START_TIMEOUT_S:.0f} s\n{self._log_hint()}") from None
+        self._screen.done(what)
+
+    async def _first(self, wait: Coroutine[Any, Any, Any]) -> None:
+        tasks = [asyncio.create_task(task) for task in (wait, self._stop.wait(), self._broken.wait())]
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in tasks[1:]:
+                task.cancel()
+            if not tasks[0].done():
+                tasks[0].cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+        if self._stop.is_set():
+            raise StopAskedError("asked to stop")
+        if self._broken.is_set():
+            tail = "\n".join(f"  {line}" for line in self._supervisor.tail(self._broken_name)[-8:])
+            raise UnavailableError(f"{self._broken_name} does not stay up\n{tail}\n{self._log_hint()}")
+        tasks[0].result()
+
+    def _log_hint(self) -> str:
+        return f"logs: {self._plan.log_dir}"
+
+    def _on_event(self, event: Event) -> None:
+        if event.kind is EventKind.EXITED and not self._ready:
+            self._deaths[event.name] += 1
+        gone = event.kind is EventKind.ENDED or self._deaths[event.name] >= GIVE_UP_AFTER
+        if gone and not self._ready and not self._broken.is_set():
+            self._broken_name = event.name
+            self._broken.set()
+        self._screen.event(event, ready=self._ready)
+        if self._ready:
+            self._save("ready")
+
+    def _save(self, state: str) -> None:
+        rows: tuple[dict[str, object], ...] = tuple(
+            {"name": row.name, "state": row.state, "pid": row.pid, "restarts": row.restarts, "last_exit": row.last_exit}
+            for row in self._supervisor.status()
+        )
+        self._state.write(replace(self._claim, state=state, processes=rows))
