@@ -72,11 +72,9 @@ def load_settings(path: Path | None = None, overrides: Mapping[str, Any] | None 
     for key in table:
         if key not in known:
             raise ConfigError(f"{where}: unknown key {key!r}; known are {', '.join(sorted(known))}")
-    values = {
-        key: convert(key, value, where) for key, value in table.items() if key not in ("topics", "default_topics")
-    }
-    rules = topic_rules(table.get("topics", []), where)
-    defaults = expect(table.get("default_topics", True), bool, "default_topics", where)
+    rules = topic_rules(table.pop("topics", []), where)
+    defaults = expect(table.pop("default_topics", True), bool, "default_topics", where)
+    values = {key: convert(key, value, where) for key, value in table.items()}
     values["topics"] = (*rules, *(DEFAULT_TOPICS if defaults else ()))
     for key, value in (overrides or {}).items():
         if value is not None:

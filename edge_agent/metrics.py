@@ -80,7 +80,7 @@ class HostReader:
 
     def temperature(self) -> Reading:
         """All sensors; `celsius` is the hottest, NaN where the machine has none."""
-        sensors = getattr(psutil, "sensors_temperatures", dict)()
+        sensors: dict[str, list[Any]] = getattr(psutil, "sensors_temperatures", dict)()
         found = {
             f"{chip}/{entry.label or index}": entry.current
             for chip, entries in sensors.items()
@@ -126,17 +126,17 @@ async def publish_host(node: Node, channels: Iterable[Channel], clock: Clock) ->
     """Publish every host topic once a second until cancelled."""
     reader = HostReader(clock)
     publishers = {
-        item.topic: node.create_publisher(message_class(item.type_name), item.topic, qos_default)
-        for item in HOST_TOPICS
+        topic: node.create_publisher(message_class(type_name), topic, qos_default)
+        for topic, type_name in [*((item.topic, item.type_name) for item in HOST_TOPICS), (RATES_TOPIC, RATES_TYPE)]
     }
-    rates = node.create_publisher(message_class(RATES_TYPE), RATES_TOPIC, qos_default)
     before: dict[int, tuple[int, int]] = {}
     while True:
         await asyncio.sleep(PERIOD_S)
         readings = await asyncio.to_thread(lambda: [(item, item.read(reader)) for item in HOST_TOPICS])
         for item, fields in readings:
             publishers[item.topic].publish(message_class(item.type_name)(stamp=stamp(clock), **fields))
-        rates.publish(message_class(RATES_TYPE)(stamp=stamp(clock), topics=topic_rates(channels, before)))
+        rates = message_class(RATES_TYPE)(stamp=stamp(clock), topics=topic_rates(channels, before))
+        publishers[RATES_TOPIC].publish(rates)
 
 
 def topic_rates(channels: Iterable[Channel], before: dict[int, tuple[int, int]]) -> list[Any]:

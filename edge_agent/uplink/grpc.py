@@ -84,7 +84,7 @@ class GrpcUplink:
     async def _run_session(self, session: AgentSession) -> None:
         """Open both lanes and run them; always raises, with the first reason."""
         channels: list[grpc.aio.Channel] = []
-        calls: dict[int, Any] = {}
+        calls: dict[link_pb2.Lane, Any] = {}
         try:
             for lane in LANES:
                 channels.append(grpc.aio.insecure_channel(self._target, options=OPTIONS))
@@ -99,7 +99,7 @@ class GrpcUplink:
             for channel in channels:
                 await channel.close()
 
-    async def _run_lanes(self, session: AgentSession, calls: dict[int, Any]) -> None:
+    async def _run_lanes(self, session: AgentSession, calls: dict[link_pb2.Lane, Any]) -> None:
         try:
             async with asyncio.TaskGroup() as group:
                 for lane, call in calls.items():

@@ -16,7 +16,7 @@ Run = Callable[[Context, str, Mapping[str, str]], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Driver:
-    """A kind of driver: its package (with a manifest.toml) has a `node` module with `run(context, namespace, params)`."""
+    """A kind of driver: its package has a manifest.toml and a `node` module with `run(context, namespace, params)`."""
 
     kind: str
     package: str

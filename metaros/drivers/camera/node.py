@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import threading
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 from metaros.clock import Clock
 from metaros.drivers.camera.parameters import CameraParameters, read_parameters
 from metaros.drivers.camera.source import Image, Source, open_source
-from metaros.errors import ClosedError, MetarosError, UnavailableError
+from metaros.errors import ClosedError, ConfigError, UnavailableError
 from metaros.idl import message_class
 from metaros.node import Context, Node
 from metaros.wire import qos_sensor_data
@@ -103,9 +104,10 @@ def encode_jpeg(image: Image, parameters: CameraParameters) -> bytes:
     """The image, scaled to the parameters' size, as JPEG."""
     import cv2
 
+    scaled: Any = image
     if image.shape[:2] != (parameters.height, parameters.width):
-        image = cv2.resize(image, (parameters.width, parameters.height), interpolation=cv2.INTER_AREA)
-    good, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, parameters.quality])
+        scaled = cv2.resize(image, (parameters.width, parameters.height), interpolation=cv2.INTER_AREA)
+    good, data = cv2.imencode(".jpg", scaled, [cv2.IMWRITE_JPEG_QUALITY, parameters.quality])
     if not good:
         raise UnavailableError("OpenCV could not encode the image")
     return bytes(data)
@@ -113,10 +115,10 @@ def encode_jpeg(image: Image, parameters: CameraParameters) -> bytes:
 
 def run(context: Context, namespace: str, params: Mapping[str, str]) -> None:
     """Run a camera until Ctrl-C or the context's close."""
-    try:
-        camera = CameraNode(context, read_parameters(params), namespace=namespace)
-    except ModuleNotFoundError as error:
-        raise MetarosError("the camera needs OpenCV: pip install 'metaros[drivers]'") from error
+    parameters = read_parameters(params)
+    if importlib.util.find_spec("cv2") is None:
+        raise ConfigError("the camera needs OpenCV: install metaros with its extra `drivers`")
+    camera = CameraNode(context, parameters, namespace=namespace)
     try:
         while not camera.wait(0.2):
             pass
