@@ -7,6 +7,7 @@ that the number of robots or a missing camera does not change anybody's luck.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -27,6 +28,7 @@ RATE_HZ = 50
 STEP_S = 1.0 / RATE_HZ
 _LOW_CHARGE = 0.15
 _SWAP_AFTER_S = 30.0
+_KEPT_EVENTS = 256  # of a robot whose events nobody drains; the oldest go
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,7 @@ class SimRobot:
         self.lidar = Lidar(senses)
         self.imu = Imu(self.body, senses)
         self.faults: set[str] = set()
-        self.events: list[Event] = []
+        self.events: deque[Event] = deque(maxlen=_KEPT_EVENTS)
         self.scanned = False
         self._low = False
         self._empty_s = 0.0

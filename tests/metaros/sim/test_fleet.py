@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -186,5 +187,5 @@ def test_bad_settings_are_refused(options: dict[str, object]) -> None:
 def test_due_is_exact_and_even(rate_hz: int, most: int) -> None:
     ticks = [tick for tick in range(500) if due(rate_hz, tick)]
     assert len(ticks) == rate_hz * 10
-    gaps = {b - a for a, b in zip(ticks, ticks[1:], strict=False)}
+    gaps = {b - a for a, b in pairwise(ticks)}
     assert max(gaps) - min(gaps) <= most
