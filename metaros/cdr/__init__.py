@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 from metaros.cdr.codec import Codec, codec
+from metaros.cdr.reader import field_reader
 
-__all__ = ["Codec", "codec"]
+__all__ = ["Codec", "codec", "field_reader"]

@@ -7,7 +7,7 @@ from typing import Any
 
 from metaros.cdr.decoder import DECODE_ERRORS, build_fast_decoder, build_general_decoder
 from metaros.cdr.encoder import build_encoder
-from metaros.cdr.layout import HEADER_BYTES, check_size
+from metaros.cdr.layout import HEADER_BYTES, Order, check_size
 from metaros.cdr.reference import ReferenceDecoder, ReferenceEncoder
 from metaros.errors import DecodeError, DefinitionError
 from metaros.idl import Catalogue, default_catalogue, type_hash
@@ -17,7 +17,7 @@ __all__ = ["Codec", "Readable", "codec", "split_header"]
 Readable = bytes | bytearray | memoryview
 
 _LITTLE_HEADER = b"\0\1\0\0"
-_ORDERS = {b"\0\0": ">", b"\0\1": "<"}
+_ORDERS: dict[bytes, Order] = {b"\0\0": ">", b"\0\1": "<"}
 
 
 def codec(name_or_class: str | type[Any], catalogue: Catalogue | None = None) -> Codec:
@@ -83,14 +83,14 @@ class Codec:
                 raise DecodeError(f"{self.name}: {error}") from None
             raise DecodeError(f"{self.name}: malformed CDR") from None
 
-    def _decoder(self, order: str, errors: str) -> Callable[[memoryview], Any]:
+    def _decoder(self, order: Order, errors: str) -> Callable[[memoryview], Any]:
         key = (order, errors)
         if key not in self._general:
             self._general[key] = build_general_decoder(self.name, self._catalogue, order=order, errors=errors)
         return self._general[key]
 
 
-def split_header(data: Readable) -> tuple[str, memoryview]:
+def split_header(data: Readable) -> tuple[Order, memoryview]:
     """The byte order ("<" or ">") and the body of CDR bytes, or `DecodeError`."""
     try:
         view = memoryview(data).cast("B").toreadonly()

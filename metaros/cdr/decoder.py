@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from metaros.cdr.layout import CODES, HEADER_BYTES, size_of
+from metaros.cdr.layout import CODES, HEADER_BYTES, Order, size_of
 from metaros.cdr.layout import Position as Known
 from metaros.cdr.source import Source
 from metaros.cdr.wide import decode_wide
@@ -45,7 +45,7 @@ def build_fast_decoder(name: str, catalogue: Catalogue, other: Callable[[Any], A
     return decoder.build(catalogue.message(name), head, [f"  except _errors: return _other({data})"])
 
 
-def build_general_decoder(name: str, catalogue: Catalogue, *, order: str, errors: str) -> Callable[[memoryview], Any]:
+def build_general_decoder(name: str, catalogue: Catalogue, *, order: Order, errors: str) -> Callable[[memoryview], Any]:
     """A function from the body (without header) to a message; `errors` is how text that is not UTF-8 is taken."""
     decoder = _Decoder(catalogue, base=0, order=order, general=True)
     decoder.scope |= {"_frombuffer": _reader(order), "_fixed": _reader(order), "_mode": errors, "_str": str}
@@ -53,7 +53,7 @@ def build_general_decoder(name: str, catalogue: Catalogue, *, order: str, errors
 
 
 class _Decoder(Source):
-    def __init__(self, catalogue: Catalogue, *, base: int, order: str = "<", general: bool = False) -> None:
+    def __init__(self, catalogue: Catalogue, *, base: int, order: Order = "<", general: bool = False) -> None:
         super().__init__(catalogue, order=order)
         self.base = base  # where the body starts in `b`
         self.general = general
@@ -259,13 +259,13 @@ def _has_wide_sequence(name: str, catalogue: Catalogue) -> bool:
     for part in (name, *catalogue.dependencies(name)):
         for field in catalogue.message(part).fields:
             kind = field.type
-            if kind.array and kind.base in DTYPES and size_of(kind.base) == 8:
-                if kind.is_sequence or 8 * kind.capacity > _INLINE_ARRAY_BYTES:
-                    return True
+            wide = kind.array and kind.base in DTYPES and size_of(kind.base) == 8
+            if wide and (kind.is_sequence or 8 * kind.capacity > _INLINE_ARRAY_BYTES):
+                return True
     return False
 
 
-def _reader(order: str) -> Callable[..., Any]:
+def _reader(order: Order) -> Callable[..., Any]:
     def read(data: Any, dtype: np.dtype[Any], count: int = -1, offset: int = 0) -> Any:
         values = np.frombuffer(data, dtype.newbyteorder(order), count, offset)
         return values if values.dtype == dtype and values.flags.aligned else values.astype(dtype)

@@ -162,6 +162,8 @@ class _Encoder(Source):
         kind = field.type
         items = self.fresh("v")
         self.line(f"{items} = {value}")
+        if kind.is_string:
+            self.line(f"if type({items}) is str: _bad()")
         if kind.array == "fixed":
             self.line(f"if len({items}) != {kind.capacity}: _bad()")
         else:

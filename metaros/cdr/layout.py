@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 from metaros.errors import DefinitionError
 from metaros.idl import Catalogue, FieldType
 
-__all__ = ["CODES", "HEADER_BYTES", "Position", "check_size", "size_of"]
+__all__ = ["CODES", "HEADER_BYTES", "Order", "Position", "check_size", "size_of"]
 
 HEADER_BYTES = 4
+Order: TypeAlias = Literal["<", ">"]
 MAX_INLINED_FIELDS = 20_000
 MAX_DEPTH = 32
 

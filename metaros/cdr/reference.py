@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from metaros.cdr.layout import CODES, size_of
+from metaros.cdr.layout import CODES, Order, size_of
 from metaros.cdr.wide import decode_wide, encode_wide
 from metaros.errors import DecodeError, FieldError
 from metaros.idl import Catalogue, FieldType, MessageDefinition, message_class
@@ -104,7 +104,7 @@ class ReferenceEncoder:
 class ReferenceDecoder:
     """Reads values from a body; `DecodeError` names the path where it ends or makes no sense."""
 
-    def __init__(self, catalogue: Catalogue, body: memoryview, *, order: str) -> None:
+    def __init__(self, catalogue: Catalogue, body: memoryview, *, order: Order) -> None:
         self.catalogue = catalogue
         self.body = body
         self.order = order

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from metaros.cdr.layout import Position
+from metaros.cdr.layout import Order, Position
 from metaros.idl import Catalogue
 
 __all__ = ["Source"]
@@ -19,7 +19,7 @@ class Source:
     `flush` (of the subclass) turns it into code. `position` is what is known of the alignment.
     """
 
-    def __init__(self, catalogue: Catalogue, *, order: str = "<") -> None:
+    def __init__(self, catalogue: Catalogue, *, order: Order = "<") -> None:
         self.catalogue = catalogue
         self.order = order
         self.lines: list[str] = []

@@ -83,9 +83,7 @@ def _action_parts(action: ActionDefinition) -> Iterator[Definition]:
     send = ServiceDefinition(
         f"{name}_SendGoal",
         MessageDefinition(f"{name}_SendGoal_Request", (_GOAL_ID, Field("goal", FieldType(action.goal.name)))),
-        MessageDefinition(
-            f"{name}_SendGoal_Response", (Field("accepted", FieldType("bool")), Field("stamp", _TIME))
-        ),
+        MessageDefinition(f"{name}_SendGoal_Response", (Field("accepted", FieldType("bool")), Field("stamp", _TIME))),
     )
     result = ServiceDefinition(
         f"{name}_GetResult",
@@ -98,6 +96,4 @@ def _action_parts(action: ActionDefinition) -> Iterator[Definition]:
     for service in (send, result):
         yield service
         yield from derived_definitions(service).values()
-    yield MessageDefinition(
-        f"{name}_FeedbackMessage", (_GOAL_ID, Field("feedback", FieldType(action.feedback.name)))
-    )
+    yield MessageDefinition(f"{name}_FeedbackMessage", (_GOAL_ID, Field("feedback", FieldType(action.feedback.name))))

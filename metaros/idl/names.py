@@ -60,4 +60,6 @@ def _check(name: object, what: str) -> None:
     if not isinstance(name, str) or not name:
         raise NameError_(f"a {what} is a text of at least one character, not {name!r}")
     if len(name) > LIMITS.ros_name_chars:
-        raise NameError_(f"the {what} {name[:40]}… has {len(name)} characters, at most {LIMITS.ros_name_chars} are allowed")
+        raise NameError_(
+            f"the {what} {name[:40]}… has {len(name)} characters, at most {LIMITS.ros_name_chars} are allowed"
+        )

@@ -62,7 +62,9 @@ def _parts(text: str, name: str, *, kind: str, suffixes: tuple[str, ...]) -> lis
     if not match or (match[2] != kind and kind != "msg"):
         raise DefinitionError(f"{name!r} is no name of a {kind}: it must look like package/{kind}/Name")
     if len(text) > MAX_TEXT_CHARS:
-        raise DefinitionError(f"{name}: the definition has {len(text)} characters, at most {MAX_TEXT_CHARS} are allowed")
+        raise DefinitionError(
+            f"{name}: the definition has {len(text)} characters, at most {MAX_TEXT_CHARS} are allowed"
+        )
     parts: list[list[tuple[int, str]]] = [[]]
     for number, line in enumerate(text.splitlines(), start=1):
         if line.strip() == "---":
@@ -189,4 +191,6 @@ def _check_value(field_type: FieldType, value: bool | int | float | str) -> None
         if math.isfinite(value) and abs(value) > 3.4028235677973366e38:
             raise DefinitionError(f"{value} does not fit float32")
     elif field_type.string_bound and isinstance(value, str) and len(value) > field_type.string_bound:
-        raise DefinitionError(f"the default text has {len(value)} characters, at most {field_type.string_bound} are allowed")
+        raise DefinitionError(
+            f"the default text has {len(value)} characters, at most {field_type.string_bound} are allowed"
+        )

@@ -52,7 +52,9 @@ def _schema(name: str, catalogue: Catalogue) -> str:
 
 
 def _message_text(definition: MessageDefinition) -> str:
-    lines = [f"{item.type.text()} {item.name}={format_literal(item.type.base, item.value)}" for item in definition.constants]
+    lines = [
+        f"{item.type.text()} {item.name}={format_literal(item.type.base, item.value)}" for item in definition.constants
+    ]
     lines += [_field_text(field) for field in definition.fields]
     return "".join(f"{line}\n" for line in lines)
 
@@ -69,7 +71,9 @@ def _sections(name: str, text: str) -> list[tuple[str, str]]:
         if len(line) >= 3 and not line.strip("="):
             title = next(lines, "")
             if not title.startswith("MSG: "):
-                raise DefinitionError(f"the schema of {name}: expected `MSG: package/Name` after the ===, found {title[:60]!r}")
+                raise DefinitionError(
+                    f"the schema of {name}: expected `MSG: package/Name` after the ===, found {title[:60]!r}"
+                )
             sections.append((_full_name(title[5:].strip()), []))
         else:
             sections[-1][1].append(line)
