@@ -46,4 +46,3 @@ def _lines(nouns: list[Noun], version: str, styled: bool) -> Iterator[str]:
         yield f"    {style(option.ljust(24), '36')}{text}"
     yield ""
     yield f"  {style('Start with', '2')}  metaros up"
-    yield ""

@@ -1,0 +1,119 @@
+"""The launch table, pure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from metaros.cli.up_plan import Plan, first_free_robot, host_robot_name, launches
+
+
+def plan(**changes: object) -> Plan:
+    """A plan as `metaros up` makes it, with changes."""
+    values: dict[str, object] = {
+        "host": "127.0.0.1",
+        "http_port": 8080,
+        "grpc_port": 8081,
+        "zenoh_port": 7447,
+        "domain": 0,
+        "own_router": True,
+        "data_dir": Path("/data"),
+        "robots": 3,
+        "first_robot": 1,
+        "seed": 1,
+        "host_robot": "desk",
+        "host_metrics": True,
+        "camera": "",
+    }
+    return Plan(**{**values, **changes})  # type: ignore[arg-type]
+
+
+def test_three_robots_and_this_machine() -> None:
+    rows = launches(plan())
+    names = ["router", "gateway", "sim", "agent sim_1", "agent sim_2", "agent sim_3", "agent desk"]
+    assert [row.name for row in rows] == names
+    assert [row.stage for row in rows] == [0, 1, 2, 3, 3, 3, 3]
+    assert plan().robot_names == ("sim_1", "sim_2", "sim_3", "desk")
+
+
+def test_a_joined_router_is_not_started() -> None:
+    assert launches(plan(own_router=False))[0].name == "gateway"
+
+
+def test_no_robots_and_no_host_leave_router_and_gateway() -> None:
+    rows = launches(plan(robots=0, host_robot=""))
+    assert [row.name for row in rows] == ["router", "gateway"]
+
+
+def test_the_second_instance_counts_on() -> None:
+    second = plan(first_robot=4, robots=2)
+    assert second.simulated == ("sim_4", "sim_5")
+    simulator = launches(second)[2].argv
+    assert simulator[simulator.index("--first") + 1] == "4"
+    assert simulator[simulator.index("--robots") + 1] == "2"
+
+
+def test_the_host_leaves_the_simulated_robots_to_their_agents() -> None:
+    host = launches(plan())[-1].argv
+    assert host[host.index("--exclude") + 1] == "/sim_*/**"
+    assert host[host.index("--namespace") + 1] == "/"
+    assert "--host-metrics" in host
+    assert "--no-host-metrics" in launches(plan(host_metrics=False))[-1].argv
+
+
+def test_each_agent_keeps_to_its_namespace_without_host_metrics() -> None:
+    agent = launches(plan())[4].argv
+    assert agent[agent.index("--name") + 1] == "sim_2"
+    assert agent[agent.index("--namespace") + 1] == "/sim_2"
+    assert "--no-host-metrics" in agent
+
+
+def test_a_camera_is_one_more_process() -> None:
+    row = launches(plan(camera="test"))[-1]
+    assert row.name == "camera"
+    assert "source=test" in row.argv
+    assert "camera" not in [row.name for row in launches(plan(camera="test", host_robot=""))]
+
+
+def test_every_process_is_in_the_domain() -> None:
+    assert {row.env["ROS_DOMAIN_ID"] for row in launches(plan(domain=7))} == {"7"}
+
+
+@pytest.mark.parametrize(
+    ("hostname", "name"),
+    [
+        ("desk", "desk"),
+        ("My-Laptop.local", "my_laptop"),
+        ("10-0-0-7", "host_10_0_0_7"),
+        ("sim_1", "host_sim_1"),
+        ("", "host"),
+        ("---", "host"),
+        ("büro", "b_ro"),
+    ],
+)
+def test_a_host_name_becomes_a_robot_name(hostname: str, name: str) -> None:
+    assert host_robot_name(hostname) == name
+
+
+@pytest.mark.parametrize(
+    ("names", "first"),
+    [
+        ([], 1),
+        (["desk", "/", "/host"], 1),
+        (["sim_1", "sim_2", "sim_3"], 4),
+        (["/sim_1", "/sim_7/base"], 8),
+        (["/sim_x", "/simulator", "/other/sim_9"], 1),
+        (["/sim_12/odom"], 13),
+    ],
+)
+def test_numbering_goes_on_after_the_highest(names: list[str], first: int) -> None:
+    assert first_free_robot(names) == first
+
+
+@pytest.mark.parametrize(
+    ("host", "url"),
+    [("127.0.0.1", "http://127.0.0.1:8080"), ("0.0.0.0", "http://127.0.0.1:8080"), ("::1", "http://[::1]:8080")],
+)
+def test_the_url_is_one_that_a_browser_on_this_machine_can_open(host: str, url: str) -> None:
+    assert plan(host=host).url == url
