@@ -18,6 +18,7 @@ from metaros.interfaces.nav_msgs.msg import Odometry
 from metaros.interfaces.std_srvs.srv import Trigger
 
 SIDE_M, SPEED_M_S, TURN_RAD_S, PERIOD_S = 1.0, 0.4, 0.8, 0.1
+PATIENCE = 60  # commands a leg, after which something must be in the way
 
 
 class Square:
@@ -27,6 +28,7 @@ class Square:
         self.done = threading.Event()
         self.pose: tuple[float, float, float] | None = None
         self.start: tuple[float, float, float] | None = None
+        self.sent = 0
         self.legs = ["side", "turn"] * 4
         self.node = metaros.Node("drive_square")
         self.command = self.node.create_publisher(Twist, f"/{robot}/cmd_vel", 10)
@@ -42,9 +44,10 @@ class Square:
             return
         if self.start is None:
             self.start = self.pose
-        if self.leg_is_over():
-            print(f"{self.legs.pop(0)} done at x={self.pose[0]:.2f} y={self.pose[1]:.2f}")
-            self.start = self.pose
+        self.sent += 1
+        if self.leg_is_over() or self.sent > PATIENCE:
+            print(f"{self.legs.pop(0)} ended at x={self.pose[0]:.2f} y={self.pose[1]:.2f}", flush=True)
+            self.start, self.sent = self.pose, 0
         twist = Twist()
         if not self.legs:
             self.done.set()

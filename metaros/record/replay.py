@@ -49,6 +49,7 @@ class _Player:
     def __init__(self, name: str, context: Context) -> None:
         self.name = name
         self.scans = self.odometry = 0
+        self.count = LogCount()
         self._earlier_log_s = 0.0
         self._log_s = 0.0
         self.node = Node("player", namespace=f"/{name}", context=context)
@@ -57,7 +58,7 @@ class _Player:
         self._tf = self.node.create_publisher(TFMessage, "tf", qos_reliable_all)
         self.topics = (self._scan.topic, self._odom.topic, self._tf.topic)
 
-    def send(self, record: Record, count: LogCount, *, log_s: float) -> None:
+    def send(self, record: Record, *, log_s: float) -> None:
         """Publish one record; blocks while readers are full."""
         self._log_s = log_s
         if isinstance(record, LaserLine):
@@ -65,7 +66,7 @@ class _Player:
             self.scans += 1
             return
         self._odom.publish(odometry_message(self.name, record))
-        self._tf.publish(tf_message(self.name, record, laser_x_m=_laser_offset(count)))
+        self._tf.publish(tf_message(self.name, record, laser_x_m=_laser_offset(self.count)))
         self.odometry += 1
 
     def start_round(self) -> None:
@@ -73,8 +74,9 @@ class _Player:
         self._earlier_log_s += self._log_s
         self._log_s = 0.0
 
-    def report(self, count: LogCount) -> PlayReport:
+    def report(self) -> PlayReport:
         """So far."""
+        count = self.count
         return PlayReport(
             scans=self.scans,
             odometry=self.odometry,
@@ -84,6 +86,23 @@ class _Player:
             log_s=self._earlier_log_s + self._log_s,
             complaints=tuple(count.complaints),
         )
+
+
+class _Progress:
+    """Tells the caller how far it is, about twice a second."""
+
+    def __init__(self, tell: Callable[[PlayReport], None], clock: Clock) -> None:
+        self.tell = tell
+        self.clock = clock
+        self._next_s = clock.monotonic_s() + _PROGRESS_S
+
+    def is_due(self) -> bool:
+        """Whether it is time again."""
+        now_s = self.clock.monotonic_s()
+        if now_s < self._next_s:
+            return False
+        self._next_s = now_s + _PROGRESS_S
+        return True
 
 
 def play_carmen(
@@ -106,8 +125,7 @@ def play_carmen(
     """
     names.validate_node(name)
     stop = stop or threading.Event()
-    count = LogCount()
-    progress = on_progress or _ignore
+    progress = _Progress(on_progress or _ignore, context.clock)
     Pace(rate)  # refuses a bad rate before anything is declared
     open_log(path).close()
     player = _Player(name, context)
@@ -115,39 +133,36 @@ def play_carmen(
         _wait_for_subscribers(player, context, wait_subscriber_s, stop)
         while not stop.is_set():
             sent = player.scans + player.odometry
-            _play_once(path, player, count, Pace(rate), limit_s, (context.clock, stop, progress))
+            _play_once(_records(path, player.count), player, Pace(rate), limit_s=limit_s, progress=progress, stop=stop)
             if player.scans + player.odometry == sent and not stop.is_set():
                 raise ConfigError(f"{path}: no FLASER or ODOM line in it: is it a CARMEN log?")
             if not loop:
                 break
             player.start_round()
-    report = player.report(count)
-    progress(report)
+    report = player.report()
+    progress.tell(report)
     return report
 
 
 def _play_once(
-    path: str | Path,
+    records: Iterator[tuple[Record, float]],
     player: _Player,
-    count: LogCount,
     pace: Pace,
+    *,
     limit_s: float | None,
-    ambient: tuple[Clock, threading.Event, Callable[[PlayReport], None]],
+    progress: _Progress,
+    stop: threading.Event,
 ) -> None:
     """One pass through the log, each record at its time."""
-    clock, stop, progress = ambient
-    next_progress_s = clock.monotonic_s() + _PROGRESS_S
-    for record, log_s in _records(path, count):
+    for record, log_s in records:
         if stop.is_set() or (limit_s is not None and log_s > limit_s):
             return
-        now_s = clock.monotonic_s()
-        wait_s = pace.wait_s(log_s, now_s=now_s)
+        wait_s = pace.wait_s(log_s, now_s=progress.clock.monotonic_s())
         if wait_s > 0.0 and stop.wait(wait_s):
             return
-        player.send(record, count, log_s=log_s)
-        if now_s >= next_progress_s:
-            next_progress_s = now_s + _PROGRESS_S
-            progress(player.report(count))
+        player.send(record, log_s=log_s)
+        if progress.is_due():
+            progress.tell(player.report())
 
 
 def _records(path: str | Path, count: LogCount) -> Iterator[tuple[Record, float]]:

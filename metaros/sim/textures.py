@@ -147,7 +147,8 @@ def _blurred(picture: Picture) -> Picture:
     """Averaged over 8 x 8 pixels, so that far surfaces do not flicker."""
     rows, columns = picture.shape[:2]
     small = picture.reshape(rows // 8, 8, columns // 8, 8, 3).mean(axis=(1, 3))
-    return small.repeat(8, axis=0).repeat(8, axis=1).astype(np.uint8)
+    blurred: Picture = small.repeat(8, axis=0).repeat(8, axis=1).astype(np.uint8)
+    return blurred
 
 
 def paint_atlas(world: World) -> Atlas:
