@@ -1,0 +1,68 @@
+/** Typed calls of the gateway's REST interface. Every failure is an ApiError with the server's own words. */
+
+import type { Problem, Robot, SeriesInfo, SeriesRange, Topic } from "./types";
+
+const BASE = "/api/v1";
+
+export class ApiError extends Error {
+  constructor(
+    readonly status: number,
+    readonly code: string,
+    message: string,
+  ) {
+    super(message);
+  }
+}
+
+async function request<T>(path: string, init?: RequestInit): Promise<T> {
+  let response: Response;
+  try {
+    response = await fetch(BASE + path, init);
+  } catch {
+    throw new ApiError(0, "unreachable", "the gateway does not answer");
+  }
+  const body: unknown = await response.json().catch(() => null);
+  if (response.ok) return body as T;
+  const problem = (body ?? {}) as Partial<Problem>;
+  const said = problem.detail || problem.title || `HTTP ${response.status}`;
+  throw new ApiError(response.status, problem.code ?? "http", said);
+}
+
+function post<T>(path: string, body: unknown): Promise<T> {
+  return request(path, {
+    method: "POST",
+    headers: { "content-type": "application/json" },
+    body: JSON.stringify(body),
+  });
+}
+
+const robotPath = (id: string) => `/robots/${encodeURIComponent(id)}`;
+
+export const api = {
+  robot: (id: string) => request<Robot>(robotPath(id)),
+  topics: async (id: string) => (await request<{ topics: Topic[] }>(`${robotPath(id)}/topics`)).topics,
+  metrics: async (id: string) => (await request<{ series: SeriesInfo[] }>(`${robotPath(id)}/metrics`)).series,
+  range: async (id: string, names: string[], start: string, points: number) => {
+    const query = new URLSearchParams([
+      ...names.map((name) => ["name", name]),
+      ["start", start],
+      ["end", "now"],
+      ["points", String(points)],
+    ]);
+    return (await request<{ series: SeriesRange[] }>(`${robotPath(id)}/metrics/range?${query}`)).series;
+  },
+  callService: (id: string, service: string, type: string, body: object, timeoutS = 5) =>
+    post<{ response: Record<string, unknown> }>(`${robotPath(id)}/services/call`, {
+      service,
+      type,
+      request: body,
+      timeout_s: timeoutS,
+    }),
+};
+
+/** The WebSocket address of a path on the gateway that served this page. */
+export function socketUrl(path: string, page: { protocol: string; host: string } = location): string {
+  return `${page.protocol === "https:" ? "wss" : "ws"}://${page.host}${BASE}${path}`;
+}
+
+export const teleopPath = (id: string) => `${robotPath(id)}/teleop`;

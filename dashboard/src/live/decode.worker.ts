@@ -1,0 +1,44 @@
+/** Off the main thread: CDR to objects by the channel's own schema, and pictures to bitmaps. */
+
+import { parse } from "@foxglove/rosmsg";
+import { MessageReader } from "@foxglove/rosmsg2-serialization";
+import type { Answer, Order } from "./decoder";
+import { rawToRgba, type RawImage } from "./raw_image";
+
+const readers = new Map<string, MessageReader>();
+const post = (answer: Answer, transfer: Transferable[] = []) => self.postMessage(answer, { transfer });
+
+async function toBitmap(message: Record<string, unknown>): Promise<ImageBitmap> {
+  if (typeof message.format === "string") {
+    return createImageBitmap(new Blob([message.data as Uint8Array<ArrayBuffer>]));
+  }
+  const image = message as unknown as RawImage;
+  return createImageBitmap(new ImageData(rawToRgba(image), image.width, image.height));
+}
+
+async function decode(order: Extract<Order, { kind: "decode" }>): Promise<void> {
+  const reader = readers.get(order.key);
+  if (!reader) throw new Error("no schema");
+  const message = reader.readMessage<Record<string, unknown>>(new Uint8Array(order.payload));
+  if (!order.image) {
+    post({ ticket: order.ticket, message });
+    return;
+  }
+  const bitmap = await toBitmap(message);
+  post({ ticket: order.ticket, bitmap }, [bitmap]);
+}
+
+self.onmessage = (event: MessageEvent<Order>) => {
+  const order = event.data;
+  if (order.kind === "schema") {
+    try {
+      readers.set(order.key, new MessageReader(parse(order.schema, { ros2: true })));
+    } catch (error) {
+      console.warn(`schema of ${order.key}: ${String(error)}`);
+    }
+    return;
+  }
+  decode(order).catch((error: unknown) => {
+    post({ ticket: order.ticket, error: error instanceof Error ? error.message : String(error) });
+  });
+};

@@ -1,0 +1,110 @@
+/**
+ * The page's side of the decode worker, with back-pressure.
+ *
+ * Each feed has one message in the worker at a time. What arrives meanwhile waits: one newest message in a feed of
+ * depth 1, up to `depth` in arrival order otherwise, and the oldest waiting one is dropped when there is no room.
+ */
+
+import type { Channel } from "../api/types";
+import type { StreamRecord } from "./records";
+
+export type Message = Record<string, unknown>;
+
+export type Order =
+  | { kind: "schema"; key: string; schema: string }
+  | { kind: "decode"; key: string; ticket: number; image: boolean; payload: ArrayBuffer };
+
+export type Answer = { ticket: number; message?: Message; bitmap?: ImageBitmap; error?: string };
+
+export interface Decoded {
+  channel: Channel;
+  stampMs: number;
+  seq: number;
+  message?: Message;
+  bitmap?: ImageBitmap;
+  error?: string;
+}
+
+/** The part of Worker that the decoder uses. */
+export interface WorkerLike {
+  onmessage: ((event: MessageEvent) => void) | null;
+  postMessage(message: Order, transfer: Transferable[]): void;
+}
+
+interface Waiting {
+  channel: Channel;
+  stampMs: number;
+  seq: number;
+  payload: ArrayBuffer;
+}
+
+export class Decoder {
+  #known = new Set<string>();
+  #tickets = new Map<number, (answer: Answer) => void>();
+  #nextTicket = 1;
+
+  constructor(private readonly worker: WorkerLike) {
+    worker.onmessage = (event: MessageEvent<Answer>) => {
+      const done = this.#tickets.get(event.data.ticket);
+      this.#tickets.delete(event.data.ticket);
+      done?.(event.data);
+    };
+  }
+
+  /** A place to push records of one subscription; `onDecoded` is called in arrival order. */
+  feed(options: { depth: number; image: boolean }, onDecoded: (decoded: Decoded) => void): Feed {
+    return new Feed(this, options, onDecoded);
+  }
+
+  decode(waiting: Waiting, image: boolean, done: (answer: Answer) => void): void {
+    const { channel, payload } = waiting;
+    const key = `${channel.type}|${channel.type_hash}|${channel.schema.length}`;
+    if (!this.#known.has(key)) {
+      this.#known.add(key);
+      this.worker.postMessage({ kind: "schema", key, schema: channel.schema }, []);
+    }
+    const ticket = this.#nextTicket++;
+    this.#tickets.set(ticket, done);
+    this.worker.postMessage({ kind: "decode", key, ticket, image, payload }, [payload]);
+  }
+}
+
+export class Feed {
+  dropped = 0;
+  #waiting: Waiting[] = [];
+  #busy = false;
+  #closed = false;
+
+  constructor(
+    private readonly decoder: Decoder,
+    private readonly options: { depth: number; image: boolean },
+    private readonly onDecoded: (decoded: Decoded) => void,
+  ) {}
+
+  push(channel: Channel, record: StreamRecord): void {
+    const payload = record.payload.slice().buffer;
+    this.#waiting.push({ channel, stampMs: record.stampMs, seq: record.seq, payload });
+    if (this.#waiting.length > this.options.depth) {
+      this.#waiting.shift();
+      this.dropped += 1;
+    }
+    this.#advance();
+  }
+
+  close(): void {
+    this.#closed = true;
+    this.#waiting = [];
+  }
+
+  #advance(): void {
+    const next = this.#busy ? undefined : this.#waiting.shift();
+    if (!next) return;
+    this.#busy = true;
+    this.decoder.decode(next, this.options.image, (answer) => {
+      this.#busy = false;
+      if (this.#closed) answer.bitmap?.close();
+      else this.onDecoded({ ...next, ...answer });
+      this.#advance();
+    });
+  }
+}

@@ -1,0 +1,134 @@
+/** uPlot in a card: loaded when first needed, coloured by the theme, its header shows the newest or hovered value. */
+
+import { useSignalEffect, type Signal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import type uPlot from "uplot";
+import { fixed, short } from "../ui/format";
+import { palette, type Palette } from "../ui/theme";
+import type { Timeline } from "./timeline";
+
+export interface PlotProps {
+  timelines: Timeline[];
+  labels: string[];
+  unit: string;
+  digits: number;
+  bounds?: [number, number];
+  windowS: number;
+  /** Changes whenever the timelines did. */
+  version: Signal<number>;
+  height?: number;
+}
+
+const clock = new Intl.DateTimeFormat("en-GB", { hour: "2-digit", minute: "2-digit", second: "2-digit" });
+const hourMinute = new Intl.DateTimeFormat("en-GB", { hour: "2-digit", minute: "2-digit" });
+
+function options(props: PlotProps, colours: Palette, width: number, hovered: (index: number | null) => void): uPlot.Options {
+  const axis = { stroke: colours.muted, grid: { stroke: colours.grid, width: 1 }, ticks: { show: false }, font: "11px system-ui" };
+  const strokes = [colours.accent, colours["accent-2"]];
+  const format = props.windowS < 120 ? clock : hourMinute;
+  return {
+    width,
+    height: props.height ?? 132,
+    legend: { show: false },
+    cursor: { y: false, drag: { x: false, y: false }, points: { size: 7 }, sync: { key: "time" } },
+    padding: [8, 10, 0, 0],
+    scales: {
+      x: { time: true, range: (_, __, max) => [Math.max(max, Date.now() / 1000 - 5) - props.windowS, Math.max(max, Date.now() / 1000 - 5)] },
+      y: { range: props.bounds ?? ((_, low, high) => padded(low, high)) },
+    },
+    axes: [
+      { ...axis, size: 24, space: 70, values: (_, splits) => splits.map((split) => format.format(split * 1000)) },
+      { ...axis, size: 46, space: 28, values: (_, splits) => splits.map(short) },
+    ],
+    series: [
+      {},
+      ...props.labels.map((label, i) => ({
+        label,
+        stroke: strokes[i % 2]!,
+        width: 1.75,
+        points: { show: false },
+        ...(props.labels.length === 1 && { fill: fade(colours.accent) }),
+      })),
+    ],
+    hooks: { setCursor: [(plot) => hovered(plot.cursor.idx ?? null)] },
+  };
+}
+
+/** Some room around the values; a flat line still gets an axis. */
+function padded(low: number | null, high: number | null): [number, number] {
+  if (low === null || high === null || low == null) return [0, 1];
+  const room = Math.max((high - low) * 0.12, Math.abs(high) * 0.02, 0.05);
+  return [low >= 0 && low - room < 0 ? 0 : low - room, high + room];
+}
+
+const fade = (colour: string) => colour.replace(/^(\w+)a?\(([^/)]*).*$/, (_, kind: string, body: string) =>
+  kind === "rgb" ? `rgba(${body}, 0.1)` : `${kind}(${body} / 0.1)`);
+
+export function Plot(props: PlotProps) {
+  const box = useRef<HTMLDivElement>(null);
+  const values = useRef<HTMLParagraphElement>(null);
+  const plot = useRef<uPlot>(null);
+  const library = useRef<typeof uPlot>(null);
+  const hovered = useRef<number | null>(null);
+
+  const data = (): uPlot.AlignedData => {
+    const tables = props.timelines.map(({ times, values: numbers }) => [times, numbers] as uPlot.AlignedData);
+    return tables.length > 1 && library.current ? library.current.join(tables) : tables[0]!;
+  };
+  const caption = () => {
+    const { current } = plot;
+    props.timelines.forEach((timeline, i) => {
+      const at = hovered.current;
+      const value = at !== null && current ? current.data[i + 1]?.[at] : timeline.values.at(-1);
+      const cell = values.current?.children[i]?.lastElementChild;
+      if (cell) cell.textContent = fixed(value, props.digits, props.unit);
+    });
+  };
+  const rebuild = () => {
+    plot.current?.destroy();
+    if (!library.current || !box.current) return;
+    const settings = options(props, palette.peek(), box.current.clientWidth, (index) => {
+      hovered.current = index;
+      caption();
+    });
+    plot.current = new library.current(settings, data(), box.current);
+  };
+  useEffect(() => {
+    let gone = false;
+    void import("uplot").then((module) => {
+      if (gone) return;
+      library.current = module.default;
+      rebuild();
+    });
+    const observer = new ResizeObserver(() => {
+      plot.current?.setSize({ width: box.current!.clientWidth, height: props.height ?? 132 });
+    });
+    observer.observe(box.current!);
+    return () => {
+      gone = true;
+      observer.disconnect();
+      plot.current?.destroy();
+      plot.current = null;
+    };
+  }, [props.windowS, props.timelines]);
+  useSignalEffect(() => {
+    if (palette.value) rebuild();
+  });
+  useSignalEffect(() => {
+    void props.version.value;
+    plot.current?.setData(data());
+    caption();
+  });
+  return (
+    <>
+      <p class="readings num" ref={values}>
+        {props.labels.map((label) => (
+          <span key={label}>
+            <i>{label}</i> <b>–</b>
+          </span>
+        ))}
+      </p>
+      <div class="plot" ref={box} />
+    </>
+  );
+}

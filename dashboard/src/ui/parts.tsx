@@ -1,0 +1,81 @@
+/** Small pieces that every view shares. */
+
+import type { ComponentChildren } from "preact";
+import { ageText, now, STALE_AFTER_MS } from "../live/age";
+import type { Health } from "../live/fleet";
+import { go } from "./url";
+
+const SHAPES: Record<Health, { word: string; path: string }> = {
+  online: { word: "online", path: "M6 1a5 5 0 1 1 0 10A5 5 0 0 1 6 1Z" },
+  attention: { word: "attention", path: "M6 .8 11.6 11H.4Z" },
+  offline: { word: "offline", path: "M1.5 1.5h9v9h-9Zm2 2v5h5v-5Z" },
+};
+
+/** A state as colour, shape and word, so that no one of them is needed alone. */
+export function StateBadge({ state, note }: { state: Health; note?: string }) {
+  const { word, path } = SHAPES[state];
+  return (
+    <span class={`state state-${state}`} data-state={state} title={note}>
+      <svg viewBox="0 0 12 12" aria-hidden="true">
+        <path d={path} fill-rule="evenodd" />
+      </svg>
+      {word}
+    </span>
+  );
+}
+
+export function Link(props: { href: string; class?: string; current?: boolean; children: ComponentChildren }) {
+  return (
+    <a
+      href={props.href}
+      class={props.class}
+      aria-current={props.current ? "page" : undefined}
+      onClick={(event) => {
+        if (event.ctrlKey || event.metaKey || event.shiftKey || event.button !== 0) return;
+        event.preventDefault();
+        go(props.href);
+      }}
+    >
+      {props.children}
+    </a>
+  );
+}
+
+export function Card(props: {
+  title: string;
+  note?: ComponentChildren;
+  kind: string;
+  topic?: string;
+  stampMs?: number | null;
+  children: ComponentChildren;
+}) {
+  return (
+    <section class={`card card-${props.kind}`} data-card={props.kind} data-topic={props.topic} aria-label={props.title}>
+      <header>
+        <h2>{props.title}</h2>
+        <span class="note">{props.note}</span>
+        {props.stampMs !== undefined && <Freshness receivedMs={props.stampMs} />}
+      </header>
+      {props.children}
+    </section>
+  );
+}
+
+/** Says when what is shown is old, or that nothing has come yet; says nothing while it is current. */
+export function Freshness({ receivedMs }: { receivedMs: number | null }) {
+  const at = now.value;
+  if (receivedMs === null) return <span class="age">waiting…</span>;
+  const age = at - receivedMs;
+  return age > STALE_AFTER_MS ? <span class="age age-stale">{ageText(age)} old</span> : null;
+}
+
+export function Spark({ values, top }: { values: number[]; top: number }) {
+  if (values.length < 2) return null;
+  const step = 60 / (values.length - 1);
+  const points = values.map((value, i) => `${(i * step).toFixed(1)},${(15 - (14 * Math.min(value, top)) / top).toFixed(1)}`);
+  return (
+    <svg class="spark" viewBox="0 0 60 16" preserveAspectRatio="none" aria-hidden="true">
+      <polyline points={points.join(" ")} />
+    </svg>
+  );
+}

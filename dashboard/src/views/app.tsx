@@ -1,0 +1,78 @@
+/** The frame of every page: the bar on top, the state of the connection, the help dialog, the keys. */
+
+import { useEffect, useRef } from "preact/hooks";
+import type { StreamState } from "../live/stream";
+import { useLive } from "../ui/context";
+import { Link } from "../ui/parts";
+import { place, robotOf } from "../ui/url";
+import { FleetPage } from "./fleet";
+import { RobotPage } from "./robot";
+
+const CONNECTION: Record<StreamState, string> = { connecting: "Connecting…", open: "Live", lost: "Reconnecting…" };
+
+const KEYS: [string, string][] = [
+  ["/", "search robots"],
+  ["?", "this help"],
+  ["W A S D or arrows", "drive, while held and the pad has focus"],
+  ["Esc", "stop driving"],
+  ["+ − f", "zoom and follow, when the map has focus"],
+];
+
+export function App() {
+  const { stream } = useLive();
+  const help = useRef<HTMLDialogElement>(null);
+  const state = stream.state.value;
+  const path = place.value.path;
+  const robot = robotOf(path);
+  useEffect(() => {
+    document.title = robot === null ? "Fleet · Meta-ROS" : `${robot} · Meta-ROS`;
+  }, [robot]);
+  useEffect(() => {
+    const onKey = (event: KeyboardEvent) => {
+      const typing = event.target instanceof HTMLInputElement;
+      if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
+      if (event.key === "?") help.current?.showModal();
+      const search = document.querySelector<HTMLInputElement>("input[type=search]");
+      if (event.key !== "/" || !search) return;
+      event.preventDefault();
+      search.focus();
+    };
+    addEventListener("keydown", onKey);
+    return () => removeEventListener("keydown", onKey);
+  }, []);
+  return (
+    <>
+      <a class="skip" href="#main">Skip to content</a>
+      <header class="bar">
+        <Link href="/" class="brand">
+          <svg viewBox="0 0 24 24" aria-hidden="true"><path d="M3 20V6l9 8 9-8v14" /><circle cx="12" cy="5" r="2.4" /></svg>
+          Meta-ROS
+        </Link>
+        <nav aria-label="Main"><Link href="/" current={path === "/"}>Fleet</Link></nav>
+        <span class={`link link-${state}`} role="status" data-stream={state}>{CONNECTION[state]}</span>
+        <button type="button" class="help" aria-label="Help" onClick={() => help.current?.showModal()}>?</button>
+      </header>
+      <main id="main" class={state === "open" ? undefined : "is-lost"}>
+        {robot !== null ? <RobotPage key={robot} id={robot} /> : path === "/" ? <FleetPage /> : <NotFound />}
+      </main>
+      <dialog ref={help} aria-labelledby="help-title">
+        <h2 id="help-title">Keys</h2>
+        <dl>
+          {KEYS.map(([key, does]) => (
+            <div key={key}><dt><kbd>{key}</kbd></dt><dd>{does}</dd></div>
+          ))}
+        </dl>
+        <form method="dialog"><button class="button">Close</button></form>
+      </dialog>
+    </>
+  );
+}
+
+function NotFound() {
+  return (
+    <section class="empty">
+      <h1>There is no such page</h1>
+      <p><Link href="/">To the fleet</Link></p>
+    </section>
+  );
+}

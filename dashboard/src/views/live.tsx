@@ -1,0 +1,65 @@
+/** The live tab: a card for each thing the robot publishes, chosen by its type. */
+
+import type { Robot, SeriesInfo, Topic } from "../api/types";
+import { CameraCard } from "../panels/camera";
+import { ImuCard } from "../panels/imu";
+import { MapCard } from "../panels/map";
+import { MetricPlots, RANGES } from "../panels/metric_plots";
+import { layoutOf } from "../panels/registry";
+import { TeleopCard } from "../panels/teleop";
+import { TreeCard } from "../panels/tree";
+import { relativeTopic } from "../ui/format";
+import { place, setParam } from "../ui/url";
+
+export function LiveTab({ robot, topics, series }: { robot: Robot; topics: Topic[] | null; series: SeriesInfo[] }) {
+  if (topics === null) return <p class="quiet">Reading the robot's topics…</p>;
+  const layout = layoutOf(topics);
+  const wanted = place.value.params.get("range") ?? "";
+  const range = wanted in RANGES ? wanted : "5m";
+  const name = (topic: string) => relativeTopic(topic, robot.namespace);
+  const side = layout.cameras.length > 0 || layout.drivable;
+  return (
+    <>
+      <div class={`stage ${layout.maps.length > 0 && side ? "stage-split" : ""}`}>
+        {layout.maps.slice(0, 1).map((map) => (
+          <MapCard key={`${robot.id} ${map.odom}`} robot={robot.id} odom={map.odom} scan={map.scan} />
+        ))}
+        {side && (
+          <div class="stage-side">
+            {layout.cameras.map(({ topic }) => (
+              <CameraCard key={`${robot.id} ${topic}`} robot={robot.id} topic={topic} title={cameraTitle(name(topic))} />
+            ))}
+            {layout.drivable && (
+              <TeleopCard key={robot.id} robot={robot.id} namespace={robot.namespace} online={robot.state === "online"} lease={robot.lease?.holder ?? null} />
+            )}
+          </div>
+        )}
+      </div>
+      <div class="section-head">
+        <h2>Plots</h2>
+        <div class="segments" role="group" aria-label="Time range">
+          {Object.keys(RANGES).map((choice) => (
+            <button key={choice} type="button" aria-pressed={choice === range} onClick={() => setParam("range", choice, "5m")}>
+              {choice}
+            </button>
+          ))}
+        </div>
+      </div>
+      <div class="grid">
+        <MetricPlots key={robot.id} robot={robot.id} names={series.map((one) => one.name)} range={range} />
+        {layout.imus.map(({ topic }) => (
+          <ImuCard key={`${robot.id} ${topic}`} robot={robot.id} topic={topic} />
+        ))}
+      </div>
+      <div class="section-head"><h2>Messages</h2></div>
+      <div class="grid grid-trees">
+        {layout.trees.map(({ topic, type, rate_hz }) => (
+          <TreeCard key={`${robot.id} ${topic}`} robot={robot.id} topic={topic} title={name(topic)} type={type} rateHz={rate_hz} />
+        ))}
+      </div>
+    </>
+  );
+}
+
+/** "camera/image/compressed" is the camera called "camera". */
+const cameraTitle = (topic: string) => topic.split("/").filter((word) => !/^(image|image_raw|compressed)$/.test(word)).join(" ") || topic;

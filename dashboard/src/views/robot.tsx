@@ -1,0 +1,110 @@
+/** The robot page: who it is and how its link is, then its live cards or its topics. */
+
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { api, ApiError } from "../api/client";
+import type { Robot, SeriesInfo, Topic } from "../api/types";
+import { ageText, now } from "../live/age";
+import { concerns, health, robots } from "../live/fleet";
+import { useLive } from "../ui/context";
+import { bytes, bytesPerSecond, fixed, integer } from "../ui/format";
+import { Link, StateBadge } from "../ui/parts";
+import { place, setParam } from "../ui/url";
+import { LiveTab } from "./live";
+import { TopicsTab } from "./topics";
+
+const REFRESH_MS = 2000;
+
+export function RobotPage({ id }: { id: string }) {
+  const { stream } = useLive();
+  const topics = useSignal<Topic[] | null>(null);
+  const series = useSignal<SeriesInfo[]>([]);
+  const problem = useSignal("");
+  const robot = robots.value?.find((candidate) => candidate.id === id);
+
+  useEffect(() => {
+    let gone = false;
+    const refresh = async () => {
+      if (stream.state.peek() !== "open" || document.hidden) return;
+      try {
+        const [found, names] = await Promise.all([api.topics(id), api.metrics(id)]);
+        if (gone) return;
+        topics.value = found;
+        series.value = names;
+        problem.value = "";
+      } catch (error) {
+        if (!gone) problem.value = error instanceof ApiError ? error.message : String(error);
+      }
+    };
+    const timer = setInterval(() => void refresh(), REFRESH_MS);
+    const stop = stream.state.subscribe((state) => {
+      if (state === "open") void refresh();
+    });
+    return () => {
+      gone = true;
+      clearInterval(timer);
+      stop();
+    };
+  }, [id]);
+
+  if (!robot) return <Unknown id={id} loading={robots.value === null} />;
+  const tab = place.value.params.get("tab") === "topics" ? "topics" : "live";
+  return (
+    <>
+      <Header robot={robot} />
+      <nav class="tabs" aria-label="Robot">
+        <button type="button" aria-current={tab === "live" ? "page" : undefined} onClick={() => setParam("tab", "live", "live")}>Live</button>
+        <button type="button" aria-current={tab === "topics" ? "page" : undefined} onClick={() => setParam("tab", "topics", "live")}>
+          Topics <small>{topics.value?.length ?? ""}</small>
+        </button>
+      </nav>
+      {problem.value && <p class="problem" role="status">{problem.value}</p>}
+      {tab === "live" ? (
+        <LiveTab robot={robot} topics={topics.value} series={series.value} />
+      ) : (
+        <TopicsTab robot={robot} topics={topics.value} />
+      )}
+    </>
+  );
+}
+
+function Header({ robot }: { robot: Robot }) {
+  const at = now.value;
+  const online = robot.state === "online";
+  const since = robot.since ? ageText(at - Date.parse(robot.since)) : "";
+  const facts: [string, string][] = [
+    [online ? "up" : "offline for", since],
+    ["rtt", online ? fixed(robot.link.rtt_ms, 1, "ms") : ""],
+    ["uplink", online ? bytesPerSecond(robot.link.bytes_per_s) : ""],
+    ["outbox", online && robot.link.outbox_bytes > 0 ? bytes(robot.link.outbox_bytes) : ""],
+    ["lost", robot.counts.lost > 0 ? integer(robot.counts.lost) : ""],
+    ["namespace", robot.namespace],
+    ["agent", robot.agent_version],
+  ];
+  return (
+    <header class="robot-head">
+      <p class="crumb"><Link href="/">Fleet</Link> /</p>
+      <h1>{robot.id}</h1>
+      <StateBadge state={health(robot, at)} note={concerns(robot, at).join(", ")} />
+      <dl>
+        {facts.filter(([, value]) => value !== "").map(([name, value]) => (
+          <div key={name}>
+            <dt>{name}</dt>
+            <dd class="num">{value}</dd>
+          </div>
+        ))}
+      </dl>
+    </header>
+  );
+}
+
+function Unknown({ id, loading }: { id: string; loading: boolean }) {
+  if (loading) return <p class="quiet">Waiting for the gateway…</p>;
+  return (
+    <section class="empty">
+      <h1>No robot “{id}”</h1>
+      <p>It has never been linked to this gateway.</p>
+      <p><Link href="/">All robots</Link></p>
+    </section>
+  );
+}

@@ -1,0 +1,11 @@
+import { defineConfig } from "vite";
+
+// `npm run dev` serves the page from Vite and everything else from a running gateway.
+const gateway = "http://127.0.0.1:8080";
+
+export default defineConfig({
+  oxc: { jsx: { runtime: "automatic", importSource: "preact" } },
+  build: { target: "es2022", modulePreload: { polyfill: false }, reportCompressedSize: true },
+  worker: { format: "es" },
+  server: { proxy: { "/api": { target: gateway, ws: true, changeOrigin: true } } },
+});
