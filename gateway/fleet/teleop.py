@@ -6,9 +6,10 @@ the robot by themselves. What the gateway adds is the lease, and a zero command 
 
 from __future__ import annotations
 
+import asyncio
 import math
 import secrets
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gateway.domain.lease import Lease, LeaseTable
 from gateway.errors import InvalidRequestError, LeaseRequiredError, RobotError
@@ -37,7 +38,12 @@ class Drive:
     lease_id: str
     topic: str
     seq: int = 0
-    lost: bool = False  # the robot's link went: take the lease again
+    gone: asyncio.Event = field(default_factory=asyncio.Event)  # the robot's link went: take the lease again
+
+    @property
+    def lost(self) -> bool:
+        """Whether the robot's link went since the lease was taken."""
+        return self.gone.is_set()
 
 
 class TeleopDesk:
@@ -82,7 +88,7 @@ class TeleopDesk:
             try:
                 self._command(drive, 0.0, 0.0)
             except RobotError:
-                drive.lost = True
+                drive.gone.set()
 
     async def release(self, drive: Drive) -> None:
         """Stop and give the lease back."""
@@ -95,7 +101,7 @@ class TeleopDesk:
         try:
             await self._commands.run(drive.robot, command, timeout_s=GRANT_S)
         except RobotError:
-            drive.lost = True
+            drive.gone.set()
 
     def rtt_ms(self, robot_id: str) -> float | None:
         """The link's last measured round trip."""
@@ -106,7 +112,7 @@ class TeleopDesk:
         """The robot's link is gone, and with it the lease: the agent has stopped the robot by itself."""
         drive = self._drives.pop(robot_id, None)
         if drive is not None:
-            drive.lost = True
+            drive.gone.set()
             self._leases.release(robot_id, drive.lease_id)
 
     async def _grant(self, drive: Drive) -> Lease:

@@ -1,0 +1,43 @@
+"""The gateway's doors for people and programs: REST, WebSocket and the dashboard's files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from fastapi import APIRouter, FastAPI
+from starlette.types import ASGIApp
+
+from gateway.api.guard import Guard
+from gateway.api.problem import install_problems
+from gateway.api.rest import commands, health, robots
+from gateway.api.services import Services
+from gateway.api.static import Dashboard
+from gateway.api.ws import stream, teleop
+
+__all__ = ["ROUTERS", "create_api", "route_paths"]
+
+ROUTERS: tuple[APIRouter, ...] = (health.router, robots.router, commands.router, stream.router, teleop.router)
+OPENAPI = "/api/v1/openapi.json"
+
+
+def create_api(services: Services) -> ASGIApp:
+    """The whole ASGI application, behind its guard."""
+    app = FastAPI(title="Meta-ROS gateway", version="1", openapi_url=OPENAPI, docs_url=None, redoc_url=None)
+    app.state.services = services
+    install_problems(app)
+    for router in ROUTERS:
+        app.include_router(router)
+    app.mount("/", Dashboard(services.settings.static_dir))
+    settings = services.settings
+    return Guard(app, hosts=(settings.host, *settings.allow_hosts), origins=settings.allow_origins)
+
+
+def route_paths() -> list[str]:
+    """Every path of the API, sockets included."""
+    return [OPENAPI, *_paths()]
+
+
+def _paths() -> Iterator[str]:
+    for router in ROUTERS:
+        for route in router.routes:
+            yield str(getattr(route, "path", ""))

@@ -1,0 +1,153 @@
+"""The wall around every request and socket: Host and Origin allow-list, body rules, security headers. Pure ASGI.
+
+A web page somewhere can make a user's browser send requests to this machine. It cannot choose the Host header of a
+name it does not own to be ours (DNS rebinding shows its own name), and it cannot hide its Origin. So: the Host must be
+one of our names, an Origin must be the very host the request went to or an allowed one, and a mutation must carry a
+body type that no HTML form can send.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import Any
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from gateway.api.problem import PROBLEM_TYPE, problem_bytes
+from gateway.errors import BodyTooLargeError, HostError, MediaTypeError, OriginError, RequestError
+from metaros.limits import LIMITS
+
+__all__ = ["PROTOCOL_KEY", "Guard"]
+
+PROTOCOL_KEY = "metaros.protocol"  # where a socket's scope keeps uvicorn's protocol object, see ws/cut.py
+REFUSED = 4403
+LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
+SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+BODY_LIMITS = {"application/json": LIMITS.json_bytes, "application/cdr": LIMITS.frame_bytes - 64 * 1024}
+
+_HOST = re.compile(rb"(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(?::([0-9]{1,5}))?")
+_HEADERS = (
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+)
+
+
+def _policy(host: str) -> bytes:
+    """Our own page with its workers, camera pictures and sockets; nothing else, and no frame around it."""
+    return (
+        "default-src 'self'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' blob: data:; "
+        f"media-src 'self' blob:; worker-src 'self' blob:; connect-src 'self' ws://{host} wss://{host}; "
+        "object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ).encode()
+
+
+class Guard:
+    """Wraps the whole application; nothing inside sees a refused request."""
+
+    def __init__(self, app: ASGIApp, *, hosts: Iterable[str] = (), origins: Iterable[str] = ()) -> None:
+        self._app = app
+        names = (f"[{name}]" if ":" in name and not name.startswith("[") else name for name in hosts)
+        self._hosts = {name.lower() for name in (*LOOPBACK_NAMES, *names)}
+        self._origins = {origin.lower().rstrip("/") for origin in origins}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Check, then pass on."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        try:
+            host = self._check_source(scope)
+            if scope["type"] == "http" and scope["method"] not in SAFE_METHODS:
+                receive = await _bounded(receive, _body_limit(scope))
+        except RequestError as error:
+            await _refuse(scope, send, error)
+            return
+        if scope["type"] == "websocket":
+            scope[PROTOCOL_KEY] = getattr(send, "__self__", None)
+            await self._app(scope, receive, send)
+        else:
+            await self._app(scope, receive, _with_headers(send, _policy(host)))
+
+    def _check_source(self, scope: Scope) -> str:
+        """The request's host, when host and origin are ours."""
+        hosts = _all(scope, b"host")
+        match = _HOST.fullmatch(hosts[0]) if len(hosts) == 1 else None
+        if match is None or match[1].decode().lower() not in self._hosts:
+            shown = b", ".join(hosts)[:100].decode("latin-1")
+            raise HostError(
+                f"Host {shown!r} is not one of this gateway's names (start it with --allow-host to add one)"
+            )
+        host = hosts[0].decode().lower()
+        origins = _all(scope, b"origin")
+        allowed = {f"http://{host}", f"https://{host}", *self._origins}
+        if len(origins) > 1 or any(origin.decode("latin-1").lower() not in allowed for origin in origins):
+            shown = b", ".join(origins)[:100].decode("latin-1")
+            raise OriginError(f"pages of {shown!r} may not use this gateway (start it with --allow-origin to let them)")
+        return host
+
+
+def _all(scope: Scope, name: bytes) -> list[bytes]:
+    return [value for key, value in scope["headers"] if key.lower() == name]
+
+
+def _body_limit(scope: Scope) -> int:
+    """How large the body of a mutation may be; MediaTypeError for what a form could send."""
+    types = [value.split(b";")[0].strip().lower().decode("latin-1") for value in _all(scope, b"content-type")]
+    if len(types) != 1 or types[0] not in BODY_LIMITS:
+        raise MediaTypeError("a request that changes something has Content-Type application/json or application/cdr")
+    limit = BODY_LIMITS[types[0]]
+    for length in _all(scope, b"content-length"):
+        if not length.isdigit() or int(length) > limit:
+            raise BodyTooLargeError(f"the body has {length[:20].decode('latin-1')} bytes, at most {limit} may come")
+    return limit
+
+
+async def _bounded(receive: Receive, limit: int) -> Receive:
+    """Read the whole body up to the limit and give it back as one message."""
+    body = bytearray()
+    more = True
+    while more:
+        message = await receive()
+        if message["type"] != "http.request":
+            return _replay(message, receive)
+        body += message.get("body", b"")
+        more = message.get("more_body", False)
+        if len(body) > limit:
+            raise BodyTooLargeError(f"the body is over {limit} bytes")
+    return _replay({"type": "http.request", "body": bytes(body), "more_body": False}, receive)
+
+
+def _replay(first: Message, rest: Receive) -> Receive:
+    waiting = [first]
+
+    async def receive() -> Message:
+        return waiting.pop() if waiting else await rest()
+
+    return receive
+
+
+def _with_headers(send: Send, policy: bytes) -> Send:
+    async def wrapped(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            headers = [*message.get("headers", []), *_HEADERS, (b"content-security-policy", policy)]
+            message = {**message, "headers": headers}
+        await send(message)
+
+    return wrapped
+
+
+async def _refuse(scope: Scope, send: Send, error: RequestError) -> None:
+    """A problem document; for a socket instead of its handshake, or close code 4403 where the server cannot."""
+    if scope["type"] == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
+        await send({"type": "websocket.close", "code": REFUSED, "reason": error.code})
+        return
+    prefix = "websocket.http.response" if scope["type"] == "websocket" else "http.response"
+    row, body = problem_bytes(error)
+    headers: list[Any] = [(b"content-type", PROBLEM_TYPE.encode()), (b"content-length", str(len(body)).encode())]
+    if row.http == 413:
+        headers.append((b"connection", b"close"))
+    await send({"type": f"{prefix}.start", "status": row.http, "headers": [*headers, *_HEADERS]})
+    await send({"type": f"{prefix}.body", "body": body})

@@ -1,0 +1,205 @@
+"""The API's documents as models: they check request bodies and describe the answers in OpenAPI.
+
+Answers are written by `views.py` and orjson without passing through these; a test checks that both agree.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from metaros.limits import LIMITS
+
+__all__ = [
+    "CallRequest",
+    "CallResult",
+    "Health",
+    "MetricRange",
+    "Ok",
+    "Problem",
+    "PublishRequest",
+    "Ready",
+    "Robot",
+    "RobotList",
+    "SeriesList",
+    "TopicList",
+]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Problem(_Model):
+    """An error, RFC 9457; `code` is stable and listed in docs/reference/gateway.md."""
+
+    type: str
+    title: str
+    status: int
+    code: str
+    detail: str
+
+
+class Health(_Model):
+    """The process answers."""
+
+    status: Literal["ok"]
+
+
+class Ready(_Model):
+    """Whether the gateway can do its work, check by check: "ok" or what is wrong."""
+
+    status: Literal["ready", "not ready"]
+    checks: dict[str, str]
+
+
+class Link(_Model):
+    """The agent's connection."""
+
+    session: int
+    rtt_ms: float | None
+    outbox_bytes: int
+    outbox_samples: int
+    bytes_per_s: float
+
+
+class Counts(_Model):
+    """What arrived since this gateway started; `lost` samples were declared by gaps."""
+
+    samples: int
+    bytes: int
+    duplicates: int
+    gaps: int
+    lost: int
+
+
+class LeaseState(_Model):
+    """Who drives."""
+
+    holder: str
+    expires_in_s: float
+
+
+class Value(_Model):
+    """A series' newest row."""
+
+    stamp_ms: float
+    value: float | None
+
+
+class Robot(_Model):
+    """One robot; `latest` holds at most 64 series."""
+
+    id: str
+    namespace: str
+    hostname: str
+    state: Literal["online", "offline"]
+    since: str
+    last_seen: str
+    agent_version: str
+    labels: dict[str, str]
+    link: Link
+    channels: int
+    counts: Counts
+    lease: LeaseState | None
+    latest: dict[str, Value]
+
+
+class RobotList(_Model):
+    """Every robot that ever connected."""
+
+    robots: list[Robot]
+
+
+class Topic(_Model):
+    """One topic; rates, messages, dropped, publishers and subscribers are the agent's, the rest the gateway's."""
+
+    channel: int
+    topic: str
+    type: str
+    type_hash: str
+    encoding: str
+    class_: Literal["event", "metric", "bulk", "live"] = Field(alias="class")
+    forward: bool
+    qos: str
+    rate_hz: float
+    bytes_per_s: float
+    messages: int
+    dropped: int
+    publishers: int
+    subscribers: int
+    received: int
+    received_bytes: int
+    lost: int
+    last_stamp_ms: float | None
+    demand_hz: float | None
+
+
+class TopicList(_Model):
+    """What the robot announced."""
+
+    topics: list[Topic]
+
+
+class SeriesState(_Model):
+    """One stored series."""
+
+    name: str
+    topic: str
+    field: str
+    samples: int
+    latest: Value | None
+
+
+class SeriesList(_Model):
+    """The robot's series by name."""
+
+    series: list[SeriesState]
+
+
+class SeriesPiece(_Model):
+    """Columns; rows as they are have count 1, buckets more."""
+
+    name: str
+    stamp_ms: list[float]
+    mean: list[float]
+    min: list[float]
+    max: list[float]
+    count: list[int]
+
+
+class MetricRange(_Model):
+    """The asked pieces in the asked order."""
+
+    series: list[SeriesPiece]
+
+
+class PublishRequest(_Model):
+    """Publish once. `type` may be left out when the robot announces the topic."""
+
+    topic: str
+    type: str = ""
+    message: dict[str, Any] = Field(default_factory=dict)
+    lease_id: str = ""
+
+
+class CallRequest(_Model):
+    """Call a service."""
+
+    service: str
+    type: str
+    request: dict[str, Any] = Field(default_factory=dict)
+    timeout_s: float = LIMITS.command_timeout_s
+
+
+class Ok(_Model):
+    """Done."""
+
+    ok: Literal[True]
+
+
+class CallResult(_Model):
+    """The service's response."""
+
+    response: dict[str, Any]

@@ -1,0 +1,32 @@
+"""Is the process alive, and can it do its work."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import Response
+
+from gateway.api import models
+from gateway.api.problem import JsonResponse
+from gateway.api.services import services_of
+
+__all__ = ["router"]
+
+router = APIRouter(tags=["health"])
+
+
+@router.get("/healthz", responses={200: {"model": models.Health}}, response_class=JsonResponse)
+async def healthz() -> Response:
+    """The process answers."""
+    return JsonResponse({"status": "ok"})
+
+
+@router.get(
+    "/readyz", responses={200: {"model": models.Ready}, 503: {"model": models.Ready}}, response_class=JsonResponse
+)
+async def readyz(request: Request) -> Response:
+    """200 when every check is ok, else 503 with what is wrong."""
+    checks = services_of(request).checks()
+    ready = all(state == "ok" for state in checks.values())
+    body = {"status": "ready" if ready else "not ready", "checks": checks}
+    return JsonResponse(body, status_code=200 if ready else 503)

@@ -1,0 +1,44 @@
+"""What the API needs of the gateway, in one bundle that `app.py` fills."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from starlette.requests import HTTPConnection
+
+from gateway.domain.lease import LeaseTable
+from gateway.fleet.desk import FleetDesk
+from gateway.fleet.teleop import TeleopDesk
+from gateway.ingest.registry import Registry
+from gateway.live.hub import Hub
+from gateway.settings import Settings
+from gateway.store import Store
+from metaros.clock import Clock
+
+__all__ = ["Services", "services_of"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Services:
+    """Every feature behind a route."""
+
+    settings: Settings
+    clock: Clock
+    registry: Registry
+    store: Store
+    hub: Hub
+    fleet: FleetDesk
+    teleop: TeleopDesk
+    leases: LeaseTable
+    on_subscriptions: Callable[[], None]
+    demand_of: Callable[[str], dict[str, float]]
+    describe: Callable[[str], dict[str, Any]]
+    checks: Callable[[], dict[str, str]]
+
+
+def services_of(connection: HTTPConnection) -> Services:
+    """The services of the application a request or socket belongs to."""
+    services: Services = connection.app.state.services
+    return services

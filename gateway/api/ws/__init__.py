@@ -1,0 +1,1 @@
+"""WebSockets under /api/v1."""

@@ -1,0 +1,44 @@
+"""Ending a socket whose client takes nothing: the one place that reaches behind ASGI into uvicorn.
+
+An ASGI send waits until the client has read; so a close frame never leaves for a client that reads nothing, and the
+connection would linger with its buffers. With uvicorn's protocol object the close frame is queued at once and the
+connection is dropped a second later. Without it (another server), the polite way is tried for a moment.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from starlette.types import Scope
+from starlette.websockets import WebSocket
+
+from gateway.api.guard import PROTOCOL_KEY
+
+__all__ = ["STALLED", "cut"]
+
+STALLED = 4408
+GRACE_S = 1.0
+
+
+async def cut(socket: WebSocket, code: int, reason: str) -> None:
+    """Close with `code`; drop the connection when that does not get through."""
+    protocol = _protocol(socket.scope)
+    if protocol is None:
+        try:
+            async with asyncio.timeout(GRACE_S):
+                await socket.close(code, reason)
+        except TimeoutError:
+            return
+        return
+    protocol.conn.send_close(code, reason)
+    protocol.transport.write(b"".join(protocol.conn.data_to_send()))
+    asyncio.get_running_loop().call_later(GRACE_S, protocol.transport.abort)
+
+
+def _protocol(scope: Scope) -> Any:
+    protocol = scope.get(PROTOCOL_KEY)
+    known = hasattr(getattr(protocol, "conn", None), "send_close") and hasattr(
+        getattr(protocol, "transport", None), "abort"
+    )
+    return protocol if known else None

@@ -1,0 +1,91 @@
+"""What a client of the stream asks, checked field by field."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import orjson
+
+from gateway.errors import InvalidRequestError
+from gateway.live.feeds import FleetSubscription, MetricSubscription
+from gateway.live.subscription import TopicSubscription
+from metaros.idl.globs import Glob
+from metaros.limits import LIMITS
+
+__all__ = ["make_subscription", "number_field", "read_request", "text_field"]
+
+DEFAULT_QUEUE_BYTES = 1024 * 1024
+DEFAULT_METRICS_HZ = 2.0
+MAX_RATE_HZ = 1000.0
+MAX_SERIES_GLOBS = 256
+
+
+def read_request(text: str | None) -> dict[str, Any]:
+    """A JSON object, or InvalidRequestError."""
+    if text is None:
+        raise InvalidRequestError("requests are JSON texts")
+    try:
+        request = orjson.loads(text)
+    except orjson.JSONDecodeError as error:
+        raise InvalidRequestError(f"no JSON: {error}") from error
+    if not isinstance(request, dict):
+        raise InvalidRequestError("a request is a JSON object")
+    return request
+
+
+def make_subscription(
+    request: Mapping[str, Any],
+    *,
+    revisions: Callable[[], Mapping[str, int]],
+    describe: Callable[[str], dict[str, Any]],
+) -> TopicSubscription | MetricSubscription | FleetSubscription:
+    """The subscription a request describes; the error names the field."""
+    number = request.get("id")
+    if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < 2**32:
+        raise InvalidRequestError("id is a number from 0 to 4294967295 of the client's choice")
+    if request["op"] == "subscribe_fleet":
+        return FleetSubscription(number, revisions=revisions, describe=describe)
+    if request["op"] == "subscribe_metrics":
+        return _metrics(number, request)
+    mode = request.get("mode", "latest")
+    if mode not in ("latest", "queue"):
+        raise InvalidRequestError('mode is "latest" or "queue"')
+    queue_bytes = number_field(request, "queue_bytes", DEFAULT_QUEUE_BYTES, low=1, high=LIMITS.viewer_queue_bytes)
+    return TopicSubscription(
+        number,
+        Glob(text_field(request, "robots")),
+        Glob(text_field(request, "topics")),
+        max_rate_hz=number_field(request, "max_rate_hz", 0.0, low=0.0, high=MAX_RATE_HZ),
+        latest=mode == "latest",
+        queue_bytes=int(queue_bytes),
+    )
+
+
+def number_field(request: Mapping[str, Any], name: str, default: float | None, *, low: float, high: float) -> float:
+    """A finite number between two bounds; null and absence give the default, where there is one."""
+    value = request.get(name)
+    if value is None and default is not None:
+        return default
+    fits = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if not fits or not low <= value <= high:
+        raise InvalidRequestError(f"{name} is a number from {low:g} to {high:g}")
+    return float(value)
+
+
+def text_field(request: Mapping[str, Any], name: str) -> str:
+    """A text that is not empty."""
+    value = request.get(name)
+    if not isinstance(value, str) or not value:
+        raise InvalidRequestError(f"{name} is a text")
+    return value
+
+
+def _metrics(number: int, request: Mapping[str, Any]) -> MetricSubscription:
+    series = request.get("series", ["**"])
+    if not isinstance(series, list) or not 1 <= len(series) <= MAX_SERIES_GLOBS:
+        raise InvalidRequestError(f"series is a list of 1 to {MAX_SERIES_GLOBS} patterns")
+    globs = [Glob(text_field({"series": item}, "series"), separator=".") for item in series]
+    rate = number_field(request, "max_rate_hz", DEFAULT_METRICS_HZ, low=0.01, high=MAX_RATE_HZ)
+    return MetricSubscription(number, Glob(text_field(request, "robots")), globs, max_rate_hz=rate)
