@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,8 @@ from metaros.cdr import codec
 from metaros.idl import message_class
 
 __all__ = ["Result", "main", "run"]
+
+Side = tuple[Callable[[Any], Any], Any]
 
 _SECONDS_PER_ROUND = 0.05
 
@@ -103,9 +106,9 @@ def run(*, rounds: int = 7) -> list[Result]:
         theirs = store.deserialize_cdr(data, name)
         if bytes(store.serialize_cdr(theirs, name)) != data:
             raise AssertionError(f"{name}: the two codecs disagree")
-        sides: dict[str, tuple[tuple[Callable[[Any], Any], Any], tuple[Callable[[Any], Any], Any]]] = {
-            "encode": ((ours.encode, message), (lambda m, n=name: store.serialize_cdr(m, n), theirs)),
-            "decode": ((ours.decode, data), (lambda d, n=name: store.deserialize_cdr(d, n), data)),
+        sides: dict[str, tuple[Side, Side]] = {
+            "encode": ((ours.encode, message), (partial(store.serialize_cdr, typename=name), theirs)),
+            "decode": ((ours.decode, data), (partial(store.deserialize_cdr, typename=name), data)),
         }
         for operation, pair in sides.items():
             counts = [max(3, int(_SECONDS_PER_ROUND / (_mean_us(*side, 20) / 1e6))) for side in pair]

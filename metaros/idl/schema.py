@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from metaros.errors import DefinitionError
 from metaros.idl.catalogue import Catalogue, default_catalogue, parse_definition
-from metaros.idl.definitions import Definition, Field, MessageDefinition
+from metaros.idl.definitions import Definition, Field, MessageDefinition, ServiceDefinition
 from metaros.idl.literals import format_literal
 
 __all__ = ["add_schema_text", "definition_text", "schema_text"]
@@ -17,7 +17,7 @@ def definition_text(definition: Definition) -> str:
     if isinstance(definition, MessageDefinition):
         return _message_text(definition)
     parts: tuple[MessageDefinition, ...]
-    if hasattr(definition, "request"):
+    if isinstance(definition, ServiceDefinition):
         parts = (definition.request, definition.response)
     else:
         parts = (definition.goal, definition.result, definition.feedback)

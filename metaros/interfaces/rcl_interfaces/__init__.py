@@ -1,0 +1,1 @@
+"""The interfaces of rcl_interfaces."""
