@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from metaros.cli.options import DEFAULT_ZENOH_PORT, StatusFile
 
+if TYPE_CHECKING:
+    from threading import Event
+
+    from metaros.wire import Router
+
 __all__ = ["register"]
+
+STANDBY_STEP_S = 0.5
+STANDBY_STEPS = 3  # so often in a row must the port be free: a router that is only restarted comes back to it
 
 
 def register(app: typer.Typer) -> None:
@@ -22,23 +30,53 @@ def router(
         typer.Option("--port", "--zenoh-port", envvar="METAROS_ZENOH_PORT", min=1, max=65535, help="TCP port."),
     ] = DEFAULT_ZENOH_PORT,
     host: Annotated[str, typer.Option("--host", help="Address to listen on.")] = "127.0.0.1",
+    standby: Annotated[
+        bool, typer.Option("--standby", help="Wait until the port is free, then host: a router's understudy.")
+    ] = False,
     status_file: StatusFile = "",
 ) -> None:
     """Host a Zenoh router until Ctrl-C. Where one runs already there is nothing to do, and it says so."""
     from metaros.cli import running
+
+    with running.stop_on_signals() as stop:
+        if standby:
+            hosted = _await_port(port, host, stop)
+        elif (hosted := _open(port, host)) is None:
+            typer.echo(f"a Zenoh router runs already on tcp/{host}:{port}; nodes on this machine use it")
+            return
+        if hosted is not None:
+            with hosted:
+                running.write_status(running.status_file(status_file), zenoh_port=port, endpoint=hosted.endpoint)
+                typer.echo(f"Zenoh router on {hosted.endpoint}  (Ctrl-C stops it)")
+                stop.wait()
+    typer.echo("stopped")
+
+
+def _open(port: int, host: str) -> Router | None:
+    """A router of our own, or None where there is one already; ConfigError where the port is another program's."""
     from metaros.cli.up_ports import port_owner
     from metaros.errors import ConfigError
     from metaros.wire.router import open_router, probe
 
     state = probe(port, host=host)
-    if state == "zenoh":
-        typer.echo(f"a Zenoh router runs already on tcp/{host}:{port}; nodes on this machine use it")
-        return
     if state == "foreign":
         raise ConfigError(f"port {port} is in use by {port_owner(port)}\nchoose another: metaros router --port PORT")
-    with running.stop_on_signals() as stop:
-        with open_router(port, host=host) as router:
-            running.write_status(running.status_file(status_file), zenoh_port=port, endpoint=router.endpoint)
-            typer.echo(f"Zenoh router on {router.endpoint}  (Ctrl-C stops it)")
-            stop.wait()
-    typer.echo("stopped")
+    return None if state == "zenoh" else open_router(port, host=host)
+
+
+def _await_port(port: int, host: str, stop: Event) -> Router | None:
+    """Wait for the port; None when asked to stop. Of several understudies one gets it, the others wait on."""
+    from metaros.cli.up_ports import port_free
+    from metaros.errors import ConfigError
+    from metaros.wire.router import open_router
+
+    typer.echo(f"waiting for tcp/{host}:{port} to be free")
+    free = 0
+    while not stop.wait(STANDBY_STEP_S):
+        free = free + 1 if port_free(port, host=host) else 0
+        if free >= STANDBY_STEPS:
+            try:
+                return open_router(port, host=host)
+            except ConfigError:  # another understudy was faster
+                free = 0
+    return None

@@ -62,8 +62,7 @@ class Plan:
 
 def launches(plan: Plan) -> tuple[Launch, ...]:
     """The table, in the order of start."""
-    rows = [_router(plan)] if plan.own_router else []
-    rows.append(_gateway(plan))
+    rows = [_router(plan) if plan.own_router else _understudy(plan), _gateway(plan)]
     if plan.robots:
         rows.append(_simulator(plan))
     rows.extend(_agent(plan, name) for name in plan.simulated)
@@ -103,6 +102,11 @@ def _zenoh(plan: Plan) -> tuple[str, ...]:
 def _router(plan: Plan) -> Launch:
     status = str(plan.status_file("router"))
     return _row(plan, "router", ROUTER, "router", "--port", str(plan.zenoh_port), "--status-file", status)
+
+
+def _understudy(plan: Plan) -> Launch:
+    """Where a router was joined: hosts one as soon as that ends."""
+    return _row(plan, "standby router", ROUTER, "router", "--port", str(plan.zenoh_port), "--standby")
 
 
 def _gateway(plan: Plan) -> Launch:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from metaros.cli import instance, up_ready
 from metaros.cli.instance import Instance, StateFile
 from metaros.cli.up_decide import UpOptions, claim, decide
-from metaros.cli.up_plan import Plan, launches
+from metaros.cli.up_plan import GATEWAY, Plan, launches
 from metaros.clock import Clock
 from metaros.errors import PeerError, UnavailableError
 from metaros.supervise import Event, EventKind, Supervisor
@@ -67,7 +67,7 @@ class _Up:
         self._state = state
         self._screen = screen
         self._clock = clock
-        self._rows = {row.name: row for row in launches(plan)}
+        self._rows = launches(plan)
         self._stop = asyncio.Event()
         self._broken = asyncio.Event()
         self._broken_name = ""
@@ -106,13 +106,12 @@ class _Up:
         plan = self._plan
         for path in (plan.data_dir / "run").glob("*.json"):
             path.unlink()
-        if plan.own_router:
-            self._supervisor.start([self._rows["router"]])
-        self._supervisor.start([self._rows["gateway"]])
+        rows = self._rows
+        self._supervisor.start(row for row in rows if row.stage <= GATEWAY)
         if plan.own_router:
             await self._step("router", lambda: up_ready.ready_file(plan.status_file("router")))
         await self._step("gateway", self._gateway_ready)
-        self._supervisor.start([row for name, row in self._rows.items() if name not in ("router", "gateway")])
+        self._supervisor.start(row for row in rows if row.stage > GATEWAY)
         if plan.robots:
             await self._step("simulator", lambda: up_ready.ready_file(plan.status_file("sim")))
         if plan.robot_names:

@@ -37,8 +37,10 @@ def test_three_robots_and_this_machine() -> None:
     assert plan().robot_names == ("sim_1", "sim_2", "sim_3", "desk")
 
 
-def test_a_joined_router_is_not_started() -> None:
-    assert launches(plan(own_router=False))[0].name == "gateway"
+def test_a_joined_router_gets_an_understudy() -> None:
+    first = launches(plan(own_router=False))[0]
+    assert first.name == "standby router"
+    assert "--standby" in first.argv
 
 
 def test_no_robots_and_no_host_leave_router_and_gateway() -> None:
