@@ -54,6 +54,11 @@ class Atlas:
     pixels: npt.NDArray[np.uint32]
     strips: dict[str, tuple[Strip, ...]]
 
+    def strip(self, kind: str, number: int) -> Strip:
+        """The surface of the `number`-th thing of a kind; kinds with several take turns."""
+        strips = self.strips[kind]
+        return strips[number % len(strips)]
+
 
 def _grain(rng: np.random.Generator, picture: Picture, strength: float) -> Picture:
     noise = rng.normal(0.0, strength, picture.shape[:2])[..., None]
