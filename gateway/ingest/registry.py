@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from itertools import islice
 
 from gateway.domain.channel import METRIC_STREAM, Channel, Series
 from gateway.domain.robot import Robot
@@ -173,16 +174,17 @@ class RobotRecord:
                 return state.channel
         return None
 
+    def newest(self) -> dict[str, tuple[int, float]]:
+        """The newest (stamp, value) of every series that has one, by name."""
+        return {
+            name: (state.stamp_ns, state.value)
+            for name, state in sorted(self.series.items())
+            if state.stamp_ns is not None and state.value is not None
+        }
+
     def headline(self) -> dict[str, tuple[int, float]]:
         """The newest values of the first series by name, as many as a fleet page can show."""
-        found: dict[str, tuple[int, float]] = {}
-        for name in sorted(self.series):
-            state = self.series[name]
-            if state.stamp_ns is not None and state.value is not None:
-                found[name] = (state.stamp_ns, state.value)
-                if len(found) >= HEADLINE_SERIES:
-                    break
-        return found
+        return dict(islice(self.newest().items(), HEADLINE_SERIES))
 
     def _arrived(self, samples: int, size_bytes: int, duplicates: int, wall_ns: int, now_s: float) -> None:
         self.counts.samples += samples

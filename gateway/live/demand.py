@@ -65,6 +65,10 @@ class DemandBook:
         self._told[robot] = demand
         return dict(demand)
 
-    def robots(self) -> list[str]:
-        """Robots that may have to be told something."""
-        return [*{*self._wanted, *self._told}]
+    def told(self, robot: str) -> dict[str, float]:
+        """What the robot was told last: topic -> rate (0: every sample)."""
+        return dict(self._told.get(robot, {}))
+
+    def releasing(self) -> set[str]:
+        """Robots that will soon be told to send less."""
+        return {robot for robot, _ in self._less_since_s}

@@ -1,0 +1,163 @@
+"""The gateway's only wiring: features meet here and nowhere else."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from starlette.types import ASGIApp
+
+from gateway.api import create_api
+from gateway.api.services import Services
+from gateway.api.views import robot_view
+from gateway.domain.channel import LIVE
+from gateway.domain.lease import LeaseTable
+from gateway.fleet.commands import CommandDesk
+from gateway.fleet.desk import FleetDesk
+from gateway.fleet.teleop import TeleopDesk
+from gateway.ingest.links import LinkHooks, Links
+from gateway.ingest.registry import Registry, RobotRecord, SeriesState
+from gateway.live.demand import DemandBook
+from gateway.live.hub import Hub
+from gateway.settings import Settings
+from gateway.store import Store
+from gateway.store.retention import Retention
+from metaros._proto import link_pb2
+from metaros.clock import Clock
+from metaros.limits import LIMITS
+
+__all__ = ["Gateway"]
+
+TICK_S = 0.25
+LOADED_ROBOTS = 256  # of how many robots the newest values are read at start
+
+
+class Gateway:
+    """Everything but the listening sockets: start, run beside the servers, stop."""
+
+    def __init__(self, settings: Settings, *, clock: Clock) -> None:
+        self.settings = settings
+        self._clock = clock
+        retention = Retention(age_s=settings.retention_days * 86400, size_bytes=settings.retention_bytes)
+        self.store = Store(settings.data_dir, clock=clock, retention=retention, queue_bytes=settings.store_queue_bytes)
+        self.registry = Registry()
+        self.hub = Hub()
+        self.leases = LeaseTable(valid_s=LIMITS.lease_s)
+        self.links = Links(self.registry, self.store, self._hooks(), clock=clock)
+        self.commands = CommandDesk(self.links.send)
+        self.teleop = TeleopDesk(self.registry.get, self.commands, self.leases, self.links.send, clock=clock)
+        self.fleet = FleetDesk(
+            self.registry.get, self.commands, self.leases, clock=clock, actuator_topics=settings.actuator_topics
+        )
+        self._demand = DemandBook()
+        self._demand_revision = 0
+        self._stale: set[str] = set()
+        self._stirred = asyncio.Event()
+
+    @property
+    def api(self) -> ASGIApp:
+        """The HTTP and WebSocket application."""
+        services = Services(
+            settings=self.settings,
+            clock=self._clock,
+            registry=self.registry,
+            store=self.store,
+            hub=self.hub,
+            fleet=self.fleet,
+            teleop=self.teleop,
+            leases=self.leases,
+            on_subscriptions=self._on_subscriptions,
+            demand_of=self._demand.told,
+            describe=self.describe,
+            checks=self.checks,
+        )
+        return create_api(services)
+
+    async def start(self) -> None:
+        """Know the robots of earlier days; start the store."""
+        self.store.start(self.links.committed)
+        stored = sorted(await self.store.robots(), key=lambda item: -item.last_seen_ns)
+        for position, item in enumerate(stored):
+            record = self.registry.add(RobotRecord(item.robot, seen_ns=item.last_seen_ns))
+            if position < LOADED_ROBOTS:
+                for facts in await self.store.series(item.robot.id):
+                    state = SeriesState(facts.series, facts.samples, facts.stamp_ns, facts.value)
+                    record.series[facts.series.name] = state
+
+    async def run(self) -> None:
+        """Heartbeats and demand, until cancelled."""
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._tick())
+            group.create_task(self._tell_demand())
+
+    async def stop(self) -> None:
+        """Commit what is queued and close the store; the servers are down by now."""
+        await self.store.close()
+
+    def describe(self, robot_id: str) -> dict[str, Any]:
+        """A robot as the API shows it."""
+        now_s = self._clock.monotonic_s()
+        lease = self.leases.holder_of(robot_id, now_s=now_s)
+        return robot_view(self.registry.get(robot_id), lease, now_s=now_s)
+
+    def checks(self) -> dict[str, str]:
+        """What `/readyz` says: "ok" or what is wrong, by part."""
+        return {"store": self.store.error or "ok"}
+
+    def _hooks(self) -> LinkHooks:
+        return LinkHooks(
+            on_samples=lambda run: self.hub.publish(run),
+            on_values=lambda robot, values: self.hub.values(robot, values),
+            on_channels=self._on_channels,
+            on_online=self._on_online,
+            on_result=lambda robot, result: self.commands.on_result(robot, result),
+        )
+
+    def _on_channels(self, robot_id: str) -> None:
+        self._stale.add(robot_id)
+        self._stirred.set()
+
+    def _on_online(self, robot_id: str, online: bool) -> None:
+        self._demand.forget(robot_id)
+        if not online:
+            self.commands.on_offline(robot_id)
+            self.teleop.on_offline(robot_id)
+        self._on_channels(robot_id)
+
+    def _on_subscriptions(self) -> None:
+        self._stale.update(record.robot.id for record in self.registry.all() if record.online)
+        self._stirred.set()
+
+    async def _tick(self) -> None:
+        while True:
+            await asyncio.sleep(TICK_S)
+            self.links.tick()
+            self._stirred.set()
+
+    async def _tell_demand(self) -> None:
+        """Tell robots what viewers want, robot by robot, so that a large fleet never holds the loop up."""
+        while True:
+            await self._stirred.wait()
+            self._stirred.clear()
+            stale, self._stale = self._stale, set()
+            for robot_id in {*stale, *self._demand.releasing()}:
+                self._tell(robot_id)
+                await asyncio.sleep(0)
+
+    def _tell(self, robot_id: str) -> None:
+        record, now_s = self.registry.get(robot_id), self._clock.monotonic_s()
+        if not record.online:
+            return
+        channels = [state.channel for state in record.channels.values() if state.channel.delivery == LIVE]
+        self._demand.want(robot_id, self.hub.wanted(channels), now_s=now_s)
+        demand = self._demand.due(robot_id, now_s=now_s)
+        if demand is None:
+            return
+        self._demand_revision += 1
+        entries = [
+            link_pb2.DemandEntry(channel_id=channel.channel_id, max_rate_hz=demand[channel.topic])
+            for channel in channels
+            if channel.topic in demand
+        ]
+        frame = link_pb2.Demand(revision=self._demand_revision, entries=entries)
+        self.links.send(robot_id, link_pb2.GatewayFrame(demand=frame))

@@ -1,0 +1,65 @@
+"""`metaros gateway`: the gateway's noun on the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gateway.settings import MIB, Settings, default_data_dir
+
+__all__ = ["register"]
+
+Port = Annotated[
+    int | None, typer.Option(min=0, max=65535, help="Port of dashboard and API; default 8080, or a free one.")
+]
+RobotsPort = Annotated[
+    int | None, typer.Option(min=0, max=65535, help="Port robots connect to; default 8081, or a free one.")
+]
+DataDir = Annotated[Path | None, typer.Option(file_okay=False, help="Where data is kept; default ~/.metaros/gateway.")]
+AllowHost = Annotated[list[str] | None, typer.Option(help="Another name browsers may call this gateway by.")]
+AllowOrigin = Annotated[list[str] | None, typer.Option(help="Origin of another page that may use this gateway.")]
+RetentionDays = Annotated[float, typer.Option(min=0.01, help="How long series are kept.")]
+RetentionMib = Annotated[int, typer.Option(min=1, help="How large the store may grow before the oldest data goes.")]
+TickMs = Annotated[float, typer.Option(min=0.0, max=100.0, help="How long live samples wait to share one write.")]
+StatusFile = Annotated[Path | None, typer.Option(metavar="FILE", help="Write this JSON file when ready.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the noun to `metaros`."""
+    gateway = typer.Typer(invoke_without_command=True, help="Run the gateway: robots on one side, people on the other.")
+    gateway.callback()(_gateway)
+    app.add_typer(gateway, name="gateway")
+
+
+def _gateway(
+    context: typer.Context,
+    host: Annotated[str, typer.Option(help="Address to listen on; loopback only.")] = "127.0.0.1",
+    port: Port = None,
+    grpc_port: RobotsPort = None,
+    data_dir: DataDir = None,
+    allow_host: AllowHost = None,
+    allow_origin: AllowOrigin = None,
+    retention_days: RetentionDays = 7.0,
+    retention_mib: RetentionMib = 4096,
+    tick_ms: TickMs = 5.0,
+    status_file: StatusFile = None,
+) -> None:
+    """Run the gateway until Ctrl-C."""
+    if context.invoked_subcommand is not None:
+        return
+    from gateway.main import run
+
+    settings = Settings(
+        host=host,
+        port=port,
+        grpc_port=grpc_port,
+        data_dir=data_dir or default_data_dir(),
+        allow_hosts=tuple(allow_host or ()),
+        allow_origins=tuple(allow_origin or ()),
+        retention_days=retention_days,
+        retention_bytes=retention_mib * MIB,
+        tick_s=tick_ms / 1000,
+    )
+    run(settings, status_file=status_file)

@@ -1,0 +1,188 @@
+"""The gateway as a program: one event loop with uvicorn and grpc.aio, from ready to a clean end."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import logging
+import os
+import signal
+import socket
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import grpc
+import uvicorn
+import uvloop
+
+from gateway.app import Gateway
+from gateway.ingest.link_service import make_server
+from gateway.ports import listen, owner_of
+from gateway.settings import DEFAULT_GRPC_PORT, DEFAULT_HTTP_PORT, Settings
+from metaros.clock import Clock, SystemClock
+from metaros.errors import ConfigError
+from metaros.limits import LIMITS
+
+__all__ = ["Ready", "run", "serve"]
+
+GRPC_GRACE_S = 0.5
+HTTP_GRACE_S = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """Where a running gateway listens."""
+
+    host: str
+    http_port: int
+    grpc_port: int
+    data_dir: Path
+
+    @property
+    def url(self) -> str:
+        """The dashboard's address."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"http://{host}:{self.http_port}"
+
+
+class _HttpServer(uvicorn.Server):
+    """uvicorn without its signal handlers: the program has its own; `up` says when it serves."""
+
+    def __init__(self, config: uvicorn.Config) -> None:
+        super().__init__(config)
+        self.up = asyncio.Event()
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Leave signals alone."""
+        yield
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Start, then say so."""
+        await super().startup(sockets)
+        self.up.set()
+
+
+async def serve(
+    settings: Settings,
+    stop: asyncio.Event,
+    *,
+    clock: Clock | None = None,
+    on_ready: Callable[[Ready], None] = lambda ready: None,
+) -> None:
+    """Run a gateway in this event loop until `stop` is set."""
+    listener = listen(settings.host, settings.port, default=DEFAULT_HTTP_PORT, flag="--port")
+    try:
+        gateway = Gateway(settings, clock=clock or SystemClock())
+    except BaseException:
+        listener.close()
+        raise
+    try:
+        await gateway.start()
+        await _serve(gateway, listener, stop, on_ready)
+    finally:
+        listener.close()
+        await gateway.stop()
+
+
+async def _serve(
+    gateway: Gateway, listener: socket.socket, stop: asyncio.Event, on_ready: Callable[[Ready], None]
+) -> None:
+    settings = gateway.settings
+    robots, grpc_port = _robots_server(gateway)
+    http = _HttpServer(_http_config(gateway))
+    await robots.start()
+    try:
+        async with asyncio.TaskGroup() as group:
+            web = group.create_task(http.serve(sockets=[listener]))
+            work = group.create_task(gateway.run())
+            starting = group.create_task(http.up.wait())
+            await asyncio.wait({web, starting}, return_when=asyncio.FIRST_COMPLETED)
+            on_ready(Ready(settings.host, listener.getsockname()[1], grpc_port, settings.data_dir))
+            await stop.wait()
+            gateway.links.close()
+            await robots.stop(GRPC_GRACE_S)
+            http.should_exit = True
+            work.cancel()
+    finally:
+        await robots.stop(0)
+
+
+def _robots_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
+    """The gRPC server on its port; a default port that is taken moves to a free one."""
+    host, port = gateway.settings.host, gateway.settings.grpc_port
+    try:
+        return make_server(gateway.links, host=host, port=DEFAULT_GRPC_PORT if port is None else port)
+    except ConfigError as error:
+        if port is None:
+            return make_server(gateway.links, host=host, port=0)
+        owner = owner_of(port)
+        raise ConfigError(
+            f"port {port} for robots cannot be opened: {owner or 'it is in use'}\n"
+            "Choose another with --grpc-port, or leave --grpc-port out."
+        ) from error
+
+
+def _http_config(gateway: Gateway) -> uvicorn.Config:
+    return uvicorn.Config(
+        gateway.api,
+        http="httptools",
+        ws="websockets-sansio",
+        lifespan="off",
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        ws_max_size=LIMITS.json_bytes,
+        ws_per_message_deflate=False,
+        timeout_graceful_shutdown=HTTP_GRACE_S,
+    )
+
+
+def run(settings: Settings, *, status_file: Path | None = None) -> None:
+    """Run until SIGINT or SIGTERM; prints where it listens."""
+    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+
+    def ready(where: Ready) -> None:
+        moved = [
+            f"{what} {default} was taken"
+            for what, asked, default, got in (
+                ("port", settings.port, DEFAULT_HTTP_PORT, where.http_port),
+                ("robots' port", settings.grpc_port, DEFAULT_GRPC_PORT, where.grpc_port),
+            )
+            if asked is None and got != default
+        ]
+        note = f" ({', '.join(moved)})" if moved else ""
+        robots = f"{where.host}:{where.grpc_port}"
+        print(f"gateway ready: {where.url}  robots {robots}  data {where.data_dir}{note}", flush=True)
+        if status_file is not None:
+            _write_status(status_file, where)
+
+    async def main() -> None:
+        stop = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, stop.set)
+        await serve(settings, stop, on_ready=ready)
+
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        runner.run(main())
+    sys.stdout.flush()
+
+
+def _write_status(path: Path, where: Ready) -> None:
+    """Write the status file in one step, so that a reader never sees half of it."""
+    status = {
+        "pid": os.getpid(),
+        "ready": True,
+        "host": where.host,
+        "http_port": where.http_port,
+        "grpc_port": where.grpc_port,
+        "url": where.url,
+        "data_dir": str(where.data_dir),
+    }
+    partial = path.with_name(path.name + ".partial")
+    partial.write_text(json.dumps(status))
+    partial.replace(path)

@@ -1,0 +1,53 @@
+"""Listening sockets: a port that was asked for is had or is an error with its owner; a default one may move."""
+
+from __future__ import annotations
+
+import importlib
+import socket
+
+from metaros.errors import ConfigError
+
+__all__ = ["listen", "owner_of"]
+
+
+def listen(host: str, port: int | None, *, default: int, flag: str) -> socket.socket:
+    """A bound TCP socket. `port` None: `default`, or a free one where that is taken; 0: a free one."""
+    try:
+        return _bind(host, default if port is None else port)
+    except OSError as error:
+        if port is None:
+            return _bind(host, 0)
+        owner = owner_of(port)
+        raise ConfigError(
+            f"port {port} cannot be opened: {owner or error.strerror}\nChoose another with {flag}, or leave {flag} out."
+        ) from error
+
+
+def owner_of(port: int) -> str:
+    """Who listens on a local port, as far as the system tells; "" when it does not."""
+    try:
+        psutil = importlib.import_module("psutil")
+    except ImportError:
+        return ""
+    try:
+        for item in psutil.net_connections("tcp"):
+            if item.status == psutil.CONN_LISTEN and item.laddr.port == port and item.pid is not None:
+                return f"{psutil.Process(item.pid).name()} (pid {item.pid}) has it"
+    except psutil.Error:
+        return ""
+    return ""
+
+
+def _bind(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        listener.bind((host, port))
+        listener.listen(1024)
+    except OSError:
+        listener.close()
+        raise
+    listener.setblocking(False)
+    return listener
