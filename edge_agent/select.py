@@ -12,7 +12,7 @@ __all__ = ["MetricExtractor", "RateLimiter", "Selector"]
 
 
 class RateLimiter:
-    """Admits at most `rate_hz` on average, and forgives a sample that is early by up to half a period.
+    """Admits at most `rate_hz` on average, and forgives a sample that is off by up to half a period.
 
     The forgiveness keeps a source that runs at just the limit, but with jitter, from being halved.
     """
@@ -28,7 +28,8 @@ class RateLimiter:
         """Whether a sample that arrives now goes on."""
         if now_s < self._due_s - self._slack_s:
             return False
-        self._due_s = max(self._due_s, now_s) + self._period_s
+        late = now_s > self._due_s + self._slack_s
+        self._due_s = (now_s if late else self._due_s) + self._period_s
         return True
 
 

@@ -1,0 +1,123 @@
+"""Channels: ids, announcements, series, classes by QoS, statistics."""
+
+from __future__ import annotations
+
+import pytest
+
+from edge_agent.channels import Channel, Channels
+from edge_agent.topics import TopicRule, TopicTable
+from metaros._proto import link_pb2
+from metaros.idl import type_hash
+from metaros.limits import Limits
+
+STRING = "std_msgs/msg/String"
+BATTERY = "sensor_msgs/msg/BatteryState"
+
+
+def observe(channels: Channels, topic: str, name: str = STRING, *, qos: str = "", keeps_all: bool = False) -> Channel:
+    channel = channels.observe(topic, name, type_hash(name), qos=qos, keeps_all=keeps_all)
+    assert channel is not None
+    return channel
+
+
+def test_a_known_type_is_described_with_its_schema() -> None:
+    channels = Channels(TopicTable(), namespace="/sim_1")
+    observe(channels, "/sim_1/chat", qos="::,7:,:,:,,")
+    (announce,) = channels.announcements(0)
+    (channel,) = announce.channels
+    assert (channel.channel_id, channel.topic, channel.encoding) == (1, "/sim_1/chat", "cdr")
+    assert (channel.schema_name, channel.schema_encoding, channel.type_hash) == (STRING, "ros2msg", type_hash(STRING))
+    assert channel.schema.decode().strip() == "string data"
+    assert channel.qos == "::,7:,:,:,,"
+    assert getattr(channel, "class") == link_pb2.DELIVERY_CLASS_LIVE
+    assert (channel.max_rate_hz, channel.forward) == (10.0, True)
+
+
+def test_an_unknown_type_or_hash_is_forwarded_without_schema_and_series() -> None:
+    channels = Channels(TopicTable(), namespace="/")
+    assert channels.observe("/battery_state", BATTERY, "RIHS01_00", qos="", keeps_all=False) is not None
+    assert channels.observe("/other", "acme_msgs/msg/Thing", "RIHS01_00", qos="", keeps_all=False) is not None
+    (announce,) = channels.announcements(0)
+    assert [channel.schema_encoding for channel in announce.channels] == ["", ""]
+    assert not announce.series
+
+
+def test_series_come_from_the_rows_fields_that_the_type_has() -> None:
+    channels = Channels(TopicTable(), namespace="/sim_1")
+    observe(channels, "/sim_1/battery_state", BATTERY)
+    observe(channels, "/sim_1/odom", STRING)
+    (announce,) = channels.announcements(0)
+    assert [(item.series_id, item.name, item.topic, item.field) for item in announce.series] == [
+        (1, "battery_state.percentage", "/sim_1/battery_state", "percentage"),
+        (2, "battery_state.voltage", "/sim_1/battery_state", "voltage"),
+        (3, "battery_state.current", "/sim_1/battery_state", "current"),
+        (4, "battery_state.temperature", "/sim_1/battery_state", "temperature"),
+    ]
+
+
+def test_announcements_are_cumulative() -> None:
+    channels = Channels(TopicTable(), namespace="/")
+    observe(channels, "/a")
+    seen = channels.revision
+    observe(channels, "/battery_state", BATTERY)
+    (announce,) = channels.announcements(seen)
+    assert [channel.topic for channel in announce.channels] == ["/battery_state"]
+    assert len(announce.series) == 4
+    assert list(channels.announcements(channels.revision)) == []
+    (everything,) = channels.announcements(0)
+    assert len(everything.channels) == 2
+
+
+def test_a_publisher_that_keeps_all_makes_bulk_without_a_limit_even_later() -> None:
+    channels = Channels(TopicTable(), namespace="/")
+    assert observe(channels, "/scan").delivery == "live"
+    seen = channels.revision
+    channel = observe(channels, "/scan", keeps_all=True)
+    assert (channel.delivery, channel.max_rate_hz) == ("bulk", 0.0)
+    (announce,) = channels.announcements(seen)
+    assert getattr(announce.channels[0], "class") == link_pb2.DELIVERY_CLASS_BULK
+    assert observe(channels, "/scan").delivery == "bulk"
+
+
+def test_an_explicit_class_is_not_lifted() -> None:
+    channels = Channels(TopicTable([TopicRule(match="**", delivery="live", max_rate_hz=3)]), namespace="/")
+    channel = observe(channels, "/scan", keeps_all=True)
+    assert (channel.delivery, channel.max_rate_hz) == ("live", 3)
+
+
+def test_limits_hold() -> None:
+    channels = Channels(TopicTable(), namespace="/", limits=Limits(channels_per_robot=2, series_per_robot=3))
+    observe(channels, "/battery_state", BATTERY)
+    observe(channels, "/a")
+    assert channels.observe("/b", STRING, "x", qos="", keeps_all=False) is None
+    assert (len(channels), channels.refused) == (2, 1)
+    (announce,) = channels.announcements(0)
+    assert len(announce.series) == 3
+
+
+def test_demand_reaches_the_selectors() -> None:
+    channels = Channels(TopicTable(), namespace="/")
+    a, b = observe(channels, "/a"), observe(channels, "/b")
+    channels.demand({1: 4.0, 77: 1.0})
+    assert (a.selector.demand_hz, b.selector.demand_hz) == (4.0, None)
+    channels.demand({})
+    assert a.selector.demand_hz is None
+
+
+def test_many_schemas_are_split_over_frames() -> None:
+    channels = Channels(TopicTable(), namespace="/")
+    for number in range(600):
+        observe(channels, f"/odom_{number}", "nav_msgs/msg/Odometry")
+    frames = list(channels.announcements(0))
+    assert sum(len(frame.channels) for frame in frames) == 600
+    assert len(frames) > 1
+    assert all(frame.ByteSize() < 2 << 20 for frame in frames)
+
+
+def test_rates() -> None:
+    channel = observe(Channels(TopicTable(), namespace="/"), "/a")
+    assert channel.rate(10.0).rate_hz == 0.0
+    channel.messages, channel.size_bytes, channel.dropped = 20, 2000, 1
+    rate = channel.rate(12.0)
+    assert (rate.rate_hz, rate.bytes_per_s) == (pytest.approx(10.0), pytest.approx(1000.0))
+    assert (rate.messages, rate.dropped) == (20, 1)

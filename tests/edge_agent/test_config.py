@@ -1,0 +1,99 @@
+"""Settings: what a file may say, and errors that name key and file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from edge_agent.config import load_settings, sanitised_hostname
+from edge_agent.topics import DEFAULT_TOPICS
+from metaros.errors import ConfigError
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "agent.toml"
+    path.write_text(text)
+    return path
+
+
+def test_defaults() -> None:
+    settings = load_settings()
+    assert settings.name == sanitised_hostname()
+    assert (settings.namespace, settings.gateway, settings.zenoh_port) == ("/", "127.0.0.1:8081", 7447)
+    assert settings.topics == DEFAULT_TOPICS
+    assert settings.host_metrics
+
+
+def test_the_example_file_loads() -> None:
+    settings = load_settings(REPOSITORY / "examples" / "agent.toml")
+    assert settings.name == "forklift_7"
+    assert settings.topics[0].delivery == "bulk"
+    assert settings.topics[-1] == DEFAULT_TOPICS[-1]
+    assert settings.outbox.bulk_bytes == 128 << 20
+
+
+def test_the_command_line_wins_and_none_means_not_given(tmp_path: Path) -> None:
+    path = write(tmp_path, 'name = "a"\nnamespace = "/a"\nhost_metrics = false\n')
+    settings = load_settings(
+        path, {"name": "b", "namespace": None, "exclude": ["/x/**"], "status_file": tmp_path / "s"}
+    )
+    assert (settings.name, settings.namespace, settings.host_metrics) == ("b", "/a", False)
+    assert settings.exclude == ("/x/**",)
+    assert settings.status_file == tmp_path / "s"
+
+
+def test_rows_come_before_the_default_table_or_instead_of_it(tmp_path: Path) -> None:
+    rows = '[[topics]]\nmatch = "**/gps"\nclass = "bulk"\nmax_rate_hz = 5\nfields = ["latitude"]\n'
+    topics = load_settings(write(tmp_path, rows)).topics
+    assert (topics[0].match, topics[0].delivery, topics[0].max_rate_hz) == ("**/gps", "bulk", 5.0)
+    assert topics[0].fields == ("latitude",)
+    assert topics[1:] == DEFAULT_TOPICS
+    assert len(load_settings(write(tmp_path, "default_topics = false\n" + rows)).topics) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("nam = 'x'", "unknown key 'nam'"),
+        ("name = 3", "name must be str"),
+        ("zenoh_port = 0", "zenoh_port must be 1 to 65535"),
+        ("zenoh_port = true", "zenoh_port must be int"),
+        ("gateway = 'localhost'", "gateway must be HOST:PORT"),
+        ("namespace = 'no slash'", "namespace"),
+        ("exclude = '/a'", "exclude must be list"),
+        ("exclude = ['/a b']", "exclude"),
+        ("host_metrics = 1", "host_metrics must be bool"),
+        ("[labels]\nsite = 1", "labels.site must be str"),
+        ("[outbox]\nbulk = 1", "unknown key outbox.bulk"),
+        ("[outbox]\nbulk_bytes = 1", "outbox.bulk_bytes must be at least 65536"),
+        ("[[topics]]\nclass = 'live'", "topics[0].match is missing"),
+        ("[[topics]]\nmatch = '**'\nclass = 'lively'", "topics[0].class must be one of"),
+        ("[[topics]]\nmatch = '**'\nrate = 1", "unknown key topics[0].rate"),
+        ("[[topics]]\nmatch = '**'\nmax_rate_hz = -1", "topics[0].max_rate_hz must be 0 to"),
+        ("[[topics]]\nmatch = '**'\nmax_rate_hz = nan", "topics[0].max_rate_hz must be 0 to"),
+        ("[[topics]]\nmatch = '**'\nforward = 'no'", "topics[0].forward must be bool"),
+        ("[[topics]]\nmatch = '**'\nfields = [1]", "topics[0].fields must be str"),
+        ("[[topics]]\nmatch = '?'", "topics[0].match"),
+        ("topics = 3", "topics must be list"),
+        ("x = ", "agent.toml"),
+    ],
+)
+def test_mistakes_name_the_key_and_the_file(tmp_path: Path, text: str, words: str) -> None:
+    path = write(tmp_path, text)
+    with pytest.raises(ConfigError) as caught:
+        load_settings(path)
+    assert words in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"none\.toml"):
+        load_settings(tmp_path / "none.toml")
+
+
+def test_a_wrong_option_is_named() -> None:
+    with pytest.raises(ConfigError, match="command line: gateway"):
+        load_settings(None, {"gateway": "nowhere"})

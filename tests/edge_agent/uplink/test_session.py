@@ -1,0 +1,404 @@
+"""The agent's half of the link against a small gateway half, in memory, with a manual clock and seeded faults."""
+
+from __future__ import annotations
+
+import random  # noqa: TID251 - seeded
+
+import pytest
+
+from edge_agent.batch import Linger
+from edge_agent.channels import METRIC_STREAM, Channels
+from edge_agent.errors import LinkDeadError, RefusedError
+from edge_agent.live import LiveQueue
+from edge_agent.outbox import OVERHEAD_BYTES, ClassPolicy, Outbox
+from edge_agent.topics import TopicRule, TopicTable
+from edge_agent.uplink.session import (
+    CONTROL,
+    DATA,
+    AgentSession,
+    CommandArrived,
+    Established,
+    Event,
+    Identity,
+    TeleopArrived,
+)
+from metaros._proto import link_pb2
+from metaros.clock import ManualClock
+from metaros.errors import FrameError
+from metaros.idl import type_hash
+from metaros.limits import Limits
+from tests.support.gateway_half import GatewayHalf
+
+BATTERY = "sensor_msgs/msg/BatteryState"
+TABLE = TopicTable(
+    [
+        TopicRule(match="/event/*", delivery="event"),
+        TopicRule(match="/bulk/*", delivery="bulk"),
+        TopicRule(match="/live/*", delivery="live"),
+        TopicRule(match="/battery_state", delivery="live", fields=("percentage",)),
+    ]
+)
+TOPICS = ("/event/a", "/bulk/a", "/bulk/b", "/live/a", "/battery_state")
+WHO = Identity(robot_id="r", session_id=bytes(16), agent_version="0", namespace="/", hostname="h", labels={"site": "x"})
+
+
+class Rig:
+    """An agent's queues, its sessions, and a gateway."""
+
+    def __init__(self, gateway: GatewayHalf | None = None, **sizes: int) -> None:
+        self.clock = ManualClock()
+        self.gateway = gateway or GatewayHalf()
+        self.channels = Channels(TABLE, namespace="/")
+        for topic in TOPICS:
+            self.channels.observe(topic, BATTERY, type_hash(BATTERY), qos="", keeps_all=False)
+        policies = {
+            "event": ClassPolicy(sizes.get("event", 1 << 20), "newest"),
+            "metric": ClassPolicy(sizes.get("metric", 1 << 20), "oldest"),
+            "bulk": ClassPolicy(sizes.get("bulk", 64 << 20), "oldest"),
+        }
+        self.outbox = Outbox(self.clock, 42, classes=policies)
+        self.live, self.linger = LiveQueue(), Linger()
+        self.number, self.store_id = 100, ""
+        self.session = self.new_session()
+
+    def new_session(self) -> AgentSession:
+        self.number += 1
+        self.session = AgentSession(
+            WHO,
+            self.number,
+            channels=self.channels,
+            outbox=self.outbox,
+            live=self.live,
+            linger=self.linger,
+            clock=self.clock,
+            limits=Limits(),
+            store_id=self.store_id,
+        )
+        self.gateway.connect()
+        return self.session
+
+    def connect(self) -> list[Event]:
+        events: list[Event] = []
+        for lane in (CONTROL, DATA):
+            self.gateway.receive(lane, self.session.hello(lane))
+            events += self.deliver()
+        self.store_id = self.session.store_id
+        return events
+
+    def deliver(self) -> list[Event]:
+        """Everything that the gateway sent reaches the agent."""
+        events: list[Event] = []
+        for lane, frames in self.gateway.out.items():
+            while frames:
+                events += self.session.receive(lane, frames.pop(0))
+        return events
+
+    def send(self, limit: int = 10_000) -> int:
+        """What the agent has to say reaches the gateway; how many frames."""
+        count = 0
+        for lane in (CONTROL, DATA):
+            while count < limit and (frame := self.session.next_frame(lane)) is not None:
+                wire = frame.SerializeToString()
+                assert len(wire) <= Limits().frame_bytes
+                self.gateway.receive(lane, link_pb2.AgentFrame.FromString(wire))
+                count += 1
+        return count
+
+    def put(self, topic: str, data: bytes, delivery: str) -> None:
+        channel_id = TOPICS.index(topic) + 1
+        if delivery == "live":
+            channel = self.channels.by_id(channel_id)
+            assert channel is not None
+            self.live.append(channel, 7, data)
+        else:
+            self.outbox.append(channel_id, delivery, 7, data)
+        self.linger.add(len(data), self.clock.monotonic_s())
+
+    def row(self, value: float) -> None:
+        self.outbox.append(METRIC_STREAM, "metric", 7, (1, value))
+        self.linger.add(20, self.clock.monotonic_s())
+
+    def settle(self) -> None:
+        """Until neither side has anything to say."""
+        for _ in range(10_000):
+            self.clock.advance(0.01)
+            sent = self.send()
+            self.gateway.ack()
+            if not sent and not self.deliver() and not self.outbox.sample_count:
+                return
+        raise AssertionError("never settles")
+
+
+def test_hello_says_who_and_what_is_held() -> None:
+    rig = Rig()
+    rig.put("/bulk/a", b"x", "bulk")
+    assert rig.connect() == [Established("gw", "store")]
+    control, data = rig.gateway.hellos
+    assert (control.robot_id, control.session_number, control.labels["site"], len(control.streams)) == (
+        "r",
+        101,
+        "x",
+        0,
+    )
+    assert [(s.stream_id, s.epoch, s.first_seq, s.last_seq) for s in data.streams] == [(2, 42, 1, 1)]
+
+
+def test_nothing_is_sent_before_the_welcome() -> None:
+    rig = Rig()
+    rig.put("/event/a", b"x", "event")
+    rig.clock.advance(1)
+    assert rig.session.next_frame(CONTROL) is None
+    assert rig.session.next_frame(DATA) is None
+    assert rig.session.wait_s(DATA) is None
+
+
+def test_every_class_arrives() -> None:
+    rig = Rig()
+    rig.connect()
+    rig.put("/event/a", b"event", "event")
+    rig.put("/bulk/a", b"bulk", "bulk")
+    rig.put("/live/a", b"live", "live")
+    rig.row(0.5)
+    rig.settle()
+    assert rig.gateway.rows[1] == {1: b"event"}
+    assert rig.gateway.rows[2] == {1: b"bulk"}
+    assert rig.gateway.live[4] == [(1, b"live")]
+    assert rig.gateway.rows[0] == {1: (1, 7, 0.5)}
+    assert rig.outbox.size_bytes == 0
+    assert set(rig.gateway.channels) == {1, 2, 3, 4, 5}
+
+
+def test_both_lanes_hear_announcements_heartbeats_and_new_channels() -> None:
+    rig = Rig()
+    rig.connect()
+    rig.send()
+    assert rig.gateway.announced[CONTROL] == rig.gateway.announced[DATA] == {1, 2, 3, 4, 5}
+    assert {lane for lane, _ in rig.gateway.heartbeats} == {CONTROL, DATA}
+    rig.channels.observe("/bulk/new", BATTERY, type_hash(BATTERY), qos="", keeps_all=False)
+    rig.send()
+    assert 6 in rig.gateway.announced[CONTROL] & rig.gateway.announced[DATA]
+
+
+def test_linger_fills_batches() -> None:
+    rig = Rig()
+    rig.connect()
+    rig.clock.advance(0.01)
+    rig.send()
+    frames = rig.gateway.frames
+    for _ in range(10):
+        rig.put("/bulk/a", b"x", "bulk")
+        assert rig.session.next_frame(DATA) is None
+    wait_s = rig.session.wait_s(DATA)
+    assert wait_s == pytest.approx(0.005)
+    rig.clock.advance(wait_s)
+    assert rig.send() == 1
+    assert rig.gateway.frames == frames + 1
+    assert len(rig.gateway.rows[2]) == 10
+
+
+def test_the_window_stops_data_and_an_ack_opens_it() -> None:
+    rig = Rig(GatewayHalf(window_batches=2))
+    rig.connect()
+    for _ in range(5):
+        rig.put("/bulk/a", bytes(300_000), "bulk")
+    rig.send()
+    assert len(rig.gateway.rows[2]) == 2
+    rig.put("/live/a", b"still", "live")
+    rig.send()
+    assert rig.gateway.live[4], "live is not subject to the window"
+    for expected in (4, 5):
+        rig.gateway.ack()
+        rig.deliver()
+        rig.send()
+        assert len(rig.gateway.rows[2]) == expected
+
+
+def test_the_window_in_bytes() -> None:
+    rig = Rig(GatewayHalf(window_bytes=500_000))
+    rig.connect()
+    for _ in range(5):
+        rig.put("/bulk/a", bytes(300_000), "bulk")
+    rig.send()
+    assert len(rig.gateway.rows[2]) == 2
+
+
+def test_a_sample_over_a_batch_travels_in_pieces() -> None:
+    rig = Rig()
+    rig.connect()
+    large = bytes(range(256)) * 12_000
+    rig.put("/bulk/a", large, "bulk")
+    rig.put("/bulk/a", b"after", "bulk")
+    rig.put("/live/a", large, "live")
+    rig.settle()
+    assert rig.gateway.rows[2] == {1: large, 2: b"after"}
+    assert rig.gateway.live[4] == [(1, large)]
+
+
+def test_overflow_is_declared() -> None:
+    rig = Rig(bulk=10 * (OVERHEAD_BYTES + 1))
+    for _ in range(30):
+        rig.put("/bulk/a", b"x", "bulk")
+    rig.connect()
+    rig.settle()
+    assert sorted(rig.gateway.gaps[2]) == list(range(1, 21))
+    assert sorted(rig.gateway.rows[2]) == list(range(21, 31))
+
+
+def test_resume_after_a_loss_sends_each_row_once() -> None:
+    rig = Rig()
+    rig.connect()
+    for number in range(10):
+        rig.put("/bulk/a", bytes([number]), "bulk")
+    rig.clock.advance(0.01)
+    rig.send()
+    rig.new_session()
+    rig.put("/bulk/a", b"late", "bulk")
+    rig.connect()
+    rig.settle()
+    assert [row for _, row in sorted(rig.gateway.rows[2].items())] == [bytes([n]) for n in range(10)] + [b"late"]
+    assert rig.gateway.duplicates == 0
+    assert rig.gateway.hellos[-1].session_number == 102
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_random_faults_leave_rows_and_gaps_disjoint_and_complete(seed: int) -> None:
+    rng = random.Random(seed)
+    rig = Rig(bulk=40 * (OVERHEAD_BYTES + 10), event=30 * (OVERHEAD_BYTES + 10), metric=40 * OVERHEAD_BYTES)
+    rig.connect()
+    accepted = {0: 0, 1: 0, 2: 0, 3: 0}
+    for _ in range(300):
+        rig.clock.advance(rng.choice([0.0, 0.002, 0.01]))
+        match rng.randrange(8):
+            case 0 | 1 | 2:
+                for _ in range(rng.randrange(1, 12)):
+                    stream = rng.choice([1, 2, 3])
+                    rig.put(TOPICS[stream - 1], bytes(rng.randrange(20)), "event" if stream == 1 else "bulk")
+                    accepted[stream] += 1
+            case 3:
+                for _ in range(rng.randrange(1, 12)):
+                    rig.row(rng.random())
+                    accepted[0] += 1
+            case 4 | 5:
+                rig.send(limit=rng.randrange(1, 6))
+            case 6:
+                rig.gateway.ack()
+                rig.deliver()
+            case _ if rng.random() < 0.3:
+                rig.new_session()
+                rig.connect()
+    rig.settle()
+    for stream, count in accepted.items():
+        rows, gaps = set(rig.gateway.rows[stream]), set(rig.gateway.gaps[stream])
+        assert not rows & gaps
+        assert rows | gaps == set(range(1, count + 1))
+
+
+def test_demand_reaches_the_channels() -> None:
+    rig = Rig()
+    rig.connect()
+    demand = link_pb2.Demand(revision=1, entries=[link_pb2.DemandEntry(channel_id=4, max_rate_hz=5)])
+    rig.session.receive(CONTROL, link_pb2.GatewayFrame(demand=demand))
+    channel = rig.channels.by_id(4)
+    assert channel is not None
+    assert channel.selector.demand_hz == 5
+
+
+def test_commands_and_teleop_become_events() -> None:
+    rig = Rig()
+    rig.connect()
+    command = link_pb2.Command(command_id=b"1" * 16)
+    (event,) = rig.session.receive(CONTROL, link_pb2.GatewayFrame(command=command))
+    assert event == CommandArrived(command, rig.clock.monotonic_s())
+    rig.session.answer(link_pb2.CommandResult(command_id=b"1" * 16, ok=True))
+    rig.send()
+    assert [result.ok for result in rig.gateway.results] == [True]
+    teleop = link_pb2.Teleop(seq=1, sent_ns=rig.clock.wall_ns())
+    rig.session.receive(CONTROL, link_pb2.GatewayFrame(teleop=teleop))
+    rig.clock.advance(0.4)
+    (event,) = rig.session.receive(CONTROL, link_pb2.GatewayFrame(teleop=teleop))
+    assert isinstance(event, TeleopArrived)
+    assert event.age_s == pytest.approx(0.4)
+
+
+def test_heartbeats_measure_and_answer_a_peer_without_a_round_trip() -> None:
+    rig = Rig()
+    rig.connect()
+    rig.send()
+    before = len(rig.gateway.heartbeats)
+    first = rig.gateway.heartbeats[0][1]
+    rig.clock.advance(0.02)
+    beat = link_pb2.Heartbeat(sent_ns=rig.clock.wall_ns(), echo_ns=first.sent_ns, held_ns=0)
+    rig.session.receive(CONTROL, link_pb2.GatewayFrame(heartbeat=beat))
+    assert rig.session.offset.round_trip_s == pytest.approx(0.02)
+    rig.send()
+    assert len(rig.gateway.heartbeats) == before
+    fresh = link_pb2.Heartbeat(sent_ns=rig.clock.wall_ns())
+    rig.session.receive(CONTROL, link_pb2.GatewayFrame(heartbeat=fresh))
+    rig.send()
+    assert rig.gateway.heartbeats[-1][1].echo_ns == fresh.sent_ns
+
+
+def test_statistics_every_second() -> None:
+    rig = Rig()
+    rig.connect()
+    for _ in range(50):
+        rig.send()
+        rig.clock.advance(0.1)
+    assert len(rig.gateway.statistics) == 5
+    assert len(rig.gateway.statistics[-1].topics) == len(TOPICS)
+
+
+def test_silence_kills_the_session() -> None:
+    rig = Rig()
+    rig.connect()
+    rig.clock.advance(14.9)
+    rig.session.check()
+    rig.clock.advance(0.2)
+    with pytest.raises(LinkDeadError, match="nothing heard"):
+        rig.session.check()
+
+
+def test_missing_acks_kill_the_session() -> None:
+    rig = Rig()
+    rig.connect()
+    rig.put("/bulk/a", b"x", "bulk")
+    rig.clock.advance(0.01)
+    rig.send()
+    rig.clock.advance(15.1)
+    rig.session.receive(CONTROL, link_pb2.GatewayFrame(heartbeat=link_pb2.Heartbeat(sent_ns=1, echo_ns=1)))
+    with pytest.raises(LinkDeadError, match="acknowledgement"):
+        rig.session.check()
+
+
+def test_goodbye_ends_the_session_with_its_reason() -> None:
+    rig = Rig()
+    rig.connect()
+    goodbye = link_pb2.Goodbye(code="fenced", message="a newer agent is here", retry_after_ms=5000)
+    with pytest.raises(RefusedError, match="fenced: a newer agent") as caught:
+        rig.session.receive(DATA, link_pb2.GatewayFrame(goodbye=goodbye))
+    assert (caught.value.reason, caught.value.retry_after_s) == ("fenced", 5.0)
+
+
+def test_another_store_is_refused() -> None:
+    rig = Rig()
+    rig.connect()
+    rig.gateway.welcome.store_id = "other"
+    rig.new_session()
+    with pytest.raises(RefusedError, match="other_store"):
+        rig.connect()
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        link_pb2.GatewayFrame(),
+        link_pb2.GatewayFrame(welcome=link_pb2.Welcome(store_id="store")),
+        link_pb2.GatewayFrame(ack=link_pb2.Ack(watermarks=[link_pb2.Watermark(stream_id=2, epoch=42, seq=9)])),
+    ],
+)
+def test_what_breaks_the_protocol_is_a_frame_error(frame: link_pb2.GatewayFrame) -> None:
+    rig = Rig()
+    rig.put("/bulk/a", b"x", "bulk")
+    rig.connect()
+    with pytest.raises(FrameError):
+        rig.session.receive(DATA, frame)

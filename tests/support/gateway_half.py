@@ -1,0 +1,128 @@
+"""A tiny gateway half of the link, in memory: keeps what it is told, and fails the test where the contract breaks."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+from metaros._proto import link_pb2
+from metaros.link import Reassembler, unpack_metrics
+
+CONTROL, DATA = link_pb2.LANE_CONTROL, link_pb2.LANE_DATA
+
+
+class GatewayHalf:
+    """Outlives sessions; `connect` starts one. Frames to the agent gather in `out[lane]`."""
+
+    def __init__(self, *, store_id: str = "store", window_bytes: int = 0, window_batches: int = 0) -> None:
+        self.welcome = link_pb2.Welcome(
+            gateway_id="gw",
+            store_id=store_id,
+            window_bytes=window_bytes,
+            window_batches=window_batches,
+            heartbeat_s=5.0,
+        )
+        self.channels: dict[int, link_pb2.Channel] = {}
+        self.series: dict[int, link_pb2.Series] = {}
+        self.watermarks: dict[tuple[int, int], int] = {}
+        self.rows: dict[int, dict[int, object]] = defaultdict(dict)
+        self.gaps: dict[int, dict[int, str]] = defaultdict(dict)
+        self.live: dict[int, list[tuple[int, bytes]]] = defaultdict(list)
+        self.duplicates = 0
+        self.hellos: list[link_pb2.Hello] = []
+        self.results: list[link_pb2.CommandResult] = []
+        self.statistics: list[link_pb2.TopicStatistics] = []
+        self.heartbeats: list[tuple[int, link_pb2.Heartbeat]] = []
+        self.out: dict[int, list[link_pb2.GatewayFrame]] = {CONTROL: [], DATA: []}
+        self.unacked: dict[int, tuple[int, int]] = {}
+        self.frames = 0
+
+    def connect(self) -> None:
+        """A new session begins; what was on its way is lost."""
+        self.out = {CONTROL: [], DATA: []}
+        self.unacked.clear()
+        self.reassembler = Reassembler()
+        self.announced: dict[int, set[int]] = {CONTROL: set(), DATA: set()}
+
+    def receive(self, lane: int, frame: link_pb2.AgentFrame) -> None:
+        """One frame of the agent."""
+        self.frames += 1
+        kind = frame.WhichOneof("frame")
+        assert kind is not None
+        getattr(self, f"on_{kind}")(lane, getattr(frame, kind))
+
+    def on_hello(self, lane: int, hello: link_pb2.Hello) -> None:
+        assert (hello.protocol, hello.lane) == (1, lane)
+        self.hellos.append(hello)
+        welcome = link_pb2.Welcome()
+        welcome.CopyFrom(self.welcome)
+        for state in hello.streams:
+            seq = self.watermarks.get((state.stream_id, state.epoch), 0)
+            welcome.watermarks.append(link_pb2.Watermark(stream_id=state.stream_id, epoch=state.epoch, seq=seq))
+        self.out[lane].append(link_pb2.GatewayFrame(welcome=welcome))
+
+    def on_announce(self, lane: int, announce: link_pb2.Announce) -> None:
+        for channel in announce.channels:
+            self.channels[channel.channel_id] = channel
+            self.announced[lane].add(channel.channel_id)
+        for series in announce.series:
+            self.series[series.series_id] = series
+
+    def on_batches(self, lane: int, batches: link_pb2.Batches) -> None:
+        assert lane == DATA
+        for batch in batches.batches:
+            assert batch.stream_id in self.announced[lane], "a batch before its announcement"
+            columns = self.reassembler.feed(batch)
+            if columns is None:
+                continue
+            if getattr(self.channels[batch.stream_id], "class") == link_pb2.DELIVERY_CLASS_LIVE:
+                self.live[batch.stream_id] += [(seq, bytes(data)) for seq, _, data in columns.samples()]
+                continue
+            for seq, _stamp, data in columns.samples():
+                self.store(batch.stream_id, batch.epoch, seq, bytes(data))
+
+    def on_metrics(self, lane: int, batch: link_pb2.MetricBatch) -> None:
+        columns = unpack_metrics(batch)
+        rows = zip(columns.series_ids.tolist(), columns.stamps_ns.tolist(), columns.values.tolist(), strict=True)
+        for offset, row in enumerate(rows):
+            assert row[0] in self.series, "a row before its series"
+            self.store(0, columns.epoch, columns.first_seq + offset, row)
+
+    def on_gap(self, lane: int, gap: link_pb2.Gap) -> None:
+        watermark = self.watermarks.get((gap.stream_id, gap.epoch), 0)
+        assert gap.from_seq == watermark + 1, f"gap from {gap.from_seq} after {watermark}"
+        for seq in range(gap.from_seq, gap.to_seq + 1):
+            self.gaps[gap.stream_id][seq] = gap.reason
+        self.advance(gap.stream_id, gap.epoch, gap.to_seq)
+
+    def on_statistics(self, lane: int, statistics: link_pb2.TopicStatistics) -> None:
+        assert lane == CONTROL
+        self.statistics.append(statistics)
+
+    def on_result(self, lane: int, result: link_pb2.CommandResult) -> None:
+        assert lane == CONTROL
+        self.results.append(result)
+
+    def on_heartbeat(self, lane: int, heartbeat: link_pb2.Heartbeat) -> None:
+        self.heartbeats.append((lane, heartbeat))
+
+    def store(self, stream_id: int, epoch: int, seq: int, row: object) -> None:
+        """One sample of a durable class: a duplicate, or the next."""
+        watermark = self.watermarks.get((stream_id, epoch), 0)
+        if seq <= watermark:
+            self.duplicates += 1
+            return
+        assert seq == watermark + 1, f"stream {stream_id}: {seq} after {watermark} without a gap"
+        self.rows[stream_id][seq] = row
+        self.advance(stream_id, epoch, seq)
+
+    def advance(self, stream_id: int, epoch: int, seq: int) -> None:
+        """Move a stream's watermark; it is acknowledged by the next `ack`."""
+        self.watermarks[stream_id, epoch] = seq
+        self.unacked[stream_id] = (epoch, seq)
+
+    def ack(self) -> None:
+        """Acknowledge everything stored."""
+        if self.unacked:
+            marks = [link_pb2.Watermark(stream_id=s, epoch=e, seq=q) for s, (e, q) in self.unacked.items()]
+            self.out[DATA].append(link_pb2.GatewayFrame(ack=link_pb2.Ack(watermarks=marks)))
+            self.unacked.clear()
