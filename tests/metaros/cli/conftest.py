@@ -1,0 +1,60 @@
+"""The command as a process beside real nodes on a real router."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import metaros
+from metaros.interfaces.std_msgs.msg import String
+from metaros.interfaces.std_srvs.srv import Trigger
+
+Run = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture(autouse=True)
+def own_runtime_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """No `metaros up` of this machine is seen, whatever runs."""
+    monkeypatch.setenv("METAROS_RUNTIME_DIR", str(tmp_path / "run"))
+
+
+@pytest.fixture
+def run(zenoh_router: str) -> Run:
+    """`run("topic", "list")` on the test's own router."""
+    port = zenoh_router.rsplit(":", 1)[1]
+
+    def call(*arguments: str, timeout_s: float = 30.0) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "metaros", *arguments, "--zenoh-port", port]
+        return subprocess.run(command, capture_output=True, text=True, timeout=timeout_s)
+
+    return call
+
+
+@pytest.fixture
+def talker(zenoh_router: str) -> Iterator[metaros.Node]:
+    """A node that publishes /chatter at 20 Hz and serves ~/reset."""
+    with metaros.Context(connect=zenoh_router) as context, metaros.Node("talker", "/demo", context=context) as node:
+        publisher = node.create_publisher(String, "/chatter", 10)
+        count = iter(range(1_000_000))
+
+        @node.timer(0.05)
+        def tick() -> None:
+            publisher.publish(String(data=f"hello {next(count)}"))
+
+        @node.service(Trigger, "~/reset")
+        def reset(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            response.success, response.message = True, "done"
+            return response
+
+        executor = metaros.SingleThreadedExecutor()
+        executor.add_node(node)
+        thread = threading.Thread(target=executor.spin)
+        thread.start()
+        yield node
+        executor.shutdown()
+        thread.join()

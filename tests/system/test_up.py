@@ -1,0 +1,249 @@
+"""`metaros up` for real: everything answers, two live side by side, and nothing is left behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from metaros.wire import open_router
+from tests.support.ports import free_port
+from tests.support.waiting import wait_until
+
+START_S = 60.0
+
+
+class Up:
+    """One `metaros up` and what it says."""
+
+    def __init__(self, folder: Path, *arguments: str) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.log = folder / "up.log"
+        self._out = self.log.open("wb")
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "metaros", "up", *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=self._out,
+            stderr=subprocess.STDOUT,
+        )
+        self.seen: dict[int, psutil.Process] = {}
+
+    @property
+    def text(self) -> str:
+        return self.log.read_text()
+
+    def wait_ready(self) -> None:
+        wait_until(lambda: "Ready" in self.text or self.process.poll() is not None, timeout_s=START_S, every_s=0.1)
+        assert self.process.poll() is None, self.text
+        self.children()
+
+    def children(self) -> list[psutil.Process]:
+        """All descendants; remembered, so that `gone` can ask for those whose parent is dead."""
+        found = psutil.Process(self.process.pid).children(recursive=True)
+        self.seen |= {child.pid: child for child in found}
+        return found
+
+    def gone(self) -> bool:
+        return not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in self.seen.values())
+
+    def state(self) -> dict[str, Any]:
+        """What `metaros status` says of it."""
+        done = subprocess.run([sys.executable, "-m", "metaros", "status", "-o", "json"], capture_output=True, text=True)
+        (own,) = (found for found in json.loads(done.stdout) if found["pid"] == self.process.pid)
+        return own  # type: ignore[no-any-return]
+
+    def get(self, path: str) -> Any:
+        try:
+            with urllib.request.urlopen(f"{self.state_url}{path}", timeout=5) as answer:
+                return json.load(answer)
+        except (urllib.error.URLError, ConnectionError, TimeoutError):
+            return None
+
+    @property
+    def state_url(self) -> str:
+        (line,) = (line for line in self.text.splitlines() if line.strip().startswith("Dashboard"))
+        return line.split()[1]
+
+    def online(self) -> set[str]:
+        answer = self.get("/api/v1/robots") or {"robots": []}
+        return {robot["id"] for robot in answer["robots"] if robot["state"] == "online"}
+
+    def pid_of(self, name: str) -> int:
+        (row,) = (row for row in self.state()["processes"] if row["name"] == name)
+        return int(row["pid"])
+
+    def stop(self, number: int = signal.SIGINT) -> None:
+        self.children()
+        self.process.send_signal(number)
+        assert self.process.wait(5) == 0, self.text
+        assert self.gone(), self.text
+
+    def close(self) -> None:
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.wait()
+        self._out.close()
+
+
+@contextmanager
+def running(folder: Path, *arguments: str) -> Iterator[Up]:
+    """A ready instance, killed at the end if the test has not stopped it."""
+    up = Up(folder, *arguments)
+    try:
+        up.wait_ready()
+        yield up
+    finally:
+        up.close()
+
+
+@pytest.fixture(autouse=True)
+def own_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """State files and default data of this test only."""
+    monkeypatch.setenv("METAROS_RUNTIME_DIR", str(tmp_path / "runtime"))
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "home"))
+    monkeypatch.delenv("METAROS_ZENOH_PORT", raising=False)
+
+
+def ports() -> tuple[str, ...]:
+    """Explicit free ports, so that tests beside each other do not meet."""
+    return ("--port", str(free_port()), "--grpc-port", str(free_port()), "--zenoh-port", str(free_port()))
+
+
+def host_name(up: Up) -> str:
+    """The robot that is this machine: the last one listed."""
+    return str(up.state()["robots"][-1])
+
+
+def test_one_robot_and_this_machine_come_up_and_go(tmp_path: Path) -> None:
+    with running(tmp_path, "--robots", "1", "--data-dir", str(tmp_path / "data"), *ports()) as up:
+        assert up.get("/readyz")["status"] == "ready"
+        assert up.online() == {"sim_1", host_name(up)}
+        assert up.state()["state"] == "ready"
+        assert {path.name for path in (tmp_path / "data" / "logs").iterdir()} >= {
+            "gateway.log",
+            "router.log",
+            "sim.log",
+        }
+        up.stop()
+        assert up.text.rstrip().endswith("stopped")
+        assert list((tmp_path / "runtime").glob("up-*")) == []
+
+
+def test_kill_9_of_up_leaves_no_process(tmp_path: Path) -> None:
+    with running(tmp_path, "--robots", "1", "--no-host", "--data-dir", str(tmp_path / "data"), *ports()) as up:
+        assert len(up.children()) >= 4
+        up.process.kill()
+        up.process.wait()
+        wait_until(up.gone, timeout_s=2.0)
+
+
+def test_an_explicit_port_in_use_is_an_error_that_names_the_owner(tmp_path: Path) -> None:
+    for option in ("--port", "--grpc-port", "--zenoh-port"):
+        with socket.socket() as foreign:
+            foreign.bind(("127.0.0.1", 0))
+            foreign.listen(8)
+            up = Up(tmp_path, option, str(foreign.getsockname()[1]), "--data-dir", str(tmp_path / "data"))
+            assert up.process.wait(20) == 2
+            assert f"(pid {os.getpid()})" in up.text
+            assert "Traceback" not in up.text
+            up.close()
+
+
+def test_sigterm_while_starting_leaves_nothing(tmp_path: Path) -> None:
+    up = Up(tmp_path, "--robots", "1", "--data-dir", str(tmp_path / "data"), *ports())
+    wait_until(lambda: (tmp_path / "data" / "logs" / "gateway.log").exists() or up.process.poll() is not None)
+    up.stop(signal.SIGTERM)
+    up.close()
+
+
+@pytest.mark.slow
+def test_three_robots_and_the_gateway_s_death(tmp_path: Path) -> None:
+    with running(tmp_path, "--data-dir", str(tmp_path / "data"), *ports()) as up:
+        everyone = {"sim_1", "sim_2", "sim_3", host_name(up)}
+        assert up.online() == everyone
+        first = up.pid_of("gateway")
+        os.kill(first, signal.SIGKILL)
+        wait_until(lambda: "gateway restarted" in up.text)
+        wait_until(lambda: (up.get("/readyz") or {}).get("status") == "ready", timeout_s=10)
+        wait_until(lambda: up.online() == everyone, timeout_s=2.0)
+        assert "gateway killed by SIGKILL" in up.text
+        assert up.pid_of("gateway") != first
+        up.stop()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(200)
+def test_two_instances_share_a_router_and_the_second_outlives_the_first(tmp_path: Path) -> None:
+    zenoh = ("--zenoh-port", str(free_port()))
+    own = ("--port", str(free_port()), "--grpc-port", str(free_port()))
+    with running(tmp_path / "a", "--robots", "2", *own, *zenoh) as first:
+        own = ("--port", str(free_port()), "--grpc-port", str(free_port()))
+        with running(tmp_path / "b", "--robots", "1", *own, *zenoh) as second:
+            assert "joining it" in second.text
+            assert second.online() == {"sim_3", host_name(second)}
+            assert second.state()["data_dir"] != first.state()["data_dir"]
+            first.stop()
+            wait_until(lambda: second.online() == {"sim_3", host_name(second)}, timeout_s=20)
+            second.stop()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(200)
+def test_beside_foreign_programs_on_the_default_ports_everything_moves(tmp_path: Path) -> None:
+    with foreign_listeners(8080, 8081, 7447), running(tmp_path, "--robots", "1", "--no-host") as up:
+        state = up.state()
+        assert state["http_port"] not in (8080, 8081)
+        assert state["grpc_port"] not in (8080, 8081)
+        assert state["zenoh_port"] != 7447
+        for port in (8080, 8081, 7447):
+            assert f"port {port} is in use by" in up.text
+        assert str(state["http_port"]) in up.text
+        assert up.online() == {"sim_1"}
+        up.stop()
+
+
+@pytest.mark.slow
+def test_a_router_that_exists_is_joined_and_its_robots_are_not_doubled(tmp_path: Path) -> None:
+    port = free_port()
+    own = ("--port", str(free_port()), "--grpc-port", str(free_port()), "--zenoh-port", str(port))
+    router = open_router(port)
+    try:
+        with running(tmp_path, "--robots", "1", "--no-host", *own) as up:
+            assert "joining it" in up.text
+            assert up.online() == {"sim_1"}
+            up.stop()
+    finally:
+        router.close()
+
+
+@contextmanager
+def foreign_listeners(*wanted: int) -> Iterator[None]:
+    """Listen on each of these ports; one that is in use already serves as well."""
+    held = []
+    for port in wanted:
+        listener = socket.socket()
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind(("127.0.0.1", port))
+            listener.listen(8)
+        except OSError:
+            listener.close()
+            continue
+        held.append(listener)
+    try:
+        yield
+    finally:
+        for listener in held:
+            listener.close()
