@@ -30,11 +30,11 @@ def field_of(message: Any, path: str) -> Any:
     for name in path.replace("[", ".[").split("."):
         if name.startswith("[") and name.endswith("]") and name[1:-1].isdigit():
             value = _element(value, int(name[1:-1]), path)
-        elif _is_message(value) and name in value.get_fields_and_field_types():
-            value = getattr(value, name)
-        else:
-            known = ", ".join(value.get_fields_and_field_types()) if _is_message(value) else "no fields"
-            raise FieldError(f"no field {name!r} in {path!r}: there is {known}")
+            continue
+        known = _attributes(value)
+        if name not in known:
+            raise FieldError(f"no field {name!r} in {path!r}: there is {', '.join(known) or 'no field'}")
+        value = getattr(value, known[name])
     return value
 
 
@@ -50,9 +50,14 @@ def _is_message(value: Any) -> bool:
     return hasattr(type(value), "__metaros_name__")
 
 
+def _attributes(value: Any) -> dict[str, str]:
+    """Field names and the attributes that hold them (`from` is held in `from_`); none for what is no message."""
+    return {field.name: field.attribute for field in getattr(type(value), "__metaros_fields__", ())}
+
+
 def _lines(message: Any, indent: str, full: bool) -> Iterator[str]:
-    for name in message.get_fields_and_field_types():
-        yield from _field(name, getattr(message, name), indent, full)
+    for name, attribute in _attributes(message).items():
+        yield from _field(name, getattr(message, attribute), indent, full)
 
 
 def _field(name: str, value: Any, indent: str, full: bool) -> Iterator[str]:

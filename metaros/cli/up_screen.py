@@ -6,6 +6,7 @@ import sys
 import threading
 from typing import TYPE_CHECKING
 
+from metaros.cli.options import DEFAULT_ZENOH_PORT
 from metaros.clock import Clock
 from metaros.supervise import Event, EventKind
 
@@ -65,8 +66,6 @@ class Screen:
         """The one clear screen."""
         router = "hosted here" if plan.own_router else "joined"
         names = "  ".join(plan.robot_names) or "none"
-        topic = f"/{plan.simulated[0]}/odom" if plan.simulated else "/host/cpu"
-        option = "" if plan.zenoh_port == 7447 else f" --zenoh-port {plan.zenoh_port}"
         rows = (
             ("Dashboard", f"[bold cyan underline]{plan.url}[/]"),
             ("Robots", f"[bold]{names}[/]  [dim]all online[/]" if plan.robot_names else "[dim]none[/]"),
@@ -78,7 +77,7 @@ class Screen:
         self._print(f"\n  [bold green]Ready[/] [dim]in {took_s:.1f} s[/]\n")
         for label, value in rows:
             self._print(f"  [dim]{label:<{WIDTH}}[/]{value}")
-        self._print(f"\n  [dim]{'Try':<{WIDTH}}[/]metaros topic echo {topic} --once{option}")
+        self._print(f"\n  [dim]{'Try':<{WIDTH}}[/]{_suggestion(plan)}")
         self._print(f"  [dim]{'Stop':<{WIDTH}}[/][bold]Ctrl-C[/]\n")
 
     def event(self, event: Event, *, ready: bool) -> None:
@@ -117,6 +116,13 @@ class Screen:
     def _print(self, text: str) -> None:
         self._console.print(text)
         sys.stdout.flush()
+
+
+def _suggestion(plan: Plan) -> str:
+    """A command that shows something at once."""
+    port = "" if plan.zenoh_port == DEFAULT_ZENOH_PORT else f" --zenoh-port {plan.zenoh_port}"
+    topic = f"/{plan.simulated[0]}/odom" if plan.simulated else "/host/cpu" if plan.host_robot else ""
+    return f"metaros topic echo {topic} --once{port}" if topic else f"metaros doctor{port}"
 
 
 def _escape(text: str) -> str:

@@ -81,7 +81,7 @@ def test_a_field_by_its_path() -> None:
     ("path", "word"),
     [
         ("pose.pos", "pose, covariance"),
-        ("child_frame_id.x", "no fields"),
+        ("child_frame_id.x", "no field"),
         ("pose.covariance[99]", "36 elements"),
         ("pose[0]", "not an array"),
     ],
