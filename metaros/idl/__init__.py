@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from metaros.idl import globs, names
-from metaros.idl.catalogue import Catalogue, default_catalogue, parse_definition
+from metaros.idl.catalogue import Catalogue, default_catalogue, parse_definition, release_catalogue
 from metaros.idl.classes import Action, Message, Service, message_class
 from metaros.idl.definitions import (
     ActionDefinition,
@@ -41,6 +41,7 @@ __all__ = [
     "parse_hash",
     "parse_msg",
     "parse_srv",
+    "release_catalogue",
     "schema_text",
     "type_description",
     "type_hash",

@@ -12,13 +12,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from metaros.errors import DefinitionError, UnknownTypeError
+from metaros.errors import ConfigError, DefinitionError, UnknownTypeError
 from metaros.idl.definitions import Definition, MessageDefinition
 from metaros.idl.derived import derived_definitions, root_names, whole_message
 from metaros.idl.parser import parse_action, parse_msg, parse_srv
 from metaros.limits import LIMITS
 
-__all__ = ["Catalogue", "default_catalogue", "parse_definition"]
+__all__ = ["RELEASES", "Catalogue", "default_catalogue", "parse_definition", "release_catalogue"]
+
+RELEASES = ("jazzy", "kilted", "lyrical")
 
 _DATA = Path(__file__).parent / "catalogue_data"
 _PARSERS: dict[str, Callable[[str, str], Definition]] = {"msg": parse_msg, "srv": parse_srv, "action": parse_action}
@@ -67,13 +69,21 @@ class Catalogue:
         A catalogue with a base may define a name of the base anew; that is how two robots with different
         versions of one interface are told apart.
         """
+        self.add_all([definition])
+
+    def add_all(self, definitions: list[Definition]) -> None:
+        """Add several interfaces, or none of them if one cannot be added."""
         with self._lock:
-            present = self._lookup(definition.name)
-            if present is not None and present != definition:
-                raise DefinitionError(f"{definition.name} is already in the catalogue with another definition")
-            if present is None:
-                if len(self._own) >= LIMITS.type_cache:
-                    raise DefinitionError(f"the catalogue is full: {LIMITS.type_cache} interfaces were added")
+            new: dict[str, Definition] = {}
+            for definition in definitions:
+                present = self._lookup(definition.name) or new.get(definition.name)
+                if present is not None and present != definition:
+                    raise DefinitionError(f"{definition.name} is already in the catalogue with another definition")
+                if present is None:
+                    new[definition.name] = definition
+            if new and len(self._own) + len(new) > LIMITS.type_cache:
+                raise DefinitionError(f"the catalogue is full: it takes {LIMITS.type_cache} interfaces")
+            for definition in new.values():
                 self._own[definition.name] = definition
                 self._derived.update(derived_definitions(definition))
 
@@ -172,12 +182,34 @@ class _ShippedCatalogue(Catalogue):
     def _read(self, package: str) -> None:
         path = self._unread.pop(package, None)
         if path is not None:
-            for section in path.read_text(encoding="utf-8").split("=== ")[1:]:
-                title, _, text = section.partition("\n")
-                self._texts[f"{package}/{title.strip()}"] = text
+            self._texts.update(_read_sections(path))
 
 
 @cache
 def default_catalogue() -> Catalogue:
     """The catalogue of the process: the shipped packages and what the program added."""
     return _ShippedCatalogue()
+
+
+@cache
+def release_catalogue(release: str) -> Catalogue:
+    """The catalogue as a ROS 2 release defines it: "jazzy" and "kilted" are the default, "lyrical" differs a little."""
+    if release not in RELEASES:
+        raise ConfigError(f"{release!r} is no ROS 2 release known here: {', '.join(RELEASES)}")
+    paths = sorted((_DATA / release).glob("*.txt"))
+    if not paths:
+        return default_catalogue()
+    catalogue = Catalogue(base=default_catalogue())
+    for path in paths:
+        for name, text in _read_sections(path).items():
+            catalogue.add(parse_definition(text, name))
+    return catalogue
+
+
+def _read_sections(path: Path) -> dict[str, str]:
+    """The texts of a package's data file by full interface name."""
+    texts: dict[str, str] = {}
+    for section in path.read_text(encoding="utf-8").split("=== ")[1:]:
+        title, _, text = section.partition("\n")
+        texts[f"{path.stem}/{title.strip()}"] = text
+    return texts

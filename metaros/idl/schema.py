@@ -34,12 +34,9 @@ def add_schema_text(name: str, text: str, catalogue: Catalogue) -> None:
     """Learn the message `name` and its parts from such a text; all or nothing is added."""
     definitions = [parse_definition(part, title) for title, part in _sections(name, text)]
     trial = Catalogue(base=catalogue)
-    for definition in definitions:
-        trial.add(definition)
+    trial.add_all(definitions)
     trial.dependencies(name)
-    for definition in definitions:
-        if definition.name not in catalogue or catalogue.get(definition.name) != definition:
-            catalogue.add(definition)
+    catalogue.add_all([item for item in definitions if item.name not in catalogue or catalogue.get(item.name) != item])
 
 
 def _schema(name: str, catalogue: Catalogue) -> str:
