@@ -26,9 +26,11 @@ def register(app: typer.Typer) -> None:
 
 def doctor(
     port: Annotated[
-        int | None, typer.Option("--port", "-p", min=1, max=65535, help="The gateway's HTTP port, if you know better.")
+        int | None, typer.Option("--port", "-p", min=1, max=65535, metavar="PORT", help="The gateway's HTTP port.")
     ] = None,
-    data_dir: Annotated[Path | None, typer.Option("--data-dir", help="Check this directory's disk.")] = None,
+    data_dir: Annotated[
+        Path | None, typer.Option("--data-dir", metavar="DIR", help="Check this directory's disk.")
+    ] = None,
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
     output: FormatOption = Format.TEXT,

@@ -41,7 +41,9 @@ def run(
         list[str] | None,
         typer.Option("--param", "-p", metavar="NAME=VALUE", help="A setting; repeat it."),
     ] = None,
-    namespace: Annotated[str, typer.Option("--namespace", help="Publish below this namespace.")] = "/",
+    namespace: Annotated[
+        str, typer.Option("--namespace", metavar="NAMESPACE", help="Publish below this namespace.")
+    ] = "/",
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
     status_file: StatusFile = "",

@@ -24,7 +24,7 @@ def register(app: typer.Typer) -> None:
 
 @group.command("list")
 def list_(
-    word: Annotated[str, typer.Argument(metavar="[WORD]", help="Only names that contain this.")] = "",
+    word: Annotated[str, typer.Argument(metavar="WORD", help="Only names that contain this.")] = "",
     messages: Annotated[bool, typer.Option("--only-msgs", "-m", help="Only messages.")] = False,
     services: Annotated[bool, typer.Option("--only-srvs", "-s", help="Only services.")] = False,
     actions: Annotated[bool, typer.Option("--only-actions", "-a", help="Only actions.")] = False,

@@ -23,11 +23,20 @@ def register(app: typer.Typer) -> None:
 
 def play(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A CARMEN log (.clf, .log), bz2 and gz as they are.")],
-    name: Annotated[str, typer.Option("--name", help="The robot: topics are /<name>/scan, /<name>/odom …")] = "robot",
-    rate: Annotated[float, typer.Option("--rate", "-r", min=0.0, help="1 original, 20 twenty-fold, 0 flat out.")] = 1.0,
-    limit: Annotated[float, typer.Option("--limit", min=0.0, help="Only so many seconds of the log; 0 all.")] = 0.0,
+    name: Annotated[
+        str, typer.Option("--name", metavar="ROBOT", help="The robot: topics are /<name>/scan, /<name>/odom …")
+    ] = "robot",
+    rate: Annotated[
+        float, typer.Option("--rate", "-r", min=0.0, metavar="FACTOR", help="1 original, 20 twenty-fold, 0 flat out.")
+    ] = 1.0,
+    limit: Annotated[
+        float,
+        typer.Option("--limit", min=0.0, metavar="SECONDS", show_default=False, help="Only this much of the log."),
+    ] = 0.0,
     loop: Annotated[bool, typer.Option("--loop", "-l", help="Start again at the end.")] = False,
-    wait: Annotated[float, typer.Option("--wait", min=0.0, help="Wait so long for a subscriber first.")] = 5.0,
+    wait: Annotated[
+        float, typer.Option("--wait", min=0.0, metavar="SECONDS", help="For a subscriber, before the first message.")
+    ] = 5.0,
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
     output: FormatOption = Format.TEXT,

@@ -27,9 +27,11 @@ def register(app: typer.Typer) -> None:
 def router(
     port: Annotated[
         int,
-        typer.Option("--port", "--zenoh-port", envvar="METAROS_ZENOH_PORT", min=1, max=65535, help="TCP port."),
+        typer.Option(
+            "--port", "--zenoh-port", envvar="METAROS_ZENOH_PORT", min=1, max=65535, metavar="PORT", help="TCP port."
+        ),
     ] = DEFAULT_ZENOH_PORT,
-    host: Annotated[str, typer.Option("--host", help="Address to listen on.")] = "127.0.0.1",
+    host: Annotated[str, typer.Option("--host", metavar="ADDRESS", help="Address to listen on.")] = "127.0.0.1",
     standby: Annotated[
         bool, typer.Option("--standby", help="Wait until the port is free, then host: a router's understudy.")
     ] = False,

@@ -48,9 +48,11 @@ def list_(
 @group.command("call")
 def call(
     service: Annotated[str, typer.Argument(metavar="SERVICE", help="Such as /sim_1/base/resume.")],
-    type_or_values: Annotated[str, typer.Argument(metavar="[TYPE]", help="Taken from the graph if left out.")] = "",
-    values: Annotated[str, typer.Argument(metavar="[YAML]", help="The request's fields.")] = "",
-    timeout: Annotated[float, typer.Option("--timeout", min=0.1, help="Seconds to wait for the response.")] = 10.0,
+    type_or_values: Annotated[str, typer.Argument(metavar="TYPE", help="Taken from the graph if left out.")] = "",
+    values: Annotated[str, typer.Argument(metavar="YAML", help="The request's fields.")] = "",
+    timeout: Annotated[
+        float, typer.Option("--timeout", min=0.1, metavar="SECONDS", help="How long to wait for the response.")
+    ] = 10.0,
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
     spin_time: SpinTime = 1.0,

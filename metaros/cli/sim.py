@@ -17,14 +17,17 @@ def register(app: typer.Typer) -> None:
 
 
 def sim(
-    robots: Annotated[int, typer.Option("--robots", min=1, max=200, help="How many.")] = 3,
-    first: Annotated[int, typer.Option("--first", min=1, help="Number of the first: sim_<first>.")] = 1,
-    seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same drive.")] = 1,
+    robots: Annotated[int, typer.Option("--robots", min=1, max=200, metavar="N", help="How many.")] = 3,
+    first: Annotated[int, typer.Option("--first", min=1, metavar="N", help="Number of the first one.")] = 1,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="The same seed gives the same drive.")] = 1,
     fault: Annotated[
         list[str] | None, typer.Option("--fault", metavar="ROBOT:FAULT@SECONDS", help="sim_2:stuck_wheel@30")
     ] = None,
     resume_after: Annotated[
-        float, typer.Option("--resume-after", min=0.0, help="Autonomy is back so many seconds after a cmd_vel.")
+        float,
+        typer.Option(
+            "--resume-after", min=0.0, metavar="SECONDS", help="Autonomy is back so many seconds after a cmd_vel."
+        ),
     ] = 10.0,
     camera: Annotated[bool, typer.Option("--camera/--no-camera", help="Render the forward cameras.")] = True,
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,

@@ -15,10 +15,6 @@ if TYPE_CHECKING:
 __all__ = ["register"]
 
 group = typer.Typer(name="topic", no_args_is_help=True, help="Topics: list, look, listen, publish.")
-group.command("echo")(topic_stream.echo)
-group.command("hz")(topic_stream.hz)
-group.command("bw")(topic_stream.bw)
-group.command("pub")(topic_pub.pub)
 
 
 def register(app: typer.Typer) -> None:
@@ -93,6 +89,12 @@ def info(
         out.objects({"topic": name, "types": _types(ends), "endpoints": [_endpoint(item) for item in ends]})
         return
     _print_info(out, ends, verbose=verbose)
+
+
+group.command("echo")(topic_stream.echo)
+group.command("hz")(topic_stream.hz)
+group.command("bw")(topic_stream.bw)
+group.command("pub")(topic_pub.pub)
 
 
 def _types(endpoints: list[Any]) -> list[str]:

@@ -17,18 +17,23 @@ __all__ = ["pub"]
 
 
 def pub(
-    topic: Annotated[str, typer.Argument(metavar="TOPIC")],
+    topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Such as /sim_1/cmd_vel.")],
     type_name: Annotated[str, typer.Argument(metavar="TYPE", help="std_msgs/msg/String, or std_msgs/String.")],
-    values: Annotated[str, typer.Argument(metavar="[YAML]", help="Fields; what is left out keeps its default.")] = "{}",
-    rate: Annotated[float, typer.Option("--rate", "-r", min=0.001, help="Messages a second.")] = 1.0,
+    values: Annotated[str, typer.Argument(metavar="YAML", help="Fields; what is left out keeps its default.")] = "",
+    rate: Annotated[float, typer.Option("--rate", "-r", min=0.001, metavar="HZ", help="Messages a second.")] = 1.0,
     once: Annotated[bool, typer.Option("--once", "-1", help="Publish one message and end.")] = False,
-    times: Annotated[int, typer.Option("-n", "--times", "-t", min=0, help="End after so many messages.")] = 0,
+    times: Annotated[
+        int,
+        typer.Option("-n", "--times", "-t", min=0, metavar="N", show_default=False, help="End after so many messages."),
+    ] = 0,
     wait: Annotated[
         int | None,
-        typer.Option("--wait-matching-subscriptions", "-w", min=0, help="Wait for so many subscribers first."),
+        typer.Option(
+            "--wait-matching-subscriptions", "-w", min=0, metavar="N", help="Wait for so many subscribers first."
+        ),
     ] = None,
     wait_timeout: Annotated[
-        float, typer.Option("--max-wait-time-secs", min=0.0, help="Publish anyway after so long.")
+        float, typer.Option("--max-wait-time-secs", min=0.0, metavar="SECONDS", help="Publish anyway after so long.")
     ] = 3.0,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Do not print what is published.")] = False,
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,

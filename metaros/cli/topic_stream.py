@@ -15,21 +15,28 @@ if TYPE_CHECKING:
 __all__ = ["bw", "echo", "hz"]
 
 TopicArgument = Annotated[str, typer.Argument(metavar="TOPIC", help="Such as /sim_1/odom; from the root if relative.")]
-Window = Annotated[int, typer.Option("--window", "-w", min=2, help="Over how many of the last messages.")]
+Window = Annotated[int, typer.Option("--window", "-w", min=2, metavar="N", help="Over how many of the last messages.")]
 
 
 def echo(
     topic: TopicArgument,
     type_name: Annotated[
-        str, typer.Argument(metavar="[TYPE]", help="Needed only while nobody is there, or of several types.")
+        str, typer.Argument(metavar="TYPE", help="Needed only while nobody is there, or of several types.")
     ] = "",
     once: Annotated[bool, typer.Option("--once", help="Stop after one message.")] = False,
-    number: Annotated[int, typer.Option("-n", "--number", min=0, help="Stop after so many messages.")] = 0,
+    number: Annotated[
+        int, typer.Option("-n", "--number", min=0, metavar="N", show_default=False, help="Stop after so many messages.")
+    ] = 0,
     raw: Annotated[bool, typer.Option("--raw", help="The bytes in hexadecimal, undecoded.")] = False,
-    field: Annotated[str, typer.Option("--field", help="Only this field, such as pose.pose.position.x.")] = "",
+    field: Annotated[
+        str, typer.Option("--field", metavar="PATH", help="Only this field, such as pose.pose.position.x.")
+    ] = "",
     full: Annotated[bool, typer.Option("--full-length", "-f", help="Arrays in full.")] = False,
     timeout: Annotated[
-        float, typer.Option("--timeout", min=0.0, help="Give up when silent for so many seconds.")
+        float,
+        typer.Option(
+            "--timeout", min=0.0, metavar="SECONDS", show_default=False, help="Give up when silent for so many seconds."
+        ),
     ] = 0.0,
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
@@ -85,7 +92,9 @@ def _text(value: Any) -> str:
 def hz(
     topic: TopicArgument,
     window: Window = 10_000,
-    number: Annotated[int, typer.Option("-n", "--number", min=0, help="Stop after so many reports.")] = 0,
+    number: Annotated[
+        int, typer.Option("-n", "--number", min=0, metavar="N", show_default=False, help="Stop after so many reports.")
+    ] = 0,
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
     spin_time: SpinTime = 1.0,
@@ -113,7 +122,9 @@ def hz(
 def bw(
     topic: TopicArgument,
     window: Window = 100,
-    number: Annotated[int, typer.Option("-n", "--number", min=0, help="Stop after so many reports.")] = 0,
+    number: Annotated[
+        int, typer.Option("-n", "--number", min=0, metavar="N", show_default=False, help="Stop after so many reports.")
+    ] = 0,
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
     spin_time: SpinTime = 1.0,

@@ -18,22 +18,35 @@ def register(app: typer.Typer) -> None:
 
 
 def up(
-    robots: Annotated[int, typer.Option("--robots", "-n", min=0, max=50, help="Simulated robots.")] = 3,
+    robots: Annotated[int, typer.Option("--robots", "-n", min=0, max=50, metavar="N", help="Simulated robots.")] = 3,
     port: Annotated[
-        int | None, typer.Option("--port", "-p", min=1, max=65535, help="Dashboard and API.  [default: 8080]")
+        int | None,
+        typer.Option("--port", "-p", min=1, max=65535, metavar="PORT", show_default="8080", help="Dashboard and API."),
     ] = None,
     grpc_port: Annotated[
-        int | None, typer.Option("--grpc-port", min=1, max=65535, help="The agents' link.  [default: 8081]")
+        int | None,
+        typer.Option("--grpc-port", min=1, max=65535, metavar="PORT", show_default="8081", help="The agents' link."),
     ] = None,
     zenoh_port: Annotated[
         int | None,
-        typer.Option("--zenoh-port", min=1, max=65535, envvar="METAROS_ZENOH_PORT", help="Router.  [default: 7447]"),
+        typer.Option(
+            "--zenoh-port",
+            min=1,
+            max=65535,
+            envvar="METAROS_ZENOH_PORT",
+            metavar="PORT",
+            show_default="7447",
+            help="The Zenoh router's.",
+        ),
     ] = None,
-    host: Annotated[str, typer.Option("--host", help="Address of dashboard and API.")] = "127.0.0.1",
+    host: Annotated[str, typer.Option("--host", metavar="ADDRESS", help="Address of dashboard and API.")] = "127.0.0.1",
     data_dir: Annotated[
-        Path | None, typer.Option("--data-dir", help="Where data and logs are kept.  [default: the user's data folder]")
+        Path | None,
+        typer.Option(
+            "--data-dir", metavar="DIR", show_default="the user's data folder", help="Where data and logs are kept."
+        ),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of the simulation.")] = 1,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the simulation.")] = 1,
     this_host: Annotated[bool, typer.Option("--this-host/--no-host", help="This machine as a robot too.")] = True,
     camera: Annotated[
         str, typer.Option("--camera", metavar="SOURCE", help="A camera of this machine: 0, a file, rtsp://…, test.")

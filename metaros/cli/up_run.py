@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 __all__ = ["run"]
 
 START_TIMEOUT_S = 60.0
-STOP_GRACE_S = 4.0
+STOP_GRACE_S = 4.4  # all is over within 5 s
 GIVE_UP_AFTER = 3  # a process that dies so often before all is ready will not get there
 
 
@@ -93,6 +93,9 @@ class _Up:
             await self._end()
 
     def _ask_stop(self) -> None:
+        """The first request ends all in order, a second one at once."""
+        if self._stop.is_set():
+            self._supervisor.kill()
         self._stop.set()
 
     async def _end(self) -> None:

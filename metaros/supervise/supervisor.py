@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ProcessStatus", "Supervisor"]
 
+_LEAST_GRACE_S = 0.4
 _CANNOT_START = 71  # EX_OSERR
 
 
@@ -94,9 +95,16 @@ class Supervisor:
         deadline = self._clock.monotonic_s() + grace_s
         stages = sorted({child.launch.stage for child in self._children.values()}, reverse=True)
         for left, stage in zip(range(len(stages), 0, -1), stages, strict=True):
-            share_s = max(0.0, deadline - self._clock.monotonic_s()) / left  # a hung stage leaves time for the others
+            rest_s = deadline - self._clock.monotonic_s()
+            share_s = max(_LEAST_GRACE_S, rest_s - _LEAST_GRACE_S * (left - 1))  # a hung stage leaves the others some
             children = [child for child in self._children.values() if child.launch.stage == stage]
             await asyncio.gather(*(self._stop_one(child, share_s) for child in children))
+
+    def kill(self) -> None:
+        """SIGKILL to all at once: for an owner whose user has no patience. `stop` then ends quickly."""
+        for child in self._children.values():
+            if child.process is not None and child.process.running:
+                child.process.signal(signal.SIGKILL)
 
     async def _end_tasks(self) -> None:
         tasks = [child.task for child in self._children.values() if child.task]

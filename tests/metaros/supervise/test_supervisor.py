@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import signal
 import subprocess
@@ -123,6 +124,16 @@ async def test_a_hung_child_is_killed_when_the_grace_is_over(rig: Rig) -> None:
     assert rig.kinds("bad")[-1] is EventKind.KILLED
     assert rig.kinds("good")[-1] is EventKind.STOPPED
     assert not any(psutil.pid_exists(pid) for pid in pids)
+
+
+async def test_kill_ends_a_stop_that_takes_too_long(rig: Rig) -> None:
+    rig.start(rig.launch("a", HANG))
+    await rig.up("a")
+    stopping = asyncio.create_task(rig.supervisor.stop(grace_s=60.0))
+    await asyncio.sleep(0)
+    rig.supervisor.kill()
+    await asyncio.wait_for(stopping, 5.0)
+    assert [status.last_exit for status in rig.supervisor.status()] == ["killed by SIGKILL"]
 
 
 async def test_a_suspended_child_is_killed_too(rig: Rig) -> None:
