@@ -174,5 +174,5 @@ function report(canvas: HTMLCanvasElement, note: HTMLElement | null, map: MapMod
     scans: String(map.scans),
     trail: String(map.trail.length / 2),
   });
-  if (note) note.textContent = `x ${fixed(x, 2)}  y ${fixed(y, 2)} m  ${fixed((yaw * 180) / Math.PI, 0)}°`;
+  if (note) note.textContent = `${fixed(x, 2)}, ${fixed(y, 2)} m · ${fixed((yaw * 180) / Math.PI, 0)}°`;
 }

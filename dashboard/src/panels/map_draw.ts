@@ -24,7 +24,7 @@ export function scaleStep(scale: number, pixels: number): number {
 
 export function drawMap(frame: Frame, model: MapModel, walls: WallTiles): void {
   drawGrid(frame);
-  if (model.seenFrom) drawFan(frame, model.hits, model.seenFrom);
+  if (model.seenFrom) drawFan(frame, model.hits, model.allAround ? null : model.seenFrom);
   walls.draw(frame.context, frame.view, frame.width, frame.height);
   drawTrail(frame, model.trail);
   drawHits(frame, model.hits);
@@ -50,10 +50,10 @@ function drawGrid(frame: Frame): void {
 }
 
 /** The free space between the robot and what it sees. */
-function drawFan(frame: Frame, hits: Float32Array, from: Pose): void {
+function drawFan(frame: Frame, hits: Float32Array, from: Pose | null): void {
   const { context, colours } = frame;
   context.beginPath();
-  context.moveTo(sx(frame, from.x), sy(frame, from.y));
+  if (from) context.moveTo(sx(frame, from.x), sy(frame, from.y));
   for (let i = 0; i < hits.length; i += 2) context.lineTo(sx(frame, hits[i]!), sy(frame, hits[i + 1]!));
   context.closePath();
   context.globalAlpha = 0.07;

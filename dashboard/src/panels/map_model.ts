@@ -53,6 +53,8 @@ export class MapModel {
   /** The newest scan's hits and the pose they were seen from. */
   hits: Float32Array = new Float32Array(0);
   seenFrom: Pose | null = null;
+  /** Whether that scan looked all around, so that its outline needs no sides to the robot. */
+  allAround = false;
   scans = 0;
   #poses: Pose[] = [];
   #waiting: Scan[] = [];
@@ -99,6 +101,7 @@ export class MapModel {
       if (pose) {
         this.hits = scanPoints(scan, pose);
         this.seenFrom = pose;
+        this.allAround = Math.abs(scan.angleStep) * scan.ranges.length > 6.2;
         this.scans += 1;
         this.onHits(this.hits);
         return false;

@@ -1,0 +1,215 @@
+"""A small gateway for the browser tests: it speaks the real REST and WebSocket contract about fake robots."""
+
+from __future__ import annotations
+
+import asyncio
+import datetime
+import fnmatch
+import json
+import math
+import struct
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from fastapi import FastAPI, WebSocket, WebSocketDisconnect
+from fastapi.responses import FileResponse
+
+from metaros.clock import SystemClock
+from tests.e2e.fake_world import TOPICS, FakeRobot, FakeTopic
+
+__all__ = ["STATIC", "FakeGateway"]
+
+STATIC = Path(__file__).resolve().parents[2] / "gateway" / "static"
+
+
+class FakeGateway:
+    """Serves the built dashboard and the contract on one port; stops and starts again like a restarted gateway."""
+
+    def __init__(self, port: int, robots: list[FakeRobot]) -> None:
+        self.port = port
+        self.robots = robots
+        self.teleop: list[dict[str, Any]] = []
+        self.called: list[dict[str, Any]] = []
+        self.lease_holder: str | None = None
+        self._clock = SystemClock()
+        self._server: uvicorn.Server | None = None
+        self._thread: threading.Thread | None = None
+
+    @property
+    def url(self) -> str:
+        """The address of its front page."""
+        return f"http://127.0.0.1:{self.port}"
+
+    def start(self) -> None:
+        """Serve in a thread of its own; returns when it answers."""
+        config = uvicorn.Config(self._app(), port=self.port, log_level="error", ws="websockets-sansio", lifespan="off")
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(target=self._server.run, daemon=True)
+        self._thread.start()
+        pause = threading.Event()
+        for _ in range(500):
+            if self._server.started:
+                return
+            pause.wait(0.01)
+        raise RuntimeError("the fake gateway did not start")
+
+    def stop(self) -> None:
+        """End it and every connection, at once."""
+        if self._server is None or self._thread is None:
+            return
+        self._server.should_exit = True
+        self._server.force_exit = True
+        self._thread.join(10)
+        self._server = self._thread = None
+
+    def seconds(self) -> float:
+        """Its wall clock."""
+        return self._clock.wall_ns() / 1e9
+
+    def described(self) -> list[dict[str, Any]]:
+        """All robots, as the contract has them."""
+        now = datetime.datetime.fromtimestamp(self.seconds(), datetime.UTC).isoformat()
+        return [robot.describe(now) for robot in self.robots]
+
+    def _robot(self, robot_id: str) -> FakeRobot:
+        return next(robot for robot in self.robots if robot.id == robot_id)
+
+    def _app(self) -> FastAPI:
+        app = FastAPI(openapi_url=None)
+        app.add_api_route("/api/v1/robots", lambda: {"robots": self.described()})
+        app.add_api_route("/api/v1/robots/{robot_id}/topics", self._topics)
+        app.add_api_route("/api/v1/robots/{robot_id}/metrics", self._metrics)
+        app.add_api_route("/api/v1/robots/{robot_id}/metrics/range", self._range)
+        app.add_api_route("/api/v1/robots/{robot_id}/services/call", self._call, methods=["POST"])
+        app.add_api_websocket_route("/api/v1/stream", self._stream)
+        app.add_api_websocket_route("/api/v1/robots/{robot_id}/teleop", self._drive)
+        app.add_api_route("/{path:path}", self._static)
+        return app
+
+    async def _static(self, path: str) -> FileResponse:
+        found = STATIC / path
+        return FileResponse(found if path and found.is_file() else STATIC / "index.html")
+
+    async def _topics(self, robot_id: str) -> dict[str, Any]:
+        robot = self._robot(robot_id)
+        return {"topics": [robot.describe_topic(i, topic) for i, topic in enumerate(TOPICS, 1)]}
+
+    async def _metrics(self, robot_id: str) -> dict[str, Any]:
+        names = self._robot(robot_id).metrics(0.0)
+        rows = ({"name": name, "topic": "", "field": "", "samples": 1, "latest": None} for name in names)
+        return {"series": list(rows)}
+
+    async def _range(self, robot_id: str, start: str) -> dict[str, Any]:
+        unit = {"m": 60, "h": 3600}[start[-1]]
+        now, span = self.seconds(), int(start[1:-1]) * unit
+        stamps = [now - span + i * span / 200 for i in range(200)]
+        robot = self._robot(robot_id)
+        rows = [robot.metrics(stamp) for stamp in stamps]
+        series: list[dict[str, Any]] = []
+        for name in rows[0]:
+            values = [row[name] for row in rows]
+            one = {"name": name, "stamp_ms": [stamp * 1000 for stamp in stamps], "mean": values}
+            series.append(one | {"min": values, "max": values, "count": [1] * len(values)})
+        return {"series": series}
+
+    async def _call(self, robot_id: str, body: dict[str, Any]) -> dict[str, Any]:
+        self.called.append({"robot": robot_id, **body})
+        return {"response": {"success": True, "message": ""}}
+
+    async def _drive(self, socket: WebSocket, robot_id: str) -> None:
+        await socket.accept()
+        try:
+            while True:
+                said = await socket.receive_json()
+                self.teleop.append(said)
+                if said["op"] == "take" and self.lease_holder is not None:
+                    await socket.send_json({"op": "refused", "code": "lease_taken", "holder": self.lease_holder})
+                elif said["op"] == "take":
+                    topic = self._robot(robot_id).topic("cmd_vel")
+                    await socket.send_json({"op": "granted", "lease_id": "L1", "expires_in_s": 1.0, "topic": topic})
+                elif said["op"] == "drive":
+                    await socket.send_json({"op": "ack", "seq": said["seq"], "rtt_ms": 1.5})
+        except WebSocketDisconnect:
+            self.teleop.append({"op": "closed"})
+
+    async def _stream(self, socket: WebSocket) -> None:
+        await socket.accept()
+        await socket.send_json({"op": "welcome", "protocol": 1, "gateway_id": "fake", "limits": {}})
+        running: dict[int, asyncio.Task[None]] = {}
+        try:
+            while True:
+                said = json.loads(await socket.receive_text())
+                if said["op"] == "unsubscribe":
+                    task = running.pop(said["id"], None)
+                    if task is not None:
+                        task.cancel()
+                else:
+                    running[said["id"]] = asyncio.create_task(self._feed(socket, said))
+        except WebSocketDisconnect:
+            pass
+        finally:
+            for task in running.values():
+                task.cancel()
+            await asyncio.gather(*running.values(), return_exceptions=True)
+
+    async def _feed(self, socket: WebSocket, wanted: dict[str, Any]) -> None:
+        feeds: dict[str, Callable[..., Any]] = {
+            "subscribe": self._feed_topic,
+            "subscribe_metrics": self._feed_metrics,
+            "subscribe_fleet": self._feed_fleet,
+        }
+        await feeds[wanted["op"]](socket, wanted)
+
+    async def _feed_fleet(self, socket: WebSocket, wanted: dict[str, Any]) -> None:
+        while True:
+            await socket.send_json({"op": "fleet", "id": wanted["id"], "robots": self.described()})
+            await asyncio.sleep(0.5)
+
+    async def _feed_metrics(self, socket: WebSocket, wanted: dict[str, Any]) -> None:
+        while True:
+            now = self.seconds()
+            for robot in self.robots:
+                if robot.state == "online" and fnmatch.fnmatch(robot.id, wanted["robots"]):
+                    values = {n: v for n, v in robot.metrics(now).items() if n in wanted["series"]}
+                    notice = {"op": "metrics", "id": wanted["id"], "robot": robot.id, "stamp_ms": now * 1000}
+                    await socket.send_json(notice | {"values": values})
+            await asyncio.sleep(0.5)
+
+    async def _feed_topic(self, socket: WebSocket, wanted: dict[str, Any]) -> None:
+        for robot in self.robots:
+            for number, topic in enumerate(TOPICS, 1):
+                if robot.id == wanted["robots"] and robot.topic(topic.name) == wanted["topics"] and topic.rate_hz:
+                    await socket.send_json(robot.describe_channel(number, topic))
+                    rate_hz = min(topic.rate_hz, wanted.get("max_rate_hz") or math.inf)
+                    await self._send_records(socket, wanted["id"], robot, (number, topic), rate_hz)
+
+    async def _send_records(
+        self, socket: WebSocket, subscription: int, robot: FakeRobot, channel: tuple[int, FakeTopic], rate_hz: float
+    ) -> None:
+        number, topic = channel
+        seq = 0
+        while True:
+            seq += 1
+            now = self.seconds()
+            payload = robot.encode(topic, now)
+            padded = -(-len(payload) // 8) * 8
+            stamp_ns = int(now * 1e9)
+            header = struct.pack("<IIIIQqq", 40 + padded, subscription, number, len(payload), seq, stamp_ns, stamp_ns)
+            await socket.send_bytes(header + payload.ljust(padded, b"\0"))
+            await asyncio.sleep(1 / rate_hz)
+
+
+def _serve() -> None:
+    """`python -m tests.e2e.fake_gateway`: three robots on port 8090, to look at the pages."""
+    robots = [FakeRobot("sim_1", "/sim_1"), FakeRobot("sim_2", "/sim_2", phase=2.0, battery=0.14), FakeRobot("sim_3", "/sim_3", phase=4.0)]
+    gateway = FakeGateway(8090, [*robots, FakeRobot("bench", "/", state="offline")])
+    gateway.start()
+    print(gateway.url)
+    threading.Event().wait()
+
+
+if __name__ == "__main__":
+    _serve()
