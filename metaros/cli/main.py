@@ -13,10 +13,11 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from metaros import __version__
 from metaros.cli.nouns import NounCommands
 from metaros.errors import MetarosError, UsageError
 
-__all__ = ["build_app", "exit_code", "installed_version", "main"]
+__all__ = ["build_app", "exit_code", "main"]
 
 
 class NounGroup(TyperGroup):
@@ -35,22 +36,12 @@ class NounGroup(TyperGroup):
         from metaros.cli.help import help_page
 
         assert isinstance(self.commands, NounCommands)
-        sys.stdout.write(help_page(self.commands.table.values(), version=installed_version()))
-
-
-def installed_version() -> str:
-    """The version of the distribution, or that there is none."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version("metaros")
-    except PackageNotFoundError:
-        return "from a source tree"
+        sys.stdout.write(help_page(self.commands.table.values(), version=__version__))
 
 
 def _version(value: bool) -> None:
     if value:
-        typer.echo(f"metaros {installed_version()}")
+        typer.echo(f"metaros {__version__}")
         raise typer.Exit
 
 

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from metaros import __version__
 from metaros.cli.options import Domain
 
 __all__ = ["register"]
@@ -60,7 +61,6 @@ def up(
     import asyncio
 
     from metaros.cli.extras import require
-    from metaros.cli.main import installed_version
     from metaros.cli.up_decide import UpOptions
     from metaros.cli.up_run import run
     from metaros.cli.up_screen import Screen
@@ -69,7 +69,7 @@ def up(
     require("agent", "gateway")
     clock = SystemClock()
     screen = Screen(clock=clock)
-    screen.title(installed_version())
+    screen.title(__version__)
     options = UpOptions(
         host=host,
         port=port,
