@@ -159,7 +159,7 @@ class Graph:
         """Stop listening; the last state stays readable."""
         if self._thread.is_alive():
             if not self._session.closed:
-                self._subscriber.undeclare()
+                self._subscriber.undeclare()  # type: ignore[no-untyped-call]
             self._queue.put(None)
             if threading.current_thread() is not self._thread:
                 self._thread.join()

@@ -48,7 +48,7 @@ class Router:
     def close(self) -> None:
         """Stop routing; peers notice at once."""
         if not self.session.is_closed():
-            self.session.close()
+            self.session.close()  # type: ignore[no-untyped-call]
 
     def __enter__(self) -> Router:
         return self
@@ -116,5 +116,5 @@ def _speaks_zenoh(port: int, host: str) -> bool:
         session = zenoh.open(config)
     except zenoh.ZError:
         return False
-    session.close()
+    session.close()  # type: ignore[no-untyped-call]
     return True

@@ -195,7 +195,7 @@ class WireSession:
             self._closed = True
         atexit.unregister(self.close)
         with suppress(zenoh.ZError):
-            self.zenoh.close()
+            self.zenoh.close()  # type: ignore[no-untyped-call]
 
 
 def _endpoints(given: str | Sequence[str] | None) -> Sequence[str] | None:

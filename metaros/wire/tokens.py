@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, cast
+from typing import Literal
 
 from metaros.errors import NameError_, TokenError
 from metaros.limits import LIMITS
@@ -109,7 +109,7 @@ def parse_token(key: str) -> NodeToken | EndpointToken:
         return node
     if kind not in ENDPOINT_KINDS:
         raise TokenError(f"unknown token kind {kind!r}")
-    return _endpoint(node, eid, cast(EndpointKind, kind), parts[9:])
+    return _endpoint(node, eid, kind, parts[9:])
 
 
 def _node(parts: list[str]) -> NodeToken:

@@ -1,0 +1,252 @@
+"""The single-threaded executor: every callback of its nodes runs on the thread that spins, one at a time.
+
+As long as all callbacks are plain functions the thread waits on the ingress itself. Once one is an `async def`, the
+thread runs an asyncio event loop instead, and a pump thread tells the loop when something has arrived; plain and
+async callbacks then share that loop. Callbacks of one subscription, service or timer never overlap; those of
+different ones interleave only where an `async def` awaits.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import sys
+import threading
+import time
+from collections.abc import Awaitable, Coroutine
+from typing import Any, Final
+
+from metaros.errors import ClosedError, UsageError
+from metaros.executor.ingress import Ingress
+from metaros.executor.mailbox import Mailbox
+from metaros.executor.protocol import Spinnable
+from metaros.executor.timers import Timer
+
+__all__ = ["SingleThreadedExecutor"]
+
+_log = logging.getLogger("metaros.executor")
+SWITCH_INTERVAL_S: Final = 0.0005  # Python's own 5 ms would be added to every hand-over while a callback computes
+_SLICE: Final = 64  # items of one mailbox before timers and the others have their turn
+
+
+class SingleThreadedExecutor:
+    """Runs the callbacks of the nodes of one context on one thread."""
+
+    def __init__(self) -> None:
+        self._nodes: list[Spinnable] = []
+        self._stopped = threading.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._arrived: asyncio.Event | None = None
+        self._pump: threading.Thread | None = None
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    # -- nodes -----------------------------------------------------------------------------------------------------
+
+    def add_node(self, node: Spinnable) -> None:
+        """Run this node's callbacks, too; UsageError when it belongs to another context than the others."""
+        if self._nodes and node.ingress is not self._nodes[0].ingress:
+            raise UsageError("the nodes of one executor must share a context; use one executor a context")
+        if node not in self._nodes:
+            self._nodes.append(node)
+
+    def remove_node(self, node: Spinnable) -> None:
+        """Run its callbacks no more; its samples wait within their bounds."""
+        if node in self._nodes:
+            self._nodes.remove(node)
+
+    # -- spinning --------------------------------------------------------------------------------------------------
+
+    def spin(self) -> None:
+        """Run callbacks until `shutdown`, or until every node is closed."""
+        ingress = self._begin()
+        try:
+            while not self._stopped.is_set() and self._alive():
+                self._turn(ingress, None)
+        finally:
+            ingress.owner.release()
+
+    def spin_once(self, timeout_s: float | None = None) -> bool:
+        """Run what is ready, waiting up to `timeout_s` (None: for ever) for something; False when nothing came."""
+        ingress = self._begin()
+        try:
+            return self._turn(ingress, timeout_s)
+        finally:
+            ingress.owner.release()
+
+    def shutdown(self) -> None:
+        """Make `spin` return after the callback that runs; cancels what awaits. Safe from any thread."""
+        self._stopped.set()
+        for node in self._nodes[:1]:
+            node.ingress.wake()
+        if self._loop is not None and not self._loop.is_running():
+            self._close_loop()
+
+    def _begin(self) -> Ingress:
+        if self._stopped.is_set():
+            raise ClosedError("the executor was shut down")
+        if not self._nodes:
+            raise UsageError("the executor has no node to spin")
+        ingress = self._nodes[0].ingress
+        if not ingress.owner.acquire(blocking=False):
+            raise UsageError("another executor is spinning nodes of this context; use one executor a context")
+        if sys.getswitchinterval() > SWITCH_INTERVAL_S:
+            sys.setswitchinterval(SWITCH_INTERVAL_S)
+        return ingress
+
+    def _alive(self) -> bool:
+        return any(not node.closed for node in self._nodes)
+
+    def _turn(self, ingress: Ingress, timeout_s: float | None) -> bool:
+        if self._loop is None and not ingress.async_work:
+            return self._turn_plain(ingress, timeout_s)
+        loop = self._loop = self._loop or asyncio.new_event_loop()
+        try:
+            return loop.run_until_complete(self._turn_async(ingress, timeout_s))
+        finally:
+            if self._stopped.is_set():
+                self._close_loop()
+
+    def _turn_plain(self, ingress: Ingress, timeout_s: float | None) -> bool:
+        """One round without an event loop."""
+        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
+        ingress.collect()
+        while not self._work(ingress):
+            wait_s = self._patience_s(deadline_s)
+            if wait_s is not None and wait_s <= 0 and deadline_s is not None and time.monotonic() >= deadline_s:
+                return False
+            ingress.wait(wait_s)
+            if self._stopped.is_set() or not self._alive() or ingress.async_work:
+                return True
+        return True
+
+    def _patience_s(self, deadline_s: float | None) -> float | None:
+        """How long nothing can become due by itself: until the next timer, or the caller's deadline."""
+        waits: list[float] = []
+        for node in self._nodes:
+            due_s = node.timers.next_due_s()
+            if due_s is not None:
+                waits.append(due_s - node.clock.monotonic_s())
+        if deadline_s is not None:
+            waits.append(deadline_s - time.monotonic())
+        return max(0.0, min(waits)) if waits else None
+
+    # -- work ------------------------------------------------------------------------------------------------------
+
+    def _work(self, ingress: Ingress) -> bool:
+        """Run what is due and ready once; False when there was nothing."""
+        worked = self._run_timers()
+        for mailbox in ingress.take_ready():
+            if mailbox.owner in self._nodes and not self._stopped.is_set():
+                worked = self._run_mailbox(mailbox) or worked
+            ingress.requeue(mailbox)
+            self._run_timers()
+        return worked
+
+    def _run_timers(self) -> bool:
+        worked = False
+        for node in self._nodes:
+            while not self._stopped.is_set() and (timer := node.timers.pop_due()) is not None:
+                worked = True
+                if not timer.busy:
+                    self._run_timer(timer)
+        return worked
+
+    def _run_timer(self, timer: Timer) -> None:
+        try:
+            result = timer.callback()
+        except Exception:
+            _log.exception("a timer's callback failed")
+            return
+        if asyncio.iscoroutine(result):
+            self._start(result, timer)
+
+    def _run_mailbox(self, mailbox: Mailbox) -> bool:
+        """Handle a slice of its backlog; handlers log what user callbacks raise."""
+        pending, handle, worked = mailbox.pending, mailbox.handle, False
+        for _ in range(min(len(pending), _SLICE)):
+            if mailbox.busy:
+                break
+            try:
+                item = pending.popleft()
+            except IndexError:  # the relief thread dropped it meanwhile
+                break
+            worked = True
+            result = handle(item)
+            if result is not None:
+                self._start(result, mailbox)
+        return worked
+
+    # -- async callbacks -------------------------------------------------------------------------------------------
+
+    def _start(self, coroutine: Coroutine[Any, Any, Any], owner: Mailbox | Timer) -> None:
+        """Let a coroutine run on the loop; its owner gets no other call until it is done."""
+        loop = self._loop = self._loop or asyncio.new_event_loop()
+        owner.busy = True
+        task = loop.create_task(self._finish(coroutine, owner))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _finish(self, coroutine: Awaitable[Any], owner: Mailbox | Timer) -> None:
+        try:
+            await coroutine
+        except Exception:
+            _log.exception("an async callback failed")
+        finally:
+            owner.busy = False
+            ingress = self._nodes[0].ingress if self._nodes else None
+            if isinstance(owner, Mailbox) and ingress is not None and not owner.queued:
+                ingress.requeue(owner)
+            if self._arrived is not None:
+                self._arrived.set()
+
+    async def _turn_async(self, ingress: Ingress, timeout_s: float | None) -> bool:
+        """One round on the event loop; coroutines go on in every round."""
+        deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
+        arrived = self._arrived = self._arrived or asyncio.Event()
+        self._start_pump(ingress, asyncio.get_running_loop(), arrived)
+        while True:
+            arrived.clear()
+            worked = self._work(ingress)
+            await asyncio.sleep(0)
+            if worked or self._stopped.is_set() or not self._alive():
+                return True
+            wait_s = self._patience_s(deadline_s)
+            if deadline_s is not None and time.monotonic() >= deadline_s:
+                return False
+            try:
+                async with asyncio.timeout(wait_s):
+                    await arrived.wait()
+            except TimeoutError:
+                continue
+
+    def _start_pump(self, ingress: Ingress, loop: asyncio.AbstractEventLoop, arrived: asyncio.Event) -> None:
+        if self._pump is not None:
+            return
+
+        def pump() -> None:
+            while not self._stopped.is_set():
+                ingress.wait(None)
+                try:
+                    loop.call_soon_threadsafe(arrived.set)
+                except RuntimeError:  # the loop was closed
+                    return
+
+        self._pump = threading.Thread(target=pump, name="metaros-pump", daemon=True)
+        self._pump.start()
+
+    def _close_loop(self) -> None:
+        """Cancel what awaits, end the pump, close the loop."""
+        loop, self._loop = self._loop, None
+        if loop is None:
+            return
+        loop.run_until_complete(self._cancel_tasks())
+        if self._pump is not None and self._nodes:
+            self._nodes[0].ingress.wake()
+            self._pump.join()
+        loop.close()
+
+    async def _cancel_tasks(self) -> None:
+        tasks = list(self._tasks)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)

@@ -1,0 +1,26 @@
+"""Nodes: publishers, subscriptions, services, clients and timers on the ROS 2 wire."""
+
+from metaros.node.client import Client, RawClient
+from metaros.node.context import Context
+from metaros.node.info import MessageInfo
+from metaros.node.logger import Logger
+from metaros.node.node import Node
+from metaros.node.publisher import Publisher, RawPublisher
+from metaros.node.service import Service
+from metaros.node.spin import spin
+from metaros.node.subscription import RawSubscription, Subscription
+
+__all__ = [
+    "Client",
+    "Context",
+    "Logger",
+    "MessageInfo",
+    "Node",
+    "Publisher",
+    "RawClient",
+    "RawPublisher",
+    "RawSubscription",
+    "Service",
+    "Subscription",
+    "spin",
+]

@@ -1,0 +1,79 @@
+"""What publishers, subscriptions, service servers and clients have in common: a key, a token, a GID, an end."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+import zenoh
+
+from metaros.wire import DataKey, EndpointToken, QoSProfile
+from metaros.wire.tokens import EndpointKind
+
+if TYPE_CHECKING:
+    from metaros.node.node import Node
+
+__all__ = ["Endpoint", "as_qos"]
+
+_log = logging.getLogger("metaros.node")
+
+
+def as_qos(qos: QoSProfile | int) -> QoSProfile:
+    """A profile, or the default profile with another depth."""
+    return qos.resolved() if isinstance(qos, QoSProfile) else QoSProfile(depth=qos).resolved()
+
+
+class Endpoint:
+    """One endpoint of a node. It is in the graph from `announce` to `close`."""
+
+    def __init__(
+        self, node: Node, kind: EndpointKind, name: str, type_name: str, type_hash: str, qos: QoSProfile
+    ) -> None:
+        self.node = node
+        self.topic = node.resolve(name)
+        self.type_name = type_name
+        self.type_hash = type_hash
+        self.qos = qos
+        self.closed = False
+        session = node.context.session
+        session.check_open()
+        self.key = str(DataKey(session.domain, self.topic, type_name, type_hash))
+        self.token = EndpointToken(node.token, session.next_id(), kind, self.topic, type_name, type_hash, qos.encode())
+        self.gid = self.token.gid
+        self._closers: list[Callable[[], object]] = []
+
+    def on_close(self, closer: Callable[[], object]) -> None:
+        """Call this on close; the last one registered is called first."""
+        self._closers.append(closer)
+
+    def announce(self) -> None:
+        """Declare the liveliness token: others see the endpoint from now on."""
+        token = self.node.context.session.check_open().liveliness().declare_token(str(self.token))
+        self.on_close(token.undeclare)
+        graph = self.node.context.graph
+        graph.add_own(self.token)
+        self.on_close(lambda: graph.discard_own(self.token))
+        self.node.adopt(self)
+
+    def close(self) -> None:
+        """Leave the graph and stop. Safe to call twice."""
+        if self.closed:
+            return
+        self.closed = True
+        self.node.release(self)
+        while self._closers:
+            with suppress(zenoh.ZError):  # the session went first
+                self._closers.pop()()
+
+    def report_once(self, about: Any, text: str) -> None:
+        """Log a fault of a peer, once for each `about` (a GID, a token): faults repeat at the topic's rate."""
+        if self.node.first_report((self.token.eid, about)):
+            _log.warning("%s %s: %s", self.node.full_name, self.topic, text)
+
+    def __enter__(self) -> Any:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -1,0 +1,258 @@
+"""A node: a name in the graph, and the factory of its publishers, subscriptions, services, clients and timers."""
+
+from __future__ import annotations
+
+import inspect
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, TypeVar
+
+import zenoh
+
+from metaros.cdr import codec
+from metaros.clock import Clock
+from metaros.errors import ClosedError, UsageError
+from metaros.executor import Ingress, Timer, TimerHeap
+from metaros.idl import message_class, names
+from metaros.node.client import Client, RawClient
+from metaros.node.context import Context, shared_context
+from metaros.node.endpoint import Endpoint, as_qos
+from metaros.node.logger import Logger
+from metaros.node.publisher import Publisher, RawPublisher
+from metaros.node.service import Service
+from metaros.node.subscription import RawSubscription, Subscription
+from metaros.wire import Graph, NodeToken, QoSProfile, qos_default, qos_rosout, qos_services
+
+__all__ = ["Node"]
+
+F = TypeVar("F", bound=Callable[..., Any])
+_REPORTS = 4096  # faults of peers remembered as told
+
+
+class Node:
+    """A node of the ROS graph. Use it as a context manager, or `close` it; its context closes it too.
+
+    `context` defaults to one that all such nodes of the process share. `enable_rosout` publishes what the node logs
+    on /rosout.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        namespace: str = "/",
+        context: Context | None = None,
+        enable_rosout: bool = True,
+    ) -> None:
+        namespace = "/" + namespace.strip("/") if namespace else "/"
+        self.name = names.validate_node(name)
+        self.namespace = names.validate_namespace(namespace)
+        self.full_name = f"{namespace.rstrip('/')}/{name}"
+        self.context = shared_context() if context is None else context
+        self.ingress: Ingress = self.context.ingress
+        self.clock: Clock = self.context.clock
+        self.timers = TimerHeap(self.clock.monotonic_s, self.ingress.wake)
+        self.closed = False
+        self._endpoints: list[Endpoint] = []
+        self._reported: dict[object, None] = {}
+        self._lock = threading.Lock()
+        session = self.context.session
+        self.context.adopt(self)
+        self.token = NodeToken(session.domain, session.zid, session.next_id(), self.name, self.namespace)
+        self._liveliness = session.check_open().liveliness().declare_token(str(self.token))
+        self.graph.add_own(self.token)
+        self._logger = Logger(
+            self.full_name.lstrip("/").replace("/", "."),
+            self.clock,
+            publish=self._rosout() if enable_rosout else None,
+        )
+
+    @property
+    def graph(self) -> Graph:
+        """Who else is there."""
+        return self.context.graph
+
+    def get_logger(self) -> Logger:
+        """The node's logger."""
+        return self._logger
+
+    def resolve(self, name: str) -> str:
+        """The full name of a topic or service as this node means it: relative, `~/private` or `/absolute`."""
+        return names.resolve(name, self.namespace, self.name)
+
+    # -- topics ----------------------------------------------------------------------------------------------------
+
+    def create_publisher(self, message_type: type[Any], topic: str, qos: QoSProfile | int = qos_default) -> Publisher:
+        """Publish messages of `message_type` on `topic`; a number for `qos` is the depth of the default profile."""
+        return Publisher(self, message_type, topic, codec(message_type), as_qos(qos))
+
+    def create_subscription(
+        self,
+        message_type: type[Any],
+        topic: str,
+        callback: Callable[..., Any],
+        qos: QoSProfile | int = qos_default,
+        *,
+        raw: bool = False,
+        dedicated: bool = False,
+    ) -> Subscription:
+        """Call `callback(message)` or `callback(message, info)` for each message on `topic`.
+
+        `raw` gives the CDR bytes instead of a message; `dedicated` a thread of its own instead of the executor's.
+        """
+        code = codec(message_type)
+        return Subscription(
+            self,
+            topic,
+            code.name,
+            code.hash,
+            as_qos(qos),
+            callback,
+            decode=bytes if raw else code.decode,
+            dedicated=dedicated,
+        )
+
+    def create_raw_publisher(
+        self, topic: str, type_name: str, type_hash: str, qos: QoSProfile | int = qos_default
+    ) -> RawPublisher:
+        """Publish CDR bytes of a type that need not be known here."""
+        return RawPublisher(self, topic, type_name, type_hash, as_qos(qos))
+
+    def create_raw_subscription(
+        self,
+        topic: str,
+        type_name: str,
+        type_hash: str,
+        qos: QoSProfile | int,
+        sink: Callable[[zenoh.Sample], object],
+    ) -> RawSubscription:
+        """Hand each sample to `sink`, unread, on a Zenoh thread: it must be as cheap as a queue's put."""
+        return RawSubscription(self, topic, type_name, type_hash, as_qos(qos), sink)
+
+    # -- services --------------------------------------------------------------------------------------------------
+
+    def create_service(
+        self,
+        service_type: type[Any],
+        name: str,
+        callback: Callable[..., Any],
+        qos: QoSProfile | int = qos_services,
+    ) -> Service:
+        """Serve `name` with `callback(request, response)`, which fills in or returns the response."""
+        request, response = codec(service_type.Request), codec(service_type.Response)
+        return Service(self, service_type, name, callback, request=request, response=response, qos=as_qos(qos))
+
+    def create_client(self, service_type: type[Any], name: str, qos: QoSProfile | int = qos_services) -> Client:
+        """Call the service `name`."""
+        request, response = codec(service_type.Request), codec(service_type.Response)
+        return Client(self, service_type, name, request=request, response=response, qos=as_qos(qos))
+
+    def create_raw_client(
+        self, service: str, type_name: str, type_hash: str, qos: QoSProfile | int = qos_services
+    ) -> RawClient:
+        """Call a service in CDR bytes."""
+        return RawClient(self, service, type_name, type_hash, as_qos(qos))
+
+    # -- timers and decorators -------------------------------------------------------------------------------------
+
+    def create_timer(self, period_s: float, callback: Callable[[], Any]) -> Timer:
+        """Call `callback()` every `period_s` on the executor, by the context's clock."""
+        if self.closed:
+            raise ClosedError(f"{self.full_name} was closed")
+        if inspect.iscoroutinefunction(callback):
+            self.ingress.async_work = True
+        return self.timers.add(period_s, callback)
+
+    def subscription(
+        self,
+        message_type: type[Any],
+        topic: str,
+        *,
+        qos: QoSProfile | int = qos_default,
+        raw: bool = False,
+        dedicated: bool = False,
+    ) -> Callable[[F], F]:
+        """`create_subscription` as a decorator of the callback."""
+
+        def decorate(callback: F) -> F:
+            self.create_subscription(message_type, topic, callback, qos, raw=raw, dedicated=dedicated)
+            return callback
+
+        return decorate
+
+    def timer(self, period_s: float) -> Callable[[F], F]:
+        """`create_timer` as a decorator of the callback."""
+
+        def decorate(callback: F) -> F:
+            self.create_timer(period_s, callback)
+            return callback
+
+        return decorate
+
+    def service(self, service_type: type[Any], name: str, *, qos: QoSProfile | int = qos_services) -> Callable[[F], F]:
+        """`create_service` as a decorator of the callback."""
+
+        def decorate(callback: F) -> F:
+            self.create_service(service_type, name, callback, qos)
+            return callback
+
+        return decorate
+
+    # -- life ------------------------------------------------------------------------------------------------------
+
+    def adopt(self, endpoint: Endpoint) -> None:
+        """Close the endpoint when the node closes."""
+        with self._lock:
+            if self.closed:
+                raise ClosedError(f"{self.full_name} was closed")
+            self._endpoints.append(endpoint)
+
+    def release(self, endpoint: Endpoint) -> None:
+        """The reverse of `adopt`."""
+        with self._lock:
+            if endpoint in self._endpoints:
+                self._endpoints.remove(endpoint)
+
+    def first_report(self, about: object) -> bool:
+        """Whether this is the first time that `about` is asked: so that a repeated fault is told once."""
+        with self._lock:
+            if about in self._reported:
+                return False
+            if len(self._reported) >= _REPORTS:
+                del self._reported[next(iter(self._reported))]
+            self._reported[about] = None
+            return True
+
+    def close(self) -> None:
+        """Close every endpoint and leave the graph. Safe to call twice."""
+        with self._lock:
+            if self.closed:
+                return
+            self.closed = True
+            endpoints = list(self._endpoints)
+        for endpoint in reversed(endpoints):
+            endpoint.close()
+        with suppress(zenoh.ZError):
+            self._liveliness.undeclare()  # type: ignore[no-untyped-call]
+        self.graph.discard_own(self.token)
+        self.ingress.wake()
+        self.context.release(self)
+
+    def __enter__(self) -> Node:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _rosout(self) -> Callable[..., None]:
+        log = message_class("rcl_interfaces/msg/Log")
+        time = message_class("builtin_interfaces/msg/Time")
+        publisher = Publisher(self, log, "/rosout", codec(log), qos_rosout)
+
+        def publish(*, stamp_ns: int, **fields: Any) -> None:
+            seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
+            with suppress(UsageError):  # a closed node still logs to stderr
+                publisher.publish(log(stamp=time(sec=seconds, nanosec=nanoseconds), **fields))
+
+        return publish

@@ -1,0 +1,31 @@
+"""`spin`: run nodes until Ctrl-C."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from metaros.errors import UsageError
+from metaros.executor import SingleThreadedExecutor
+from metaros.node.node import Node
+
+__all__ = ["spin"]
+
+
+def spin(nodes: Node | Iterable[Node]) -> None:
+    """Run the callbacks of one node or several of one context until Ctrl-C, or until they are closed."""
+    executor = SingleThreadedExecutor()
+    chosen = [nodes] if isinstance(nodes, Node) else list(nodes)
+    if not chosen:
+        raise UsageError("spin needs a node")
+    for node in chosen:
+        executor.add_node(node)
+    first = chosen[0]
+    if not first.context.connected() and first.context.session.connect:
+        where = ", ".join(first.context.session.connect)
+        first.get_logger().warn(f"no router at {where}: start one with `metaros router`; going on alone until then")
+    try:
+        executor.spin()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        executor.shutdown()

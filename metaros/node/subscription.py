@@ -1,0 +1,144 @@
+"""Subscriptions: typed or raw bytes, on the executor or on a thread of their own; and bare taps for agents."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import zenoh
+
+from metaros.errors import UsageError
+from metaros.executor import Mailbox
+from metaros.limits import LIMITS
+from metaros.node.arrivals import declare_with_history
+from metaros.node.endpoint import Endpoint
+from metaros.node.info import takes
+from metaros.node.lanes import IngressLane, RingLane
+from metaros.node.receive import Receiver
+from metaros.wire import Durability, History, QoSProfile
+
+if TYPE_CHECKING:
+    from metaros.node.node import Node
+
+__all__ = ["RawSubscription", "Subscription"]
+
+
+def sample_bytes(sample: zenoh.Sample) -> int:
+    """What a waiting sample weighs."""
+    return len(sample.payload)
+
+
+class Subscription(Endpoint):
+    """Calls `callback(message)` or `callback(message, info)` for each sample.
+
+    `lost` counts samples that the publishers sent and that never arrived, `dropped` those that arrived and were
+    pushed out by newer ones while callbacks were busy, `malformed` those that could not be read.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topic: str,
+        type_name: str,
+        type_hash: str,
+        qos: QoSProfile,
+        callback: Callable[..., Any],
+        *,
+        decode: Callable[[bytes], Any],
+        dedicated: bool,
+    ) -> None:
+        super().__init__(node, "MS", topic, type_name, type_hash, qos)
+        self.callback = callback
+        is_async = inspect.iscoroutinefunction(callback)
+        if is_async and dedicated:
+            raise UsageError("a dedicated subscription has its own thread; its callback cannot be an async def")
+        self._receiver = Receiver(
+            decode=decode,
+            callback=callback,
+            with_info=takes(callback, 1, 2) == 2,
+            clock=node.clock,
+            name=self.topic,
+            report=self.report_once,
+        )
+        self._mailbox = Mailbox(
+            self._receiver.handle,
+            owner=node,
+            depth=None if qos.history is History.KEEP_ALL else qos.depth,
+            limit_bytes=LIMITS.ingress_bytes,
+            size_of=sample_bytes,
+        )
+        self.on_close(self._mailbox.clear)
+        if dedicated:
+            self._listen_alone()
+        else:
+            if is_async:
+                node.ingress.async_work = True
+            self._listen()
+        self.announce()
+
+    @property
+    def lost(self) -> int:
+        """Samples that were sent and never arrived here, by their sequence numbers."""
+        return self._receiver.lost
+
+    @property
+    def malformed(self) -> int:
+        """Samples without a sound attachment or payload, or over the size limit."""
+        return self._receiver.malformed
+
+    @property
+    def dropped(self) -> int:
+        """Samples that arrived and were pushed out of the history by newer ones."""
+        return self._mailbox.dropped
+
+    def _listen(self) -> None:
+        """Through the ingress to the executor."""
+        context = self.node.context
+        if self.qos.durability is not Durability.TRANSIENT_LOCAL:
+            self.on_close(context.arrivals.listen(self.key, self._mailbox))
+            return
+        callback = zenoh.handlers.Callback(context.ingress.put_to(self._mailbox), indirect=False)
+        subscriber = declare_with_history(context.session.check_open(), self.key, self.qos, callback)
+        self.on_close(subscriber.undeclare)
+
+    def _listen_alone(self) -> None:
+        """On a thread of its own: a ring in Zenoh's own memory for keep-last, an ingress for keep-all."""
+        session = self.node.context.session.check_open()
+        if self.qos.history is History.KEEP_ALL:
+            lane: IngressLane | RingLane = IngressLane(self._mailbox, name=f"metaros{self.topic}")
+        else:
+            lane = RingLane(self._receiver.handle, depth=self.qos.depth, name=f"metaros{self.topic}")
+        if self.qos.durability is Durability.TRANSIENT_LOCAL:
+            subscriber: Any = declare_with_history(session, self.key, self.qos, lane.handler)
+        else:
+            subscriber = session.declare_subscriber(self.key, lane.handler)
+        lane.start(subscriber)
+        self.on_close(lane.stop)
+        self.on_close(subscriber.undeclare)
+
+
+class RawSubscription(Endpoint):
+    """Hands every sample to `sink` on a Zenoh thread, unread: for agents and tools.
+
+    The sink must be as cheap as a queue's put, best a C function; it must never block.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topic: str,
+        type_name: str,
+        type_hash: str,
+        qos: QoSProfile,
+        sink: Callable[[zenoh.Sample], object],
+    ) -> None:
+        super().__init__(node, "MS", topic, type_name, type_hash, qos)
+        session = node.context.session.check_open()
+        callback = zenoh.handlers.Callback(sink, indirect=False)
+        if qos.durability is Durability.TRANSIENT_LOCAL:
+            subscriber: Any = declare_with_history(session, self.key, qos, callback)
+        else:
+            subscriber = session.declare_subscriber(self.key, callback)
+        self.on_close(subscriber.undeclare)
+        self.announce()
