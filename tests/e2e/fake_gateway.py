@@ -204,7 +204,11 @@ class FakeGateway:
 
 def _serve() -> None:
     """`python -m tests.e2e.fake_gateway`: three robots on port 8090, to look at the pages."""
-    robots = [FakeRobot("sim_1", "/sim_1"), FakeRobot("sim_2", "/sim_2", phase=2.0, battery=0.14), FakeRobot("sim_3", "/sim_3", phase=4.0)]
+    robots = [
+        FakeRobot("sim_1", "/sim_1"),
+        FakeRobot("sim_2", "/sim_2", phase=2.0, battery=0.14),
+        FakeRobot("sim_3", "/sim_3", phase=4.0),
+    ]
     gateway = FakeGateway(8090, [*robots, FakeRobot("bench", "/", state="offline")])
     gateway.start()
     print(gateway.url)

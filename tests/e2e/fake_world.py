@@ -114,7 +114,9 @@ class FakeRobot:
 
     def _camera(self, header: Any, at_s: float) -> Any:
         column = np.linspace(0, 255, 320, dtype=np.uint8)
-        picture = np.stack([np.tile(column, (240, 1)), np.full((240, 320), 90, np.uint8), np.tile(column[::-1], (240, 1))], 2)
+        picture = np.stack(
+            [np.tile(column, (240, 1)), np.full((240, 320), 90, np.uint8), np.tile(column[::-1], (240, 1))], 2
+        )
         cv2.circle(picture, (int(160 + 110 * math.sin(at_s)), 120), 34, (235, 240, 240), -1)
         data = cv2.imencode(".jpg", picture)[1]
         return _message("sensor_msgs/msg/CompressedImage", header=header, format="jpeg", data=data.ravel())
@@ -150,7 +152,12 @@ class FakeRobot:
 
     def describe_topic(self, number: int, topic: FakeTopic) -> dict[str, Any]:
         """The contract's topic."""
-        row: dict[str, Any] = {"channel": number, "topic": self.topic(topic.name), "type": topic.type, "class": topic.kind}
+        row: dict[str, Any] = {
+            "channel": number,
+            "topic": self.topic(topic.name),
+            "type": topic.type,
+            "class": topic.kind,
+        }
         row |= {"type_hash": type_hash(topic.type), "encoding": "cdr", "forward": True, "qos": "", "demand_hz": None}
         row |= {"rate_hz": topic.rate_hz, "bytes_per_s": 900.0, "messages": int(topic.rate_hz * 10), "dropped": 0}
         row |= {"publishers": int(topic.rate_hz > 0), "subscribers": int(topic.rate_hz == 0), "last_stamp_ms": None}
@@ -158,7 +165,13 @@ class FakeRobot:
 
     def describe_channel(self, number: int, topic: FakeTopic) -> dict[str, Any]:
         """The stream's notice of a channel."""
-        row = {"op": "channel", "channel": number, "robot": self.id, "topic": self.topic(topic.name), "type": topic.type}
+        row = {
+            "op": "channel",
+            "channel": number,
+            "robot": self.id,
+            "topic": self.topic(topic.name),
+            "type": topic.type,
+        }
         row |= {"type_hash": type_hash(topic.type), "encoding": "cdr", "schema_encoding": "ros2msg"}
         return row | {"schema": schema_text(topic.type)}
 
@@ -169,7 +182,10 @@ def _cast(x: float, y: float, yaw: float, step: float) -> Any:
     cos, sin = np.cos(angles), np.sin(angles)
     left, right, bottom, top = ROOM
     with np.errstate(divide="ignore"):
-        ranges = np.minimum(np.where(cos > 0, (right - x) / cos, (left - x) / cos), np.where(sin > 0, (top - y) / sin, (bottom - y) / sin))
+        ranges = np.minimum(
+            np.where(cos > 0, (right - x) / cos, (left - x) / cos),
+            np.where(sin > 0, (top - y) / sin, (bottom - y) / sin),
+        )
     for px, py, radius in PILLARS:
         along = (px - x) * cos + (py - y) * sin
         off = np.abs((px - x) * sin - (py - y) * cos)
