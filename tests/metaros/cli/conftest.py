@@ -38,7 +38,10 @@ def run(zenoh_router: str) -> Run:
 @pytest.fixture
 def talker(zenoh_router: str) -> Iterator[metaros.Node]:
     """A node that publishes /chatter at 20 Hz and serves ~/reset."""
-    with metaros.Context(connect=zenoh_router) as context, metaros.Node("talker", "/demo", context=context) as node:
+    with (
+        metaros.Context(connect=zenoh_router) as context,
+        metaros.Node("talker", namespace="/demo", context=context) as node,
+    ):
         publisher = node.create_publisher(String, "/chatter", 10)
         count = iter(range(1_000_000))
 
