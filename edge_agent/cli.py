@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -39,6 +40,7 @@ def run_command(
     """Run the agent until Ctrl-C."""
     if context.invoked_subcommand is not None:
         return
+    os.environ.setdefault("GRPC_VERBOSITY", "ERROR")  # it reports every lost connection; the uplink does that
     from edge_agent.main import run  # heavy: Zenoh, gRPC, numpy
 
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s %(levelname)s %(message)s")

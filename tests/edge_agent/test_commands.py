@@ -1,0 +1,187 @@
+"""Commands and teleop through a running agent on a real router."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+import pytest
+
+from edge_agent.commands import CommandLog
+from edge_agent.publishers import zero_message
+from metaros._proto import link_pb2
+from metaros.cdr import codec
+from metaros.clock import SystemClock
+from metaros.errors import UnknownTypeError
+from metaros.idl import message_class, type_hash
+from metaros.interfaces.geometry_msgs.msg import Twist
+from metaros.interfaces.std_msgs.msg import String
+from metaros.interfaces.std_srvs.srv import Trigger
+from tests.edge_agent.conftest import Rig, Robot
+from tests.support.waiting import wait_until_async
+
+TWIST = "geometry_msgs/msg/Twist"
+CMD_VEL = "/sim_1/cmd_vel"
+
+
+def twist(speed: float) -> bytes:
+    message = Twist()
+    message.linear.x = speed
+    return codec(TWIST).encode(message)
+
+
+def publish(topic: str, name: str, payload: bytes) -> link_pb2.PublishMessage:
+    return link_pb2.PublishMessage(topic=topic, type_name=name, type_hash=type_hash(name), payload=payload)
+
+
+def grant(rig: Rig, lease: str = "L", valid_ms: int = 3000) -> bytes:
+    return rig.command(grant_lease=link_pb2.GrantLease(lease_id=lease, holder="me", valid_ms=valid_ms))
+
+
+def drive(rig: Rig, seq: int, speed: float, *, lease: str = "L", age_s: float = 0.0) -> None:
+    teleop = link_pb2.Teleop(
+        lease_id=lease,
+        seq=seq,
+        sent_ns=SystemClock().wall_ns() - round(age_s * 1e9),
+        topic=CMD_VEL,
+        type_name=TWIST,
+        type_hash=type_hash(TWIST),
+        payload=twist(speed),
+    )
+    rig.gateway.say(link_pb2.GatewayFrame(teleop=teleop))
+
+
+@pytest.fixture
+def speeds(robot: Robot) -> list[tuple[float, float]]:
+    """(arrival, linear.x) of what reaches the robot's base."""
+    heard: list[tuple[float, float]] = []
+    robot.node.create_subscription(Twist, "cmd_vel", lambda m: heard.append((time.monotonic(), m.linear.x)), 10)
+    return heard
+
+
+async def test_publish_reaches_a_subscription(agent: Rig, robot: Robot) -> None:
+    heard: list[str] = []
+    robot.node.create_subscription(String, "say", lambda message: heard.append(message.data), 10)
+    await agent.wait_channel("/sim_1/say")
+    payload = codec(String).encode(String(data="hello"))
+    result = await agent.result(agent.command(publish=publish("/sim_1/say", "std_msgs/msg/String", payload)))
+    assert (result.ok, result.code) == (True, "")
+    await wait_until_async(lambda: heard == ["hello"])
+
+
+async def test_names_outside_the_namespace_are_refused(agent: Rig) -> None:
+    message = publish("/sim_2/say", "std_msgs/msg/String", b"")
+    assert (await agent.result(agent.command(publish=message))).code == "out_of_scope"
+    call = link_pb2.CallService(service="/sim_2/x", type_name="std_srvs/srv/Trigger", type_hash="x")
+    assert (await agent.result(agent.command(call_service=call))).code == "out_of_scope"
+
+
+async def test_a_service_is_called_and_absence_is_an_error(agent: Rig, robot: Robot) -> None:
+    def answer(request: object, response: Trigger.Response) -> Trigger.Response:
+        response.success, response.message = True, "done"
+        return response
+
+    robot.node.create_service(Trigger, "~/resume", answer)
+    name = "std_srvs/srv/Trigger"
+    request = codec("std_srvs/srv/Trigger_Request").encode(Trigger.Request())
+    call = link_pb2.CallService(
+        service="/sim_1/base/resume", type_name=name, type_hash=type_hash(name), request=request
+    )
+    await wait_until_async(lambda: "/sim_1/base/resume" in robot.node.graph.services())
+    result = await agent.result(agent.command(call_service=call))
+    assert result.ok, result.message
+    response = codec("std_srvs/srv/Trigger_Response").decode(result.payload)
+    assert (response.success, response.message) == (True, "done")
+    call.service = "/sim_1/nobody"
+    result = await agent.result(agent.command(call_service=call))
+    assert result.code in ("unavailable", "timeout")
+
+
+async def test_an_actuator_needs_the_lease_and_is_stopped_after_it(
+    agent: Rig, robot: Robot, speeds: list[tuple[float, float]]
+) -> None:
+    await agent.wait_channel(CMD_VEL)
+    message = publish(CMD_VEL, TWIST, twist(0.5))
+    assert (await agent.result(agent.command(publish=message))).code == "lease_required"
+    assert (await agent.result(agent.command(publish=message, lease_id="guess"))).code == "lease_required"
+    assert (await agent.result(grant(agent))).ok
+    assert (await agent.result(agent.command(publish=message, lease_id="L"))).ok
+    await wait_until_async(lambda: len(speeds) == 2)
+    (moved, first), (stopped, last) = speeds
+    assert (first, last) == (0.5, 0.0)
+    assert 0.25 < stopped - moved < 0.5
+
+
+async def test_teleop_drives_and_stops_once(agent: Rig, robot: Robot, speeds: list[tuple[float, float]]) -> None:
+    await agent.wait_channel(CMD_VEL)
+    drive(agent, 1, 0.9)
+    assert (await agent.result(grant(agent))).ok
+    for seq in range(2, 7):
+        drive(agent, seq, 0.4)
+        await asyncio.sleep(0.1)
+    drive(agent, 3, 0.9)
+    drive(agent, 100, 0.9, age_s=0.6)
+    drive(agent, 101, 0.9, lease="other")
+    await wait_until_async(lambda: speeds and speeds[-1][1] == 0.0)
+    assert [speed for _, speed in speeds] == [0.4] * 5 + [0.0]
+    assert 0.25 < speeds[-1][0] - speeds[-2][0] < 0.5
+
+
+async def test_release_stops_at_once(agent: Rig, robot: Robot, speeds: list[tuple[float, float]]) -> None:
+    await agent.wait_channel(CMD_VEL)
+    grant(agent)
+    drive(agent, 1, 0.4)
+    await wait_until_async(lambda: speeds)
+    agent.command(release_lease=link_pb2.ReleaseLease(lease_id="L"))
+    released = time.monotonic()
+    await wait_until_async(lambda: len(speeds) == 2)
+    assert speeds[1][1] == 0.0
+    assert speeds[1][0] - released < 0.15
+
+
+async def test_losing_the_gateway_stops_the_robot(agent: Rig, robot: Robot, speeds: list[tuple[float, float]]) -> None:
+    await agent.wait_channel(CMD_VEL)
+    grant(agent)
+    drive(agent, 1, 0.4)
+    await wait_until_async(lambda: speeds)
+    lost = time.monotonic()
+    await agent.gateway.stop()
+    await wait_until_async(lambda: len(speeds) == 2)
+    assert speeds[1][1] == 0.0
+    assert speeds[1][0] - lost < 0.5
+    await agent.gateway.start()
+
+
+async def test_a_command_runs_once(agent: Rig, robot: Robot) -> None:
+    heard: list[str] = []
+    robot.node.create_subscription(String, "say", lambda message: heard.append(message.data), 10)
+    await agent.wait_channel("/sim_1/say")
+    message = publish("/sim_1/say", "std_msgs/msg/String", codec(String).encode(String(data="x")))
+    command = link_pb2.Command(command_id=b"once" * 4, publish=message)
+    for _ in range(2):
+        agent.gateway.say(link_pb2.GatewayFrame(command=command))
+    await wait_until_async(lambda: len(agent.half.results) == 2)
+    assert [result.code for result in agent.half.results] == ["", "duplicate"]
+    await wait_until_async(lambda: heard)
+    assert heard == ["x"]
+
+
+async def test_an_unknown_command_and_bad_names_are_answered(agent: Rig) -> None:
+    assert (await agent.result(agent.command())).code == "unsupported"
+    message = link_pb2.PublishMessage(topic="/sim_1/a b", type_name="std_msgs/msg/String", type_hash="RIHS01_00")
+    assert (await agent.result(agent.command(publish=message))).code == "invalid_name"
+
+
+def test_the_log_forgets_the_oldest() -> None:
+    log = CommandLog(remembered=2)
+    assert [log.first_time(name) for name in (b"a", b"a", b"b", b"c", b"a")] == [True, False, True, True, True]
+
+
+@pytest.mark.parametrize("name", [TWIST, "geometry_msgs/msg/TwistStamped", "std_msgs/msg/Float64"])
+def test_zero_is_the_default_value(name: str) -> None:
+    assert codec(name).decode(zero_message(name)) == message_class(name)()
+
+
+def test_an_unknown_type_has_no_zero() -> None:
+    with pytest.raises(UnknownTypeError):
+        zero_message("acme_msgs/msg/Jaw")

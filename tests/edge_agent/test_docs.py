@@ -1,0 +1,25 @@
+"""The reference page says everything that the agent can be told."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from edge_agent.config import RULE_KEYS, OutboxSettings, Settings
+from edge_agent.topics import DEFAULT_TOPICS, TopicRule
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "reference" / "agent.md").read_text()
+
+
+@pytest.mark.parametrize("rule", DEFAULT_TOPICS, ids=lambda rule: rule.match)
+def test_the_default_table_is_documented(rule: TopicRule) -> None:
+    listed = ", ".join(f"`{path}`" for path in rule.fields)
+    assert f"| `{rule.match}` | {rule.delivery} | {rule.max_rate_hz:g} | {listed}" in PAGE
+
+
+def test_every_setting_and_key_is_documented() -> None:
+    names = [item.name for item in fields(Settings) if item.name not in ("topics", "status_file", "labels", "outbox")]
+    names += [*(item.name for item in fields(OutboxSettings)), *RULE_KEYS, "default_topics", "[labels]"]
+    assert [name for name in names if f"`{name}`" not in PAGE and f"{name}`" not in PAGE] == []
