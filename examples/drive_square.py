@@ -17,7 +17,7 @@ from metaros.interfaces.geometry_msgs.msg import Twist
 from metaros.interfaces.nav_msgs.msg import Odometry
 from metaros.interfaces.std_srvs.srv import Trigger
 
-SIDE_M, SPEED_M_S, TURN_RAD_S, PERIOD_S = 1.0, 0.4, 0.8, 0.1
+SIDE_M, SPEED_M_S, TURN_RAD_S, PERIOD_S = 1.0, 0.8, 1.5, 0.1
 PATIENCE = 60  # commands a leg, after which something must be in the way
 
 

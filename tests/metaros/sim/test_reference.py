@@ -55,7 +55,8 @@ def test_drive_square_drives_a_square(zenoh_router: str, tmp_path: Path) -> None
         sim.start()
         try:
             wait_until(status.exists)
-            environ = {**os.environ, "METAROS_ZENOH_PORT": zenoh_router.rsplit(":", 1)[1]}
+            port = zenoh_router.rsplit(":", 1)[1]
+            environ = {**os.environ, "METAROS_ZENOH_PORT": port, "PYTHONPATH": str(ROOT)}
             done = subprocess.run(
                 [sys.executable, "examples/drive_square.py", "sim_1"],
                 cwd=ROOT,
