@@ -12,7 +12,10 @@ import re
 import sys
 from pathlib import Path
 
-from metaros.idl import (
+REPOSITORY = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(REPOSITORY))
+
+from metaros.idl import (  # noqa: E402
     ActionDefinition,
     Catalogue,
     Definition,
@@ -21,10 +24,10 @@ from metaros.idl import (
     ServiceDefinition,
     default_catalogue,
 )
-from metaros.idl.arrays import DTYPES
-from metaros.idl.derived import derived_definitions
+from metaros.idl.arrays import DTYPES  # noqa: E402
+from metaros.idl.derived import derived_definitions  # noqa: E402
 
-ROOT = Path(__file__).resolve().parents[1] / "metaros" / "interfaces"
+ROOT = REPOSITORY / "metaros" / "interfaces"
 
 _NUMPY = {base: f"np.{dtype.name if dtype.name != 'bool' else 'bool_'}" for base, dtype in DTYPES.items()}
 _KINDS = {"msg": "messages", "srv": "services", "action": "actions"}
@@ -185,7 +188,7 @@ def main(argv: list[str]) -> int:
     changed = sorted(path for path, text in files.items() if not path.exists() or path.read_text() != text)
     if "--check" in argv:
         for path in (*changed, *stale):
-            print(f"differs: {path.relative_to(ROOT.parents[1])}", file=sys.stderr)
+            print(f"differs: {path.relative_to(REPOSITORY)}", file=sys.stderr)
         return 1 if changed or stale else 0
     for path in stale:
         path.unlink()

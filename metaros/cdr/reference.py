@@ -21,10 +21,11 @@ __all__ = ["ReferenceDecoder", "ReferenceEncoder"]
 
 
 class ReferenceEncoder:
-    """Appends values to a little-endian body; `FieldError` names the path of a value that does not fit."""
+    """Appends values to a body; `FieldError` names the path of a value that does not fit."""
 
-    def __init__(self, catalogue: Catalogue) -> None:
+    def __init__(self, catalogue: Catalogue, *, order: Order = "<") -> None:
         self.catalogue = catalogue
+        self.order = order
         self.body = bytearray()
 
     def message(self, definition: MessageDefinition, value: Any, path: str) -> None:
@@ -70,13 +71,13 @@ class ReferenceEncoder:
                 self.value(kind.element, item, f"{path}[{index}]")
         elif count:
             self._align(size_of(kind.base))
-            self.body += value.tobytes()
+            self.body += value.astype(value.dtype.newbyteorder(self.order)).tobytes()
 
     def _string(self, kind: FieldType, value: Any, path: str) -> None:
         if not isinstance(value, str):
             raise FieldError(f"{path}: expected a str, got {_kind(value)}")
         try:
-            data = value.encode() if kind.base == "string" else encode_wide(value)
+            data = value.encode() if kind.base == "string" else encode_wide(value, self.order)
         except UnicodeEncodeError as error:
             raise FieldError(f"{path}: text that cannot be encoded: {error.reason}") from None
         size = len(data) if kind.base == "string" else len(data) // 4
@@ -88,7 +89,7 @@ class ReferenceEncoder:
     def _scalar(self, base: str, value: Any, path: str) -> None:
         self._align(size_of(base))
         try:
-            self.body += struct.pack("<" + CODES[base], value)
+            self.body += struct.pack(self.order + CODES[base], value)
         except (struct.error, OverflowError, TypeError, ValueError) as error:
             if base in INTEGER_RANGES and hasattr(value, "__index__"):
                 low, high = INTEGER_RANGES[base]
