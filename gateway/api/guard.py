@@ -24,6 +24,7 @@ PROTOCOL_KEY = "metaros.protocol"  # where a socket's scope keeps uvicorn's prot
 REFUSED = 4403
 LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+DRAINED_BYTES = 32 * 1024 * 1024
 BODY_LIMITS = {"application/json": LIMITS.json_bytes, "application/cdr": LIMITS.frame_bytes - 64 * 1024}
 
 _HOST = re.compile(rb"(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(?::([0-9]{1,5}))?")
@@ -63,6 +64,8 @@ class Guard:
             if scope["type"] == "http" and scope["method"] not in SAFE_METHODS:
                 receive = await _bounded(receive, _body_limit(scope))
         except RequestError as error:
+            if isinstance(error, BodyTooLargeError):
+                await _drain(receive)
             await _refuse(scope, send, error)
             return
         if scope["type"] == "websocket":
@@ -118,6 +121,16 @@ async def _bounded(receive: Receive, limit: int) -> Receive:
         if len(body) > limit:
             raise BodyTooLargeError(f"the body is over {limit} bytes")
     return _replay({"type": "http.request", "body": bytes(body), "more_body": False}, receive)
+
+
+async def _drain(receive: Receive) -> None:
+    """Read on for a while: a client that still sends would see its connection reset instead of the answer."""
+    left = DRAINED_BYTES
+    while left > 0:
+        message = await receive()
+        if message["type"] != "http.request" or not message.get("more_body", False):
+            return
+        left -= max(1, len(message.get("body", b"")))
 
 
 def _replay(first: Message, rest: Receive) -> Receive:

@@ -1,0 +1,39 @@
+"""One driver at a time, and only while the lease is renewed."""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.domain.lease import LeaseTable
+from gateway.errors import LeaseRequiredError, LeaseTakenError
+
+
+def test_taken_until_released() -> None:
+    table = LeaseTable(valid_s=3)
+    table.take("r", "ann", lease_id="a", now_s=0)
+    with pytest.raises(LeaseTakenError) as caught:
+        table.take("r", "bob", lease_id="b", now_s=2.9)
+    assert caught.value.holder == "ann"
+    assert not table.release("r", "b")
+    assert table.release("r", "a")
+    assert table.take("r", "bob", lease_id="b", now_s=2.9).holder == "bob"
+
+
+def test_expires_unless_renewed() -> None:
+    table = LeaseTable(valid_s=3)
+    table.take("r", "ann", lease_id="a", now_s=0)
+    assert table.renew("r", "a", now_s=2.9).expires_in_s(2.9) == 3
+    assert table.check("r", "a", now_s=5.8).holder == "ann"
+    with pytest.raises(LeaseRequiredError):
+        table.renew("r", "a", now_s=5.9)
+    assert table.holder_of("r", now_s=5.9) is None
+
+
+@pytest.mark.parametrize("lease_id", ["", "b"])
+def test_only_the_right_id_passes(lease_id: str) -> None:
+    table = LeaseTable(valid_s=3)
+    with pytest.raises(LeaseRequiredError):
+        table.check("r", lease_id, now_s=0)
+    table.take("r", "ann", lease_id="a", now_s=0)
+    with pytest.raises(LeaseRequiredError):
+        table.check("r", lease_id, now_s=0)

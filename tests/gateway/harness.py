@@ -1,0 +1,180 @@
+"""A real gateway in this process, and a small scripted agent that speaks to it over a real gRPC channel."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import grpc
+import httpx
+from websockets.asyncio.client import ClientConnection, connect
+
+from gateway.main import Ready, serve
+from gateway.settings import Settings
+from metaros._proto import link_pb2, link_pb2_grpc
+from metaros.idl import schema_text, type_hash
+from metaros.link import pack_batch, pack_metrics
+
+CONTROL, DATA = link_pb2.LANE_CONTROL, link_pb2.LANE_DATA
+EPOCH = 77
+
+
+@asynccontextmanager
+async def running_gateway(folder: Path, **settings: Any) -> AsyncIterator[Ready]:
+    """A gateway on free ports, stopped at the end as a signal would stop it."""
+    stop, up = asyncio.Event(), asyncio.get_running_loop().create_future()
+    chosen = Settings(port=0, grpc_port=0, data_dir=folder / "data", **settings)
+    task = asyncio.create_task(serve(chosen, stop, on_ready=up.set_result))
+    await asyncio.wait({task, up}, return_when=asyncio.FIRST_COMPLETED)
+    try:
+        yield up.result() if up.done() else task.result()
+    finally:
+        stop.set()
+        await asyncio.wait_for(task, 5)
+
+
+def client(ready: Ready, **headers: str) -> httpx.AsyncClient:
+    """An HTTP client of that gateway."""
+    return httpx.AsyncClient(base_url=ready.url, headers=headers, trust_env=False)
+
+
+def open_socket(ready: Ready, path: str, **options: Any) -> connect:
+    """A WebSocket as a page of the gateway itself opens it."""
+    url = ready.url.replace("http", "ws", 1) + path
+    return connect(url, origin=ready.url, max_size=None, compression=None, proxy=None, **options)
+
+
+async def say(socket: ClientConnection, **request: Any) -> None:
+    """Send a JSON request."""
+    await socket.send(json.dumps(request))
+
+
+async def hear(socket: ClientConnection, op: str, *, timeout_s: float = 5.0) -> dict[str, Any]:
+    """The next JSON message with that op."""
+    async with asyncio.timeout(timeout_s):
+        while True:
+            message = await socket.recv()
+            if isinstance(message, str) and json.loads(message)["op"] == op:
+                return dict(json.loads(message))
+
+
+async def hear_bytes(socket: ClientConnection, *, timeout_s: float = 5.0) -> bytes:
+    """The next binary frame."""
+    async with asyncio.timeout(timeout_s):
+        while True:
+            message = await socket.recv()
+            if isinstance(message, bytes):
+                return message
+
+
+def channel(number: int, topic: str, schema_name: str, *, delivery: int = 3, rate: float = 0.0) -> link_pb2.Channel:
+    """An announced channel with its real schema."""
+    announced = link_pb2.Channel(
+        channel_id=number,
+        topic=topic,
+        encoding="cdr",
+        schema_name=schema_name,
+        schema_encoding="ros2msg",
+        schema=schema_text(schema_name).encode(),
+        type_hash=type_hash(schema_name),
+        max_rate_hz=rate,
+        forward=True,
+    )
+    setattr(announced, "class", delivery)
+    return announced
+
+
+class ScriptedAgent:
+    """Two lanes and what came down on them; every frame is sent when the test says so."""
+
+    def __init__(self, ready: Ready, robot: str = "sim_1", *, number: int = 1, session: bytes = b"s" * 16) -> None:
+        self.robot, self.number, self.session = robot, number, session
+        self._target = f"127.0.0.1:{ready.grpc_port}"
+        self._channels: list[grpc.aio.Channel] = []
+        self.lanes: dict[int, Any] = {}
+        self.frames: dict[int, asyncio.Queue[link_pb2.GatewayFrame]] = {CONTROL: asyncio.Queue(), DATA: asyncio.Queue()}
+        self.welcomes: dict[int, link_pb2.Welcome] = {}
+        self._readers: list[asyncio.Task[None]] = []
+
+    async def __aenter__(self) -> ScriptedAgent:
+        await self.open(CONTROL)
+        await self.open(DATA)
+        return self
+
+    async def __aexit__(self, *_exc: object) -> None:
+        for reader in self._readers:
+            reader.cancel()
+        await asyncio.gather(*self._readers, return_exceptions=True)
+        for lane in self.lanes.values():
+            lane.cancel()
+        for opened in self._channels:
+            await opened.close()
+
+    async def open(self, lane: int, streams: Sequence[link_pb2.StreamState] = (), *, welcome: bool = True) -> None:
+        """Connect a lane and say hello."""
+        opened = grpc.aio.insecure_channel(self._target)
+        self._channels.append(opened)
+        call = self.lanes[lane] = link_pb2_grpc.LinkStub(opened).Connect()
+        self._readers.append(asyncio.create_task(self._read(lane, call)))
+        hello = link_pb2.Hello(
+            protocol=1,
+            robot_id=self.robot,
+            session_id=self.session,
+            session_number=self.number,
+            lane=lane,
+            agent_version="test",
+            namespace=f"/{self.robot}",
+            hostname="bench",
+            streams=streams,
+        )
+        await call.write(link_pb2.AgentFrame(hello=hello))
+        if welcome:
+            self.welcomes[lane] = (await self.next("welcome", lane)).welcome
+
+    async def next(self, kind: str, lane: int = CONTROL, *, timeout_s: float = 5.0) -> link_pb2.GatewayFrame:
+        """The next frame of that kind; others before it are dropped."""
+        async with asyncio.timeout(timeout_s):
+            while True:
+                frame = await self.frames[lane].get()
+                if frame.WhichOneof("frame") == kind:
+                    return frame
+
+    async def send(self, lane: int = DATA, **frame: Any) -> None:
+        """Write one frame."""
+        await self.lanes[lane].write(link_pb2.AgentFrame(**frame))
+
+    async def announce(self, *channels: link_pb2.Channel, series: Sequence[link_pb2.Series] = ()) -> None:
+        """Declare channels and series on both lanes, as agents do."""
+        for lane in (CONTROL, DATA):
+            await self.send(lane, announce=link_pb2.Announce(channels=channels, series=series))
+
+    async def samples(
+        self, number: int, first_seq: int, payloads: Sequence[bytes], *, stamp_ns: int = 1000, epoch: int = EPOCH
+    ) -> None:
+        """Send one batch."""
+        stamps = [stamp_ns + index for index in range(len(payloads))]
+        batch = pack_batch(number, epoch, first_seq, stamps, payloads)
+        await self.send(batches=link_pb2.Batches(batches=[batch]))
+
+    async def rows(self, first_seq: int, rows: Sequence[tuple[int, int, float]], *, epoch: int = EPOCH) -> None:
+        """Send metric rows (series, stamp, value)."""
+        series, stamps, values = zip(*rows, strict=True)
+        await self.send(metrics=pack_metrics(epoch, first_seq, series, stamps, values))
+
+    async def answer(self, command: link_pb2.Command, *, payload: bytes = b"", code: str = "") -> None:
+        """Send a command's result."""
+        result = link_pb2.CommandResult(
+            command_id=command.command_id, ok=not code, code=code, message=code, payload=payload
+        )
+        await self.send(CONTROL, result=result)
+
+    async def _read(self, lane: int, call: Any) -> None:
+        try:
+            while (frame := await call.read()) is not grpc.aio.EOF:
+                await self.frames[lane].put(frame)
+        except (grpc.aio.AioRpcError, asyncio.CancelledError):
+            return

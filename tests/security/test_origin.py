@@ -1,0 +1,125 @@
+"""No web page drives a robot: foreign Host and Origin headers are refused on every route, socket and mutation."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from starlette.routing import WebSocketRoute
+from websockets.asyncio.client import connect
+from websockets.exceptions import InvalidStatus
+
+from gateway.api import ROUTERS
+from tests.gateway.harness import ScriptedAgent, client, open_socket, running_gateway
+
+MUTATIONS = [
+    (method, route.path)
+    for router in ROUTERS
+    for route in router.routes
+    for method in sorted(getattr(route, "methods", None) or ())
+    if method not in ("GET", "HEAD", "OPTIONS")
+]
+READS = [r.path for router in ROUTERS for r in router.routes if "GET" in (getattr(r, "methods", None) or ())]
+SOCKETS = [
+    r.path for router in ROUTERS for r in router.routes if isinstance(r, WebSocketRoute) or not hasattr(r, "methods")
+]
+
+# What a page of somebody else's can make a browser send: its own name by DNS rebinding, or its own origin.
+FOREIGN = [
+    ({"Host": "evil.example"}, "host_not_allowed"),
+    ({"Host": "127.0.0.1.evil.example:8080"}, "host_not_allowed"),
+    ({"Host": "localhost@evil.example"}, "host_not_allowed"),
+    ({"Host": ""}, "host_not_allowed"),
+    ({"Origin": "http://evil.example"}, "origin_not_allowed"),
+    ({"Origin": "http://localhost:1"}, "origin_not_allowed"),
+    ({"Origin": "null"}, "origin_not_allowed"),
+    ({"Origin": "file://"}, "origin_not_allowed"),
+]
+
+
+def concrete(path: str) -> str:
+    """A route's path for a robot that exists."""
+    return path.replace("{robot_id}", "sim_1")
+
+
+def test_the_walk_sees_the_routes() -> None:
+    assert ("POST", "/api/v1/robots/{robot_id}/publish") in MUTATIONS
+    assert ("POST", "/api/v1/robots/{robot_id}/services/call") in MUTATIONS
+    assert set(SOCKETS) == {"/api/v1/stream", "/api/v1/robots/{robot_id}/teleop"}
+    assert "/api/v1/robots" in READS
+
+
+async def test_every_request_of_a_foreign_page_is_refused(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
+        for headers, code in FOREIGN:
+            for method, path in [*MUTATIONS, *(("GET", path) for path in READS), ("GET", "/"), ("OPTIONS", "/x")]:
+                sent = {**headers, "Content-Type": "application/json"}
+                answer = await http.request(method, concrete(path), headers=sent, content=b"{}")
+                assert (answer.status_code, answer.json()["code"]) == (403, code), (method, path, headers)
+        while not agent.frames[1].empty():
+            assert agent.frames[1].get_nowait().WhichOneof("frame") != "command"
+
+
+@pytest.mark.parametrize("path", SOCKETS)
+async def test_every_socket_of_a_foreign_page_is_refused(tmp_path: Path, path: str) -> None:
+    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready):
+        url = ready.url.replace("http", "ws", 1) + concrete(path)
+        for headers, code in FOREIGN:
+            if headers.get("Host") == "":
+                continue
+            origin = headers.get("Origin", ready.url)
+            # The client writes Host from the URL; an additional one makes two, which is refused as well.
+            more = {"Host": headers["Host"]} if "Host" in headers else {}
+            with pytest.raises(InvalidStatus) as caught:
+                await connect(url, origin=origin, additional_headers=more, proxy=None)
+            assert caught.value.response.status_code in (400, 403)
+            if caught.value.response.status_code == 403:
+                assert json.loads(caught.value.response.body)["code"] == code
+        async with open_socket(ready, concrete(path)) as own:
+            assert own.state.name == "OPEN"
+
+
+@pytest.mark.parametrize(("method", "path"), MUTATIONS)
+@pytest.mark.parametrize(
+    "content_type",
+    ["application/x-www-form-urlencoded", "multipart/form-data; boundary=x", "text/plain", None, "application/jsonx"],
+)
+async def test_no_form_can_change_anything(tmp_path: Path, method: str, path: str, content_type: str | None) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http:
+        headers = {"Content-Type": content_type} if content_type else {}
+        answer = await http.request(method, concrete(path), headers=headers, content=b'{"topic": "/a"}')
+        assert (answer.status_code, answer.json()["code"]) == (415, "unsupported_media_type")
+
+
+async def test_bodies_are_bounded(tmp_path: Path) -> None:
+    async def endless() -> object:
+        for _ in range(64):
+            yield b" " * 65536
+
+    async with running_gateway(tmp_path) as ready, client(ready) as http:
+        headers = {"Content-Type": "application/json"}
+        for content in (b" " * (1 << 20) + b"{}", endless()):
+            answer = await http.post("/api/v1/robots/sim_1/publish", headers=headers, content=content)
+            assert (answer.status_code, answer.json()["code"]) == (413, "body_too_large")
+
+
+async def test_own_names_and_allowed_ones_pass(tmp_path: Path) -> None:
+    settings = {"allow_hosts": ("robots.lab",), "allow_origins": ("http://localhost:5173",)}
+    async with running_gateway(tmp_path, **settings) as ready, client(ready) as http:
+        port = ready.http_port
+        for host in (f"localhost:{port}", f"127.0.0.1:{port}", "[::1]:9999", "LOCALHOST", "robots.lab"):
+            assert (await http.get("/api/v1/robots", headers={"Host": host})).status_code == 200, host
+        for origin in (f"http://127.0.0.1:{port}", "http://localhost:5173"):
+            assert (await http.get("/api/v1/robots", headers={"Origin": origin})).status_code == 200, origin
+
+
+async def test_answers_carry_the_security_headers(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http:
+        for path in ("/", "/api/v1/robots", "/api/none", "/assets/none.js"):
+            headers = (await http.get(path)).headers
+            assert headers["x-content-type-options"] == "nosniff"
+            policy = headers["content-security-policy"]
+            assert "frame-ancestors 'none'" in policy
+            assert "script-src 'self';" in policy
+            assert f"ws://127.0.0.1:{ready.http_port}" in policy
