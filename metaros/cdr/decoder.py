@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from metaros.cdr.cursor import Cursor
 from metaros.cdr.layout import CODES, HEADER_BYTES, Order, size_of
 from metaros.cdr.layout import Position as Known
-from metaros.cdr.source import Source
 from metaros.cdr.wide import decode_wide
 from metaros.idl import Catalogue, Field, FieldType, MessageDefinition, message_class
 from metaros.idl.arrays import DTYPES
@@ -52,15 +52,10 @@ def build_general_decoder(name: str, catalogue: Catalogue, *, order: Order, erro
     return decoder.build(catalogue.message(name), ["def function(b):", "  if True:"], [])
 
 
-class _Decoder(Source):
+class _Decoder(Cursor):
     def __init__(self, catalogue: Catalogue, *, base: int, order: Order = "<", general: bool = False) -> None:
-        super().__init__(catalogue, order=order)
-        self.base = base  # where the body starts in `b`
+        super().__init__(catalogue, base=base, order=order)
         self.general = general
-        self.offset = base  # bytes behind `p`, or behind the start while nothing dynamic was met
-        self.moved = False  # whether `p` exists
-        self.start = base  # offset of the run
-        self.targets: list[str] = []
         self.after: list[str] = []  # lines that need the run unpacked
 
     def build(self, definition: MessageDefinition, head: list[str], tail: list[str]) -> Callable[[Any], Any]:
@@ -84,7 +79,8 @@ class _Decoder(Source):
 
     def message(self, definition: MessageDefinition, target: str) -> None:
         if not definition.fields:
-            self.skip(1)
+            self.run.append("1x")
+            self.advance(1)
         for field in definition.fields:
             self.field(field, f"{target}.{field.attribute}")
 
@@ -160,9 +156,7 @@ class _Decoder(Source):
         else:
             self.flush()
             read = f"_frombuffer(b, {dtype}, {kind.capacity}, {self.here()})"
-            self.offset += total
-            self.start = self.offset
-            self.position = self.position.after(total)
+            self.skip(total)
         read = f"_bools({read})" if kind.base == "bool" else read
         if self.run:
             self.after.append(f"{target} = {read}")
@@ -198,60 +192,11 @@ class _Decoder(Source):
         self.align(size)
         self.add(code, size, target)
 
-    def add(self, code: str, size: int, target: str) -> None:
-        self.run.append(code)
-        self.targets.append(target)
-        self.advance(size)
-
-    def skip(self, size: int) -> None:
-        self.run.append(f"{size}x")
-        self.advance(size)
-
-    def advance(self, size: int) -> None:
-        self.offset += size
-        self.position = self.position.after(size)
-
-    def align(self, size: int) -> None:
-        gap = self.position.gap(size)
-        if gap is None:
-            self.flush()
-            self.move(self.rounded(size), Known(size, 0))
-        elif gap and self.run:
-            self.skip(gap)
-        elif gap:
-            self.advance(gap)
-            self.start = self.offset
-
-    def rounded(self, size: int) -> str:
-        """The expression of the next position that is a multiple of `size` in the body."""
-        shift = self.base % size
-        text = f"{self.here(size - 1 - shift)} & -{size}"
-        return f"({text}) + {shift}" if shift else text
-
-    def here(self, extra: int = 0) -> str:
-        distance = self.offset + extra
-        if not self.moved:
-            return str(distance)
-        return f"p + {distance}" if distance else "p"
-
-    def move(self, expression: str, known: Known) -> None:
-        """From here on the position is in `p`."""
-        if expression != "p":
-            self.line(f"p = {expression}")
-        self.moved = True
-        self.offset = self.start = 0
-        self.position = known
-
     def flush(self) -> None:
-        if self.run:
-            where = str(self.start) if not self.moved else f"p + {self.start}" if self.start else "p"
-            method = self.struct_method(self.order + "".join(self.run), "unpack_from")
-            targets = "".join(f"{target}, " for target in self.targets)
-            self.line(f"{targets}= {method}(b, {where})" if targets else f"{method}(b, {where})")
-            for line in self.after:
-                self.line(line)
-        self.run, self.targets, self.after = [], [], []
-        self.start = self.offset
+        super().flush()
+        for line in self.after:
+            self.line(line)
+        self.after = []
 
 
 def _has_wide_sequence(name: str, catalogue: Catalogue) -> bool:

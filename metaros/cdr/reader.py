@@ -7,14 +7,15 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from metaros.cdr.codec import Readable, split_header
+from metaros.cdr.cursor import Cursor
 from metaros.cdr.decoder import DECODE_ERRORS
 from metaros.cdr.layout import CODES, HEADER_BYTES, Order, Position, check_size, size_of
 from metaros.cdr.paths import Node, path_tree
 from metaros.cdr.reference import ReferenceDecoder
-from metaros.cdr.source import Source
 from metaros.errors import DecodeError
 from metaros.idl import Catalogue, FieldType, MessageDefinition, default_catalogue
 from metaros.idl.arrays import DTYPES
+from metaros.limits import LIMITS
 
 __all__ = ["field_reader"]
 
@@ -37,7 +38,13 @@ def field_reader(
         catalogue = catalogue or name.__metaros_catalogue__
     home = (catalogue or default_catalogue()).home(full_name)
     wanted = tuple(paths)
-    return home.memo(f"reader:{wanted!r}", full_name, lambda: _build(full_name, wanted, home))
+    made: dict[tuple[str, ...], Reader] = home.memo("readers", full_name, dict)
+    reader = made.get(wanted)
+    if reader is None:
+        reader = made[wanted] = _build(full_name, wanted, home)
+        if len(made) > LIMITS.type_cache:
+            made.pop(next(iter(made)))
+    return reader
 
 
 def _build(name: str, paths: tuple[str, ...], catalogue: Catalogue) -> Reader:
@@ -62,14 +69,9 @@ def _build(name: str, paths: tuple[str, ...], catalogue: Catalogue) -> Reader:
     return _Reader(catalogue, order="<", base=HEADER_BYTES).build(definition, tree, bases, other)
 
 
-class _Reader(Source):
+class _Reader(Cursor):
     def __init__(self, catalogue: Catalogue, *, order: Order, base: int) -> None:
-        super().__init__(catalogue, order=order)
-        self.base = base
-        self.offset = base
-        self.moved = False
-        self.targets: list[str] = []
-        self.start = base
+        super().__init__(catalogue, base=base, order=order)
         self.pending = 0  # values that are wanted from here on
 
     def build(
@@ -118,9 +120,7 @@ class _Reader(Source):
         if node is None:
             self.skip(size_of(base))
             return
-        self.run.append(CODES[base])
-        self.targets.append(" = ".join(f"o{index}" for index in node.outputs[:1]))
-        self.advance(size_of(base))
+        self.add(CODES[base], size_of(base), f"o{node.outputs[0]}")
         self.pending -= len(node.outputs)
         if len(node.outputs) > 1:
             self.flush()
@@ -133,9 +133,7 @@ class _Reader(Source):
     def count(self) -> str:
         name = self.fresh("n")
         self.align(4)
-        self.run.append("I")
-        self.targets.append(name)
-        self.advance(4)
+        self.add("I", 4, name)
         self.flush()
         return name
 
@@ -216,53 +214,10 @@ class _Reader(Source):
         self.indent -= 1
         self.position = Position(min(alignment, 4), 0)
 
-    def skip(self, size: int) -> None:
-        if size:
-            if self.run:
-                self.run.append(f"{size}x")
-            self.advance(size)
-            if not self.run:
-                self.start = self.offset
-
-    def advance(self, size: int) -> None:
-        self.offset += size
-        self.position = self.position.after(size)
-
-    def align(self, size: int) -> None:
-        gap = self.position.gap(size)
-        if gap is None:
-            self.flush()
-            self.move(self.rounded(size), Position(size, 0))
-        elif gap:
-            self.skip(gap)
-
-    def rounded(self, size: int) -> str:
-        shift = self.base % size
-        text = f"{self.here(size - 1 - shift)} & -{size}"
-        return f"({text}) + {shift}" if shift else text
-
-    def here(self, extra: int = 0) -> str:
-        distance = self.offset + extra
-        if not self.moved:
-            return str(distance)
-        return f"p + {distance}" if distance else "p"
-
-    def move(self, expression: str, known: Position) -> None:
-        if expression != "p":
-            self.line(f"p = {expression}")
-        self.moved = True
-        self.offset = self.start = 0
-        self.position = known
-
     def flush(self) -> None:
-        if self.targets:
-            while self.run[-1].endswith("x"):
-                self.run.pop()
-            where = str(self.start) if not self.moved else f"p + {self.start}"
-            method = self.struct_method(self.order + "".join(self.run), "unpack_from")
-            self.line(f"{''.join(f'{target}, ' for target in self.targets)}= {method}(b, {where})")
-        self.run, self.targets = [], []
-        self.start = self.offset
+        while self.run and self.run[-1].endswith("x"):
+            self.run.pop()
+        super().flush()
 
 
 _FAST_HEAD = ["def function(b):", "  try:", "    if b[1] != 1 or b[0]: return _other(b)"]

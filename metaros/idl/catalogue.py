@@ -107,17 +107,17 @@ class Catalogue:
         return self._base.home(name)
 
     def memo(self, kind: str, name: str, build: Callable[[], T]) -> T:
-        """What `build` made of `name` the first time: the bounded cache of hashes, classes and codecs."""
+        """What `build` made of `name` the first time: the cache of hashes, classes and codecs.
+
+        It holds a few things an interface, and the number of interfaces is bounded.
+        """
         key = (kind, name)
         made = self._made.get(key)
         if made is None:
             with self._lock:
                 made = self._made.get(key)
                 if made is None:
-                    made = build()
-                    if len(self._made) >= 4 * LIMITS.type_cache:
-                        self._made.pop(next(iter(self._made)))
-                    self._made[key] = made
+                    made = self._made[key] = build()
         return cast("T", made)
 
     def _find(self, name: str) -> Definition | None:
