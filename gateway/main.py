@@ -135,6 +135,7 @@ def _http_config(gateway: Gateway) -> uvicorn.Config:
         log_config=None,
         access_log=False,
         server_header=False,
+        proxy_headers=False,
         ws_max_size=LIMITS.json_bytes,
         ws_per_message_deflate=False,
         timeout_graceful_shutdown=HTTP_GRACE_S,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from metaros.errors import ConfigError
+from metaros.limits import LIMITS
 
 __all__ = ["DEFAULT_GRPC_PORT", "DEFAULT_HTTP_PORT", "Settings", "default_data_dir", "is_loopback"]
 
@@ -34,6 +35,7 @@ class Settings:
     retention_bytes: int = 4096 * MIB
     store_queue_bytes: int = 256 * MIB
     tick_s: float = 0.005
+    viewer_stall_s: float = LIMITS.viewer_stall_s
     actuator_topics: tuple[str, ...] = ("**/cmd_vel",)
     static_dir: Path = Path(__file__).parent / "static"
 

@@ -23,6 +23,7 @@ class Dashboard(StaticFiles):
 
     def __init__(self, folder: Path) -> None:
         super().__init__(directory=folder, check_dir=False)
+        self.config_checked = True  # a folder that is not there is answered with a page, not with an exception
         self._index = folder / "index.html"
 
     async def get_response(self, path: str, scope: Scope) -> Response:

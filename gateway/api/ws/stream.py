@@ -153,7 +153,7 @@ class _Connection:
             return
 
     async def _write(self, message: str | bytes) -> None:
-        async with asyncio.timeout(LIMITS.viewer_stall_s):
+        async with asyncio.timeout(self._services.settings.viewer_stall_s):
             if isinstance(message, str):
                 await self._socket.send({"type": "websocket.send", "text": message})
             else:
@@ -167,6 +167,6 @@ class _Connection:
             "limits": {
                 "subscriptions": LIMITS.subscriptions_per_viewer,
                 "queue_bytes": LIMITS.viewer_queue_bytes,
-                "stall_s": LIMITS.viewer_stall_s,
+                "stall_s": self._services.settings.viewer_stall_s,
             },
         }

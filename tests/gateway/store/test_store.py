@@ -57,7 +57,7 @@ def database(tmp_path: Path) -> sqlite3.Connection:
 def everything(connection: sqlite3.Connection, name: str, points: int = 10_000) -> list[tuple[float, float]]:
     """All rows of a series of r1."""
     (piece,) = read_range(connection, "r1", [name], start_ns=-(2**60), end_ns=2**60, points=points)
-    return list(zip((piece.stamp_ms * 1e6).tolist(), piece.mean.tolist(), strict=True))
+    return list(zip(np.rint(piece.stamp_ms * 1e6).tolist(), piece.mean.tolist(), strict=True))
 
 
 def test_commit_moves_rows_watermark_and_gap_together(database: sqlite3.Connection) -> None:

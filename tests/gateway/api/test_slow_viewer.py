@@ -1,0 +1,73 @@
+"""Viewers that take little or nothing: memory stays bounded, the others are not held up, the dead one is cut."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from pathlib import Path
+from time import monotonic
+
+import psutil
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed
+
+from gateway.live.records import split_records
+from tests.gateway.harness import DATA, ScriptedAgent, channel, hear, hear_bytes, open_socket, running_gateway, say
+
+MIB = 1 << 20
+
+
+async def test_a_viewer_that_takes_nothing_is_cut_and_costs_little(tmp_path: Path) -> None:
+    payload = bytes(MIB // 4)
+    async with running_gateway(tmp_path, viewer_stall_s=0.5) as ready, ScriptedAgent(ready) as agent:
+        await agent.announce(channel(1, "/sim_1/image", "std_msgs/msg/String"))
+        url = ready.url.replace("http", "ws") + "/api/v1/stream"
+        # max_queue 1: the client's library stops reading the socket when nobody takes its messages.
+        stuck = await connect(url, origin=ready.url, max_size=None, max_queue=1, compression=None, proxy=None)
+        async with open_socket(ready, "/api/v1/stream") as healthy:
+            for viewer in (stuck, healthy):
+                await say(viewer, op="subscribe", id=1, robots="*", topics="/**", mode="queue", queue_bytes=2 * MIB)
+                await say(viewer, op="subscribe", id=1, robots="*", topics="/**")
+                await hear(viewer, "error")
+            before = psutil.Process().memory_info().rss
+            seen, sent, deadline = [], 0, monotonic() + 20
+            while monotonic() < deadline and sent < 200:
+                sent += 1
+                await agent.samples(1, sent, [payload])
+                await agent.next("ack", DATA)
+                seen += [record.seq for _, _, record in split_records(await hear_bytes(healthy))]
+            assert seen == list(range(1, sent + 1))
+            assert psutil.Process().memory_info().rss - before < 40 * MIB
+            await asyncio.sleep(0.6)
+            received = await count_until_closed(stuck)
+            assert received < sent
+            assert stuck.close_code in (4408, 1006)
+
+
+async def count_until_closed(viewer: ClientConnection) -> int:
+    """How many binary frames come before the connection ends."""
+    received = 0
+    with contextlib.suppress(ConnectionClosed):
+        while True:
+            received += isinstance(await asyncio.wait_for(viewer.recv(), 5), bytes)
+    return received
+
+
+async def test_a_slow_viewer_loses_the_oldest_and_is_told(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent:
+        await agent.announce(channel(1, "/sim_1/image", "std_msgs/msg/String"))
+        async with open_socket(ready, "/api/v1/stream") as viewer:
+            await say(viewer, op="subscribe", id=1, robots="*", topics="/**", mode="queue", queue_bytes=1000)
+            await say(viewer, op="subscribe", id=1, robots="*", topics="/**")
+            await hear(viewer, "error")
+            await agent.samples(1, 1, [bytes(100)] * 100)
+            dropped = None
+            received = 0
+            while dropped is None or received < 6:
+                message = await asyncio.wait_for(viewer.recv(), 5)
+                if isinstance(message, bytes):
+                    received += sum(1 for _ in split_records(message))
+                elif json.loads(message)["op"] == "dropped":
+                    dropped = json.loads(message)
+            assert (dropped["id"], dropped["count"] + received) == (1, 100)

@@ -1,0 +1,102 @@
+"""The program: ports, the status file, signals, a second gateway, and being killed."""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gateway.ports import listen
+from gateway.settings import Settings
+from metaros.errors import ConfigError
+from tests.gateway.harness import client, running_gateway
+from tests.support.waiting import wait_until
+
+PROGRAM = """
+import typer
+from gateway.cli import register
+app = typer.Typer()
+app.callback()(lambda: None)
+register(app)
+app()
+"""
+
+
+def start(folder: Path, *options: str) -> tuple[subprocess.Popen[str], dict[str, object]]:
+    """`metaros gateway` as a process, ready."""
+    status = folder / "status.json"
+    command = [
+        sys.executable,
+        "-c",
+        PROGRAM,
+        "gateway",
+        "--data-dir",
+        str(folder / "data"),
+        "--status-file",
+        str(status),
+    ]
+    process = subprocess.Popen([*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    wait_until(lambda: status.exists() or process.poll() is not None, timeout_s=20)
+    assert process.poll() is None, process.communicate()[0]
+    return process, json.loads(status.read_text())
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_cleanly(tmp_path: Path, number: signal.Signals) -> None:
+    process, status = start(tmp_path, "--port", "0", "--grpc-port", "0")
+    assert (status["ready"], status["pid"]) == (True, process.pid)
+    process.send_signal(number)
+    output, _ = process.communicate(timeout=3)
+    assert process.returncode == 0
+    assert output.startswith(f"gateway ready: {status['url']}  robots 127.0.0.1:{status['grpc_port']}")
+    assert len(output.splitlines()) == 1
+
+
+def test_a_killed_one_leaves_the_directory_usable(tmp_path: Path) -> None:
+    for _ in range(2):
+        process, _ = start(tmp_path, "--port", "0", "--grpc-port", "0")
+        process.kill()
+        process.communicate()
+        (tmp_path / "status.json").unlink()
+
+
+def test_settings_refuse_what_cannot_be() -> None:
+    for host in ("0.0.0.0", "::", "192.168.1.5", "example.org"):
+        with pytest.raises(ConfigError, match="loopback only until the identity step"):
+            Settings(host=host)
+    for host in ("127.0.0.1", "127.0.0.9", "::1", "localhost"):
+        assert Settings(host=host).host == host
+    with pytest.raises(ConfigError):
+        Settings(retention_days=0)
+
+
+def test_an_asked_port_is_had_or_names_its_owner(free_port: int) -> None:
+    with socket.create_server(("127.0.0.1", free_port)):
+        with pytest.raises(ConfigError, match=rf"port {free_port} .*python.*pid"):
+            listen("127.0.0.1", free_port, default=1, flag="--port")
+        moved = listen("127.0.0.1", None, default=free_port, flag="--port")
+        assert moved.getsockname()[1] != free_port
+        moved.close()
+
+
+async def test_a_second_gateway_gets_its_own_ports_or_says_no(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path / "one") as first:
+        with pytest.raises(ConfigError, match="another gateway"):
+            async with running_gateway(tmp_path / "one"):
+                pass
+        async with running_gateway(tmp_path / "two") as second, client(second) as http:
+            assert {first.http_port, first.grpc_port}.isdisjoint({second.http_port, second.grpc_port})
+            assert (await http.get("/readyz")).status_code == 200
+
+
+def test_a_taken_robots_port_is_an_error(tmp_path: Path, free_port: int) -> None:
+    with socket.create_server(("127.0.0.1", free_port)):
+        command = [sys.executable, "-c", PROGRAM, "gateway", "--data-dir", str(tmp_path), "--port", "0"]
+        done = subprocess.run([*command, "--grpc-port", str(free_port)], capture_output=True, text=True, timeout=20)
+        assert done.returncode != 0
+        assert f"port {free_port} for robots cannot be opened" in done.stderr
