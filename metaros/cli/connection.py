@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -13,38 +13,69 @@ from metaros.errors import UnavailableError
 
 if TYPE_CHECKING:
     from metaros.node import Context
+    from metaros.wire import Graph
 
-__all__ = ["absolute", "closest", "connect", "settle", "wait_for"]
+__all__ = ["absolute", "closest", "connect", "look", "settle", "wait_for"]
 
-_SETTLED_S = 0.15  # the graph is complete once nothing was added for so long: the router sends what it knows at once
+_SETTLED_S = 0.06  # the graph is complete once nothing was added for so long
+_EMPTY_S = 0.3  # an empty graph gets a little longer: somebody may be about to join
 _STEP_S = 0.02
+
+
+@contextmanager
+def look(zenoh_port: int, domain: int, *, spin_time: float) -> Iterator[Graph]:
+    """The graph alone, settled: for commands that only look. It loads no codec, so it is there sooner."""
+    from metaros.wire import Graph, WireSession
+
+    _check_port(zenoh_port)
+    session = WireSession(domain_id=domain, connect=f"tcp/127.0.0.1:{zenoh_port}")
+    try:
+        _check_linked(session.connected, zenoh_port)
+        graph = Graph(session)
+        try:
+            settle(graph, timeout_s=spin_time)
+            yield graph
+        finally:
+            graph.close()
+    finally:
+        session.close()
 
 
 @contextmanager
 def connect(zenoh_port: int, domain: int, *, spin_time: float = 0.0) -> Iterator[Context]:
     """A context linked to the router on `zenoh_port`; with `spin_time`, its graph has settled."""
-    from metaros.cli.up_ports import port_accepts, port_owner
+    _check_port(zenoh_port)
+    from metaros.node import Context
+
+    with Context(domain_id=domain, connect=f"tcp/127.0.0.1:{zenoh_port}") as context:
+        _check_linked(context.connected, zenoh_port)
+        if spin_time > 0:
+            settle(context.graph, timeout_s=spin_time)
+        yield context
+
+
+def _check_port(zenoh_port: int) -> None:
+    """Fail at once where nobody listens."""
+    from metaros.cli.up_ports import port_accepts
 
     if not port_accepts(zenoh_port):
         where = f"no Zenoh router on 127.0.0.1:{zenoh_port}"
         raise UnavailableError(f"{where}\nstart one: `metaros up` (a whole fleet) or `metaros router`")
-    from metaros.node import Context
-
-    with Context(domain_id=domain, connect=f"tcp/127.0.0.1:{zenoh_port}") as context:
-        if not wait_for(context.connected, timeout_s=2.0):
-            owner = port_owner(zenoh_port)
-            raise UnavailableError(
-                f"127.0.0.1:{zenoh_port} is no Zenoh router: {owner} has the port\n"
-                "start a router on another port: metaros router --port PORT, then use --zenoh-port PORT"
-            )
-        if spin_time > 0:
-            settle(context, timeout_s=spin_time)
-        yield context
 
 
-def wait_for(condition: object, *, timeout_s: float) -> bool:
+def _check_linked(connected: Callable[[], bool], zenoh_port: int) -> None:
+    """Somebody listens: is it a router?"""
+    from metaros.cli.up_ports import port_owner
+
+    if not wait_for(connected, timeout_s=2.0):
+        raise UnavailableError(
+            f"127.0.0.1:{zenoh_port} is no Zenoh router: {port_owner(zenoh_port)} has the port\n"
+            "start a router on another port: metaros router --port PORT, then use --zenoh-port PORT"
+        )
+
+
+def wait_for(condition: Callable[[], object], *, timeout_s: float) -> bool:
     """Ask `condition()` until it is true, for at most `timeout_s`."""
-    assert callable(condition)
     clock, pause = SystemClock(), threading.Event()
     deadline = clock.monotonic_s() + timeout_s
     while not (answer := bool(condition())) and clock.monotonic_s() < deadline:
@@ -52,13 +83,13 @@ def wait_for(condition: object, *, timeout_s: float) -> bool:
     return answer
 
 
-def settle(context: Context, *, timeout_s: float) -> None:
-    """Wait until the graph has stopped growing, at most `timeout_s`."""
+def settle(graph: Graph, *, timeout_s: float) -> None:
+    """Wait until the graph has stopped growing, at most `timeout_s`; it holds what the router knows from the start."""
     clock, pause = SystemClock(), threading.Event()
     deadline = clock.monotonic_s() + timeout_s
     seen, since = -1, clock.monotonic_s()
-    while (now := clock.monotonic_s()) < deadline and now - since < _SETTLED_S:
-        if (size := len(context.graph.nodes()) + len(context.graph.endpoints())) != seen:
+    while (now := clock.monotonic_s()) < deadline and now - since < (_SETTLED_S if seen else _EMPTY_S):
+        if (size := len(graph.nodes()) + len(graph.endpoints())) != seen:
             seen, since = size, now
         pause.wait(_STEP_S)
 

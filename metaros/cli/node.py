@@ -37,12 +37,12 @@ def list_(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """List the nodes of the graph."""
-    from metaros.cli.connection import connect
+    from metaros.cli.connection import look
     from metaros.cli.output import Output
 
     out = Output(output)
-    with connect(zenoh_port, domain, spin_time=spin_time) as context:
-        nodes = sorted(context.graph.nodes(), key=lambda node: node.full_name)
+    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+        nodes = sorted(graph.nodes(), key=lambda node: node.full_name)
     names = [node.full_name for node in nodes]
     if count:
         out.line(str(len(names)))
@@ -71,15 +71,15 @@ def info(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Show a node's publishers, subscribers, services and clients."""
-    from metaros.cli.connection import absolute, closest, connect
+    from metaros.cli.connection import absolute, closest, look
     from metaros.cli.output import Output
     from metaros.errors import UnavailableError
 
     out = Output(output)
     name = absolute(node)
-    with connect(zenoh_port, domain, spin_time=spin_time) as context:
-        known = {item.full_name for item in context.graph.nodes()}
-        endpoints = context.graph.endpoints()
+    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+        known = {item.full_name for item in graph.nodes()}
+        endpoints = graph.endpoints()
     if name not in known:
         hint = closest(name, known) or "`metaros node list` shows those there are"
         raise UnavailableError(f"no node {name!r} in the graph\n{hint}")

@@ -9,7 +9,7 @@ import typer
 from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
 
 if TYPE_CHECKING:
-    from metaros.node import Context
+    from metaros.wire import Graph
 
 __all__ = ["register"]
 
@@ -30,12 +30,12 @@ def list_(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """List the services that a node serves."""
-    from metaros.cli.connection import connect
+    from metaros.cli.connection import look
     from metaros.cli.output import Output
 
     out = Output(output)
-    with connect(zenoh_port, domain, spin_time=spin_time) as context:
-        services = _services(context)
+    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+        services = _services(graph)
     if out.json:
         out.objects([{"service": name, "types": types} for name, types in services.items()])
         return
@@ -73,7 +73,7 @@ def call(
     if type_or_values.lstrip().startswith("{"):  # the type was left out
         type_or_values, values = "", type_or_values
     with connect(zenoh_port, domain, spin_time=spin_time) as context:
-        full = _type_of(context, name, full_type(type_or_values, "srv") if type_or_values else "")
+        full = _type_of(context.graph, name, full_type(type_or_values, "srv") if type_or_values else "")
         kind: Any = message_class(full)
         request = from_json(kind.Request, parse_values(values, f"{full}_Request"))
         with Node("metaros_cli", context=context, enable_rosout=False) as node:
@@ -87,19 +87,19 @@ def call(
         out.line(message_yaml(response))
 
 
-def _services(context: Context) -> dict[str, list[str]]:
+def _services(graph: Graph) -> dict[str, list[str]]:
     found: dict[str, set[str]] = {}
-    for item in context.graph.endpoints(kind="SS"):
+    for item in graph.endpoints(kind="SS"):
         found.setdefault(item.topic, set()).add(item.type_name)
     return {name: sorted(types) for name, types in sorted(found.items())}
 
 
-def _type_of(context: Context, name: str, wanted: str) -> str:
+def _type_of(graph: Graph, name: str, wanted: str) -> str:
     """The type that the service's server declares; UnavailableError where there is none."""
     from metaros.cli.connection import closest
     from metaros.errors import UnavailableError, UsageError
 
-    services = _services(context)
+    services = _services(graph)
     if name not in services:
         hint = closest(name, services) or "`metaros service list` shows those there are"
         raise UnavailableError(f"nobody serves {name!r}\n{hint}")

@@ -32,13 +32,13 @@ def list_(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """List the topics of the graph."""
-    from metaros.cli.connection import connect
+    from metaros.cli.connection import look
     from metaros.cli.output import Output
 
     out = Output(output)
-    with connect(zenoh_port, domain, spin_time=spin_time) as context:
-        topics = {name: sorted(types) for name, types in sorted(context.graph.topics().items())}
-        ends = [*context.graph.endpoints(kind="MP"), *context.graph.endpoints(kind="MS")]
+    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+        topics = {name: sorted(types) for name, types in sorted(graph.topics().items())}
+        ends = [*graph.endpoints(kind="MP"), *graph.endpoints(kind="MS")]
     if count:
         out.line(str(len(topics)))
     elif out.json:
@@ -73,15 +73,15 @@ def info(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Show a topic's type, publishers and subscribers."""
-    from metaros.cli.connection import absolute, closest, connect
+    from metaros.cli.connection import absolute, closest, look
     from metaros.cli.output import Output
     from metaros.errors import UnavailableError
 
     out = Output(output)
     name = absolute(topic)
-    with connect(zenoh_port, domain, spin_time=spin_time) as context:
-        ends = [item for item in context.graph.endpoints(topic=name) if item.kind in ("MP", "MS")]
-        known = list(context.graph.topics())
+    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+        ends = [item for item in graph.endpoints(topic=name) if item.kind in ("MP", "MS")]
+        known = list(graph.topics())
     if not ends:
         hint = closest(name, known) or "`metaros topic list` shows those there are"
         raise UnavailableError(f"no topic {name!r} in the graph\n{hint}")

@@ -94,11 +94,11 @@ def _router(options: UpOptions, others: list[Instance], screen: Screen) -> tuple
 
 def _graph_names(zenoh_port: int, domain: int) -> list[str]:
     """Namespaces and topics on the router that we join."""
-    from metaros.cli.connection import connect
+    from metaros.cli.connection import look
 
     try:
-        with connect(zenoh_port, domain, spin_time=1.0) as context:
-            return [*(node.namespace for node in context.graph.nodes()), *context.graph.topics()]
+        with look(zenoh_port, domain, spin_time=1.0) as graph:
+            return [*(node.namespace for node in graph.nodes()), *graph.topics()]
     except UnavailableError:  # claimed by an instance that is still starting
         return []
 
