@@ -15,8 +15,8 @@ class Mailbox:
     """The backlog of one subscription or service.
 
     `depth` is the history depth; None keeps all, up to `limit_bytes`. `handle(item)` is run by an executor, one item
-    at a time; it returns a coroutine when the callback is an `async def`. `size_of(item)` weighs an item. `owner` is the
-    node whose executor handles the items.
+    at a time; it returns a coroutine when the callback is an `async def`. `size_of(item)` weighs an item.
+    `owner` is the node whose executor handles the items.
     """
 
     __slots__ = (

@@ -61,7 +61,7 @@ class SingleThreadedExecutor:
         ingress = self._begin()
         try:
             while not self._stopped.is_set() and self._alive():
-                self._turn(ingress, None)
+                self._turn(ingress, None, forever=True)
         finally:
             ingress.owner.release()
 
@@ -96,12 +96,12 @@ class SingleThreadedExecutor:
     def _alive(self) -> bool:
         return any(not node.closed for node in self._nodes)
 
-    def _turn(self, ingress: Ingress, timeout_s: float | None) -> bool:
+    def _turn(self, ingress: Ingress, timeout_s: float | None, *, forever: bool = False) -> bool:
         if self._loop is None and not ingress.async_work:
             return self._turn_plain(ingress, timeout_s)
         loop = self._loop = self._loop or asyncio.new_event_loop()
         try:
-            return loop.run_until_complete(self._turn_async(ingress, timeout_s))
+            return loop.run_until_complete(self._turn_async(ingress, timeout_s, forever=forever))
         finally:
             if self._stopped.is_set():
                 self._close_loop()
@@ -171,7 +171,11 @@ class SingleThreadedExecutor:
             except IndexError:  # the relief thread dropped it meanwhile
                 break
             worked = True
-            result = handle(item)
+            try:
+                result = handle(item)
+            except Exception:
+                _log.exception("the handler of a sample failed")
+                continue
             if result is not None:
                 self._start(result, mailbox)
         return worked
@@ -199,8 +203,8 @@ class SingleThreadedExecutor:
             if self._arrived is not None:
                 self._arrived.set()
 
-    async def _turn_async(self, ingress: Ingress, timeout_s: float | None) -> bool:
-        """One round on the event loop; coroutines go on in every round."""
+    async def _turn_async(self, ingress: Ingress, timeout_s: float | None, *, forever: bool) -> bool:
+        """One round on the event loop, or all until the end; coroutines go on in every round."""
         deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
         arrived = self._arrived = self._arrived or asyncio.Event()
         self._start_pump(ingress, asyncio.get_running_loop(), arrived)
@@ -208,8 +212,10 @@ class SingleThreadedExecutor:
             arrived.clear()
             worked = self._work(ingress)
             await asyncio.sleep(0)
-            if worked or self._stopped.is_set() or not self._alive():
+            if self._stopped.is_set() or not self._alive() or (worked and not forever):
                 return True
+            if worked:
+                continue
             wait_s = self._patience_s(deadline_s)
             if deadline_s is not None and time.monotonic() >= deadline_s:
                 return False

@@ -10,6 +10,7 @@ from metaros.clock import Clock, SystemClock
 from metaros.errors import ClosedError
 from metaros.executor import Ingress
 from metaros.node.arrivals import Arrivals
+from metaros.node.watch import Watch
 from metaros.wire import Graph, WireSession
 
 __all__ = ["Context", "shared_context"]
@@ -41,6 +42,7 @@ class Context:
         self.graph = Graph(self.session)
         self.ingress = Ingress()
         self.arrivals = Arrivals(self.session, self.ingress)
+        self.watch = Watch(self.graph)
         self._nodes: list[Closable] = []
         self._lock = threading.Lock()
 

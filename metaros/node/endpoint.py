@@ -37,6 +37,7 @@ class Endpoint:
         self.type_hash = type_hash
         self.qos = qos
         self.closed = False
+        self.mismatched = 0  # peers on this name with another type or hash: nothing passes between us
         session = node.context.session
         session.check_open()
         self.key = str(DataKey(session.domain, self.topic, type_name, type_hash))
@@ -55,6 +56,9 @@ class Endpoint:
         graph = self.node.context.graph
         graph.add_own(self.token)
         self.on_close(lambda: graph.discard_own(self.token))
+        watch = self.node.context.watch
+        watch.add(self)
+        self.on_close(lambda: watch.discard(self))
         self.node.adopt(self)
 
     def close(self) -> None:
@@ -67,10 +71,12 @@ class Endpoint:
             with suppress(zenoh.ZError):  # the session went first
                 self._closers.pop()()
 
-    def report_once(self, about: Any, text: str) -> None:
-        """Log a fault of a peer, once for each `about` (a GID, a token): faults repeat at the topic's rate."""
-        if self.node.first_report((self.token.eid, about)):
+    def report_once(self, about: Any, text: str) -> bool:
+        """Log a fault of a peer, once for each `about` (such as its GID): faults repeat at the topic's rate."""
+        first = self.node.first_report((self.token.eid, about))
+        if first:
             _log.warning("%s %s: %s", self.node.full_name, self.topic, text)
+        return first
 
     def __enter__(self) -> Any:
         return self

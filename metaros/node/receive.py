@@ -9,7 +9,7 @@ from typing import Any, Final
 import zenoh
 
 from metaros.clock import Clock
-from metaros.errors import AttachmentError, DecodeError, PeerError, TooLargeError
+from metaros.errors import PeerError, TooLargeError
 from metaros.limits import LIMITS
 from metaros.node.info import MessageInfo
 from metaros.wire.attachment import NEW, parse_attachment
@@ -23,8 +23,8 @@ _PUBLISHERS: Final = 1024  # publishers whose sequence is followed at a time, on
 class Receiver:
     """Checks, decodes and hands over samples; counts what was lost on the way and what could not be read.
 
-    `handle(sample)` never raises: a peer's faults are counted in `malformed` and reported through `report(gid, text)`,
-    the callback's own exceptions are logged.
+    `handle(sample)` never raises: a peer's faults are counted in `malformed` and reported through
+    `report(about, text)`, the callback's own exceptions are logged.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class Receiver:
         with_info: bool,
         clock: Clock,
         name: str,
-        report: Callable[[bytes, str], None],
+        report: Callable[[str, str], object],
     ) -> None:
         self.lost = 0
         self.malformed = 0
@@ -92,5 +92,4 @@ class Receiver:
     def _reject(self, gid: bytes, error: PeerError) -> None:
         self.malformed += 1
         sender = f"publisher {gid.hex()}" if gid else "a publisher"
-        if isinstance(error, AttachmentError | DecodeError | TooLargeError):
-            self._report(gid, f"{sender} sent what cannot be read: {error.code}: {error}")
+        self._report(f"{error.code} {gid.hex()}", f"{sender} sent what cannot be read: {error.code}: {error}")

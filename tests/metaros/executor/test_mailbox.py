@@ -1,0 +1,63 @@
+"""Mailboxes: bounded in count and in bytes, and they say how much they dropped."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from metaros.executor import Mailbox
+
+
+def mailbox(depth: int | None, limit_bytes: int = 1000) -> Mailbox:
+    return Mailbox(lambda item: None, owner=None, depth=depth, limit_bytes=limit_bytes, size_of=len)
+
+
+def test_keep_last_keeps_the_newest():
+    box = mailbox(3)
+    box.pending.extend([b"1", b"2", b"3", b"4", b"5"])
+    box.trim()
+    assert list(box.pending) == [b"3", b"4", b"5"]
+    assert box.dropped == 2
+
+
+def test_keep_all_keeps_what_fits():
+    box = mailbox(None)
+    for number in range(500):
+        box.pending.append(number.to_bytes(2, "big"))
+        box.trim()
+    assert box.dropped == 0
+    assert len(box.pending) == 500
+
+
+def test_bytes_bound_both():
+    for depth in (None, 100):
+        box = mailbox(depth)
+        for _ in range(10):
+            box.pending.append(bytes(300))
+            box.trim()
+        assert sum(map(len, box.pending)) <= 1000
+        assert box.dropped == 7
+
+
+def test_the_newest_stays_even_alone_over_the_bound():
+    box = mailbox(None)
+    box.pending.extend([b"x", bytes(2000)])
+    box.trim()
+    assert list(box.pending) == [bytes(2000)]
+
+
+@given(st.lists(st.tuples(st.integers(0, 400), st.integers(0, 3)), max_size=400), st.sampled_from([None, 1, 7, 300]))
+def test_nothing_vanishes_and_the_order_stays(steps, depth):
+    box = mailbox(depth, limit_bytes=64 * 400)
+    sent = handled = 0
+    seen: list[int] = []
+    for size, take in steps:
+        box.pending.append(sent.to_bytes(4, "big") + bytes(size))
+        sent += 1
+        box.trim()
+        for _ in range(min(take, len(box.pending))):
+            seen.append(int.from_bytes(box.pending.popleft()[:4], "big"))
+            handled += 1
+    assert handled + len(box.pending) + box.dropped == sent
+    assert seen == sorted(seen)
+    assert depth is None or len(box.pending) <= depth

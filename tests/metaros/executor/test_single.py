@@ -1,0 +1,246 @@
+"""The single-threaded executor, on small real nodes: an ingress, timers, a clock, and no network."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import threading
+from typing import Any
+
+import pytest
+
+from metaros.clock import Clock, ManualClock, SystemClock
+from metaros.errors import ClosedError, UsageError
+from metaros.executor import Ingress, Mailbox, SingleThreadedExecutor, TimerHeap
+from tests.support.waiting import wait_until
+
+
+class Item:
+    """What arrives: like a sample, it knows its key."""
+
+    def __init__(self, key_expr: str, value: Any = None, size_bytes: int = 10) -> None:
+        self.key_expr = key_expr
+        self.value = value
+        self.size_bytes = size_bytes
+
+
+class SmallNode:
+    """The least that an executor spins."""
+
+    def __init__(self, ingress: Ingress, clock: Clock) -> None:
+        self.ingress = ingress
+        self.clock = clock
+        self.timers = TimerHeap(clock.monotonic_s, ingress.wake)
+        self.closed = False
+
+    def listen(self, key: str, handle: Any, *, depth: int | None = 10, limit_bytes: int = 10_000) -> Mailbox:
+        box = Mailbox(
+            handle, owner=self, depth=depth, limit_bytes=limit_bytes, size_of=lambda item: int(item.size_bytes)
+        )
+        self.ingress.route(key, box)
+        self.ingress.async_work |= asyncio.iscoroutinefunction(handle)
+        return box
+
+
+@pytest.fixture
+def ingress():
+    opened = Ingress()
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def node(ingress):
+    return SmallNode(ingress, SystemClock())
+
+
+@pytest.fixture
+def executor(node):
+    made = SingleThreadedExecutor()
+    made.add_node(node)
+    yield made
+    made.shutdown()
+
+
+def test_items_reach_every_listener_of_their_key_in_order(node, executor):
+    first: list[int] = []
+    second: list[int] = []
+    node.listen("a", lambda item: first.append(item.value))
+    node.listen("a", lambda item: second.append(item.value))
+    node.listen("b", lambda item: first.append(-item.value))
+    for number in (1, 2, 3):
+        node.ingress.put(Item("a", number))
+    node.ingress.put(Item("b", 4))
+    node.ingress.put(Item("nobody"))
+    while executor.spin_once(0):
+        pass
+    assert sorted(first) == [-4, 1, 2, 3]
+    assert second == [1, 2, 3]
+    assert node.ingress.unrouted == 1
+
+
+def test_spin_once_waits_only_as_long_as_told(executor):
+    assert executor.spin_once(0.01) is False
+
+
+def test_a_callback_that_raises_does_not_end_the_spin(node, executor, caplog):
+    def handle(item: Item) -> None:
+        raise RuntimeError("no")
+
+    node.listen("a", handle)
+    node.timers.add(0.001, lambda: 1 / 0)
+    node.ingress.put(Item("a"))
+    wait_until(lambda: executor.spin_once(0.01) and "ZeroDivisionError" in caplog.text)
+    assert "RuntimeError: no" in caplog.text
+
+
+def test_timers_follow_the_nodes_clock(ingress):
+    clock = ManualClock()
+    node = SmallNode(ingress, clock)
+    calls: list[float] = []
+    node.timers.add(10.0, lambda: calls.append(clock.monotonic_s()))
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    assert executor.spin_once(0) is False
+    clock.advance(10)
+    assert executor.spin_once(0) is True
+    assert calls == [1010.0]
+
+
+def test_backlogs_stay_bounded_while_a_callback_blocks(node, executor):
+    entered, leave = threading.Event(), threading.Event()
+    handled: list[int] = []
+
+    def handle(item: Item) -> None:
+        entered.set()
+        leave.wait(10)
+        handled.append(item.value)
+
+    last = node.listen("last", handle, depth=3)
+    all_ = node.listen("all", lambda item: handled.append(item.value), depth=None, limit_bytes=1000)
+    thread = threading.Thread(target=executor.spin)
+    node.ingress.put(Item("last", 0))
+    thread.start()
+    entered.wait(10)
+    for number in range(1, 101):
+        node.ingress.put(Item("last", number))
+    for number in range(1000, 1100):
+        node.ingress.put(Item("all", number))
+    for number in range(2000, 2005):
+        node.ingress.put(Item("all", number, size_bytes=300))
+    wait_until(lambda: node.ingress.queue.empty() and all_.dropped)
+    assert last.dropped == 97
+    assert all_.dropped == 102
+    leave.set()
+    wait_until(lambda: len(handled) == 7)
+    executor.shutdown()
+    thread.join()
+    assert handled[0] == 0
+    assert sorted(handled[1:]) == [98, 99, 100, 2002, 2003, 2004]
+
+
+def test_backlogs_stay_bounded_while_nobody_spins(node):
+    box = node.listen("a", lambda item: None, depth=5)
+    for number in range(1000):
+        node.ingress.put(Item("a", number))
+    wait_until(lambda: node.ingress.queue.empty())
+    assert box.dropped == 995
+
+
+def test_async_callbacks_interleave_with_others_but_not_with_themselves(node, executor):
+    log: list[str] = []
+
+    async def slow(item: Item) -> None:
+        log.append(f"begin {item.value}")
+        await asyncio.sleep(0.02)
+        log.append(f"end {item.value}")
+
+    node.listen("slow", slow)
+    node.listen("quick", lambda item: log.append("quick"))
+    node.ingress.put(Item("slow", 1))
+    node.ingress.put(Item("slow", 2))
+    node.ingress.put(Item("quick"))
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    wait_until(lambda: "end 2" in log)
+    executor.shutdown()
+    thread.join()
+    assert log.index("quick") < log.index("end 1") < log.index("begin 2") < log.index("end 2")
+
+
+def test_an_async_callback_that_raises_is_logged(node, executor, caplog):
+    async def fail(item: Item) -> None:
+        raise RuntimeError("async no")
+
+    node.listen("a", fail)
+    node.ingress.put(Item("a"))
+    wait_until(lambda: executor.spin_once(0.01) or "async no" in caplog.text)
+    wait_until(lambda: executor.spin_once(0.01) or "async no" in caplog.text)
+    assert "RuntimeError: async no" in caplog.text
+
+
+def test_shutdown_cancels_what_awaits(node, executor):
+    started = threading.Event()
+    ended: list[str] = []
+
+    async def forever(item: Item) -> None:
+        started.set()
+        try:
+            await asyncio.sleep(1000)
+        finally:
+            ended.append("cancelled")
+
+    node.listen("a", forever)
+    node.ingress.put(Item("a"))
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    started.wait(10)
+    executor.shutdown()
+    thread.join(10)
+    assert not thread.is_alive()
+    assert ended == ["cancelled"]
+
+
+def test_spin_ends_when_its_nodes_are_closed(node, executor):
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    node.closed = True
+    node.ingress.wake()
+    thread.join(10)
+    assert not thread.is_alive()
+
+
+def test_only_the_executors_own_nodes_are_served(ingress, node, executor):
+    other = SmallNode(ingress, SystemClock())
+    heard: list[str] = []
+    node.listen("a", lambda item: heard.append("node"))
+    other.listen("a", lambda item: heard.append("other"))
+    ingress.put(Item("a"))
+    executor.spin_once(0.1)
+    executor.spin_once(0)
+    assert heard == ["node"]
+    executor.add_node(other)
+    executor.remove_node(node)
+    executor.spin_once(0.1)
+    assert heard == ["node", "other"]
+
+
+def test_misuse_is_named(node, executor):
+    with pytest.raises(UsageError, match="no node"):
+        SingleThreadedExecutor().spin_once(0)
+    stranger = Ingress()
+    with pytest.raises(UsageError, match="share a context"):
+        executor.add_node(SmallNode(stranger, SystemClock()))
+    stranger.close()
+    second = SingleThreadedExecutor()
+    second.add_node(node)
+    with node.ingress.owner, pytest.raises(UsageError, match="another executor"):
+        second.spin_once(0)
+    second.shutdown()
+    with pytest.raises(ClosedError):
+        second.spin()
+
+
+def test_spinning_shortens_the_switch_interval(executor):
+    executor.spin_once(0)
+    assert sys.getswitchinterval() <= 0.0005
