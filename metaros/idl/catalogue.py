@@ -185,10 +185,12 @@ class _ShippedCatalogue(Catalogue):
             self._texts.update(_read_sections(path))
 
 
-@cache
+_DEFAULT = _ShippedCatalogue()  # made at import, so that two threads cannot make two with two sets of classes
+
+
 def default_catalogue() -> Catalogue:
     """The catalogue of the process: the shipped packages and what the program added."""
-    return _ShippedCatalogue()
+    return _DEFAULT
 
 
 @cache
