@@ -45,24 +45,27 @@ class Square:
         if self.start is None:
             self.start = self.pose
         self.sent += 1
-        if self.leg_is_over() or self.sent > PATIENCE:
+        left = self.left()
+        if left <= 0.03 or self.sent > PATIENCE:
             print(f"{self.legs.pop(0)} ended at x={self.pose[0]:.2f} y={self.pose[1]:.2f}", flush=True)
             self.start, self.sent = self.pose, 0
+            left = self.left()
         twist = Twist()
         if not self.legs:
             self.done.set()
         elif self.legs[0] == "side":
-            twist.linear.x = SPEED_M_S
+            twist.linear.x = min(SPEED_M_S, 0.1 + 2.5 * left)  # slower towards the end, so as not to overshoot
         else:
-            twist.angular.z = TURN_RAD_S
+            twist.angular.z = min(TURN_RAD_S, 0.1 + 2.5 * left)
         self.command.publish(twist)
 
-    def leg_is_over(self) -> bool:
+    def left(self) -> float:
+        """Metres or radians to the end of this leg."""
         assert self.pose is not None
         assert self.start is not None
-        if self.legs[0] == "side":
-            return math.dist(self.pose[:2], self.start[:2]) >= SIDE_M
-        return math.remainder(self.pose[2] - self.start[2], math.tau) >= math.pi / 2
+        if self.legs and self.legs[0] == "side":
+            return SIDE_M - math.dist(self.pose[:2], self.start[:2])
+        return math.pi / 2 - math.remainder(self.pose[2] - self.start[2], math.tau)
 
 
 def main() -> None:
