@@ -20,10 +20,9 @@ import uvloop
 
 from gateway.app import Gateway
 from gateway.ingest.link_service import make_server
-from gateway.ports import listen, owner_of
+from gateway.ports import listen
 from gateway.settings import DEFAULT_GRPC_PORT, DEFAULT_HTTP_PORT, Settings
 from metaros.clock import Clock, SystemClock
-from metaros.errors import ConfigError
 from metaros.limits import LIMITS
 
 __all__ = ["Ready", "run", "serve"]
@@ -113,17 +112,11 @@ async def _serve(
 
 def _robots_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
     """The gRPC server on its port; a default port that is taken moves to a free one."""
-    host, port = gateway.settings.host, gateway.settings.grpc_port
-    try:
-        return make_server(gateway.links, host=host, port=DEFAULT_GRPC_PORT if port is None else port)
-    except ConfigError as error:
-        if port is None:
-            return make_server(gateway.links, host=host, port=0)
-        owner = owner_of(port)
-        raise ConfigError(
-            f"port {port} for robots cannot be opened: {owner or 'it is in use'}\n"
-            "Choose another with --grpc-port, or leave --grpc-port out."
-        ) from error
+    host = gateway.settings.host
+    # gRPC reports a taken port late and without its owner, so the port is tried first.
+    with listen(host, gateway.settings.grpc_port, default=DEFAULT_GRPC_PORT, flag="--grpc-port") as probe:
+        port = int(probe.getsockname()[1])
+    return make_server(gateway.links, host=host, port=port)
 
 
 def _http_config(gateway: Gateway) -> uvicorn.Config:

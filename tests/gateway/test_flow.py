@@ -190,24 +190,30 @@ async def test_publish_and_service_call(tmp_path: Path) -> None:
         assert (late.status_code, late.json()["code"]) == (504, "timeout")
 
 
-@pytest.mark.parametrize(
-    ("robot", "body", "status", "code"),
-    [
-        ("nobody", {"topic": "/a", "type": "std_msgs/String"}, 404, "unknown_robot"),
-        ("sim_1", {"topic": "/a", "type": "no_such/Type"}, 400, "unknown_type"),
-        ("sim_1", {"topic": "/a b", "type": "std_msgs/String"}, 400, "invalid_name"),
-        ("sim_1", {"topic": "/a", "type": "std_msgs/String", "message": {"dat": 1}}, 400, "invalid_field"),
-        ("sim_1", {"topic": "/a", "type": "std_msgs/String", "x": 1}, 400, "invalid_request"),
-        ("sim_1", {"topic": "/a"}, 400, "invalid_request"),
-        ("sim_1", {"topic": "cmd_vel", "type": TWIST}, 409, "lease_required"),
-        ("sim_1", {"topic": "cmd_vel", "type": TWIST, "lease_id": "made up"}, 409, "lease_required"),
-    ],
-)
-async def test_publish_says_what_is_wrong(tmp_path: Path, robot: str, body: object, status: int, code: str) -> None:
+WRONG: list[tuple[str, dict[str, Any], int, str]] = [
+    ("nobody", {"topic": "/a", "type": "std_msgs/String"}, 404, "unknown_robot"),
+    ("sim_1", {"topic": "/a", "type": "no_such/Type"}, 400, "unknown_type"),
+    ("sim_1", {"topic": "/a", "type": "a/b/c/d"}, 400, "invalid_request"),
+    ("sim_1", {"topic": "/a b", "type": "std_msgs/String"}, 400, "invalid_name"),
+    ("sim_1", {"topic": "/a", "type": "std_msgs/String", "message": {"dat": 1}}, 400, "invalid_field"),
+    ("sim_1", {"topic": "/a", "type": "std_msgs/String", "message": {"data": 1}}, 400, "invalid_field"),
+    ("sim_1", {"topic": "/a", "type": "std_msgs/String", "x": 1}, 400, "invalid_request"),
+    ("sim_1", {"topic": "/a"}, 400, "invalid_request"),
+    ("sim_1", {"topic": "cmd_vel", "type": TWIST}, 409, "lease_required"),
+    ("sim_1", {"topic": "cmd_vel", "type": TWIST, "lease_id": "made up"}, 409, "lease_required"),
+]
+
+
+async def test_publish_says_what_is_wrong(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready):
-        response = await http.post(f"/api/v1/robots/{robot}/publish", json=body)
-        assert (response.status_code, response.json()["code"]) == (status, code)
-        assert response.headers["content-type"] == "application/problem+json"
+        for robot, body, status, code in WRONG:
+            response = await http.post(f"/api/v1/robots/{robot}/publish", json=body)
+            assert (response.status_code, response.json()["code"]) == (status, code), body
+            assert response.headers["content-type"] == "application/problem+json"
+        broken = await http.post(
+            "/api/v1/robots/sim_1/publish", content=b"{", headers={"Content-Type": "application/json"}
+        )
+        assert (broken.status_code, broken.json()["code"]) == (400, "invalid_request")
 
 
 async def test_cdr_publish_and_offline_robot(tmp_path: Path) -> None:

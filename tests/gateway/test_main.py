@@ -99,4 +99,4 @@ def test_a_taken_robots_port_is_an_error(tmp_path: Path, free_port: int) -> None
         command = [sys.executable, "-c", PROGRAM, "gateway", "--data-dir", str(tmp_path), "--port", "0"]
         done = subprocess.run([*command, "--grpc-port", str(free_port)], capture_output=True, text=True, timeout=20)
         assert done.returncode != 0
-        assert f"port {free_port} for robots cannot be opened" in done.stderr
+        assert f"port {free_port} cannot be opened" in done.stderr

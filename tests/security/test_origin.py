@@ -80,16 +80,15 @@ async def test_every_socket_of_a_foreign_page_is_refused(tmp_path: Path, path: s
             assert own.state.name == "OPEN"
 
 
-@pytest.mark.parametrize(("method", "path"), MUTATIONS)
-@pytest.mark.parametrize(
-    "content_type",
-    ["application/x-www-form-urlencoded", "multipart/form-data; boundary=x", "text/plain", None, "application/jsonx"],
-)
-async def test_no_form_can_change_anything(tmp_path: Path, method: str, path: str, content_type: str | None) -> None:
+FORM_TYPES = ["application/x-www-form-urlencoded", "multipart/form-data; boundary=x", "text/plain", "application/jsonx"]
+
+
+async def test_no_form_can_change_anything(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http:
-        headers = {"Content-Type": content_type} if content_type else {}
-        answer = await http.request(method, concrete(path), headers=headers, content=b'{"topic": "/a"}')
-        assert (answer.status_code, answer.json()["code"]) == (415, "unsupported_media_type")
+        for method, path in MUTATIONS:
+            for headers in [*({"Content-Type": form} for form in FORM_TYPES), {}]:
+                answer = await http.request(method, concrete(path), headers=headers, content=b'{"topic": "/a"}')
+                assert (answer.status_code, answer.json()["code"]) == (415, "unsupported_media_type"), (path, headers)
 
 
 async def test_bodies_are_bounded(tmp_path: Path) -> None:
