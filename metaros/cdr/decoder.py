@@ -56,6 +56,7 @@ class _Decoder(Cursor):
     def __init__(self, catalogue: Catalogue, *, base: int, order: Order = "<", general: bool = False) -> None:
         super().__init__(catalogue, base=base, order=order)
         self.general = general
+        self.classes: dict[str, str] = {}  # the constant of each message class
         self.after: list[str] = []  # lines that need the run unpacked
 
     def build(self, definition: MessageDefinition, head: list[str], tail: list[str]) -> Callable[[Any], Any]:
@@ -74,7 +75,8 @@ class _Decoder(Cursor):
         return self.compile(definition.name, head, tail)
 
     def new(self, name: str, variable: str) -> None:
-        cls = self.constant("_C_" + name.replace("/", "_"), message_class(name, self.catalogue))
+        cls = self.classes.setdefault(name, f"_C{len(self.classes)}")
+        self.scope[cls] = message_class(name, self.catalogue)
         self.line(f"{variable} = _new({cls})")
 
     def message(self, definition: MessageDefinition, target: str) -> None:
