@@ -47,8 +47,10 @@ def wire_cases() -> list[tuple[str, str]]:
     cases = [(vector["type"], vector["fastcdr_1_0_26"]) for vector in VECTORS["cdr"]]
     for sample in [*VECTORS["wire_reference"], *VECTORS["sdk_capture"]["samples"]]:
         name = dds_to_name(sample["key"].split("/")[-2])
-        if "/msg/" in name:
-            cases.append((name, sample["payload"]))
+        cases.append((name if "/msg/" in name else f"{name}_Request", sample["payload"]))
+    server = VECTORS["sdk_service_server_reply"]
+    add = "example_interfaces/srv/AddTwoInts"
+    cases += [(f"{add}_Request", server["request_payload"]), (f"{add}_Response", server["payload"])]
     for query in VECTORS["sdk_capture"]["queries"]:
         name = dds_to_name(query["key"].split("/")[-2])
         cases += [(f"{name}_Request", query["payload"]), (f"{name}_Response", query["reply_payload"])]
