@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["absolute", "closest", "connect", "look", "settle", "wait_for"]
 
-_SETTLED_S = 0.06  # the graph is complete once nothing was added for so long
-_EMPTY_S = 0.3  # an empty graph gets a little longer: somebody may be about to join
+_SETTLED_S = 0.25  # the graph is complete once nothing was added for so long; a busy machine has gaps of 0.12 s
 _STEP_S = 0.02
 
 
@@ -83,12 +82,12 @@ def wait_for(condition: Callable[[], object], *, timeout_s: float) -> bool:
     return answer
 
 
-def settle(graph: Graph, *, timeout_s: float) -> None:
-    """Wait until the graph has stopped growing, at most `timeout_s`; it holds what the router knows from the start."""
+def settle(graph: Graph, *, timeout_s: float, quiet_s: float = _SETTLED_S) -> None:
+    """Wait until the graph has not grown for `quiet_s`, at most `timeout_s`."""
     clock, pause = SystemClock(), threading.Event()
     deadline = clock.monotonic_s() + timeout_s
     seen, since = -1, clock.monotonic_s()
-    while (now := clock.monotonic_s()) < deadline and now - since < (_SETTLED_S if seen else _EMPTY_S):
+    while (now := clock.monotonic_s()) < deadline and now - since < quiet_s:
         if (size := len(graph.nodes()) + len(graph.endpoints())) != seen:
             seen, since = size, now
         pause.wait(_STEP_S)

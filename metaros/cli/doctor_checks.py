@@ -7,6 +7,7 @@ import shutil
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -95,10 +96,10 @@ class Doctor:
 
     def _zenoh(self) -> Finding:
         try:
-            import zenoh
+            import zenoh  # noqa: F401  (whether it loads is the question)
         except ImportError as error:
             return Finding("Zenoh", "failed", f"cannot be imported: {error}", "pip install 'eclipse-zenoh>=1.10,<2'")
-        return Finding("Zenoh", "ok", f"eclipse-zenoh {getattr(zenoh, '__version__', '')}".strip())
+        return Finding("Zenoh", "ok", f"eclipse-zenoh {version('eclipse-zenoh')}")
 
     def _router(self) -> Finding:
         from metaros.wire.router import probe
@@ -151,7 +152,7 @@ class Doctor:
         where = f"http://127.0.0.1:{port}"
         status, body = up_ready.get_json(port, "/readyz")
         if status == 0:
-            return Finding("Gateway", "failed", f"nobody answers on {where}", "start one: `metaros up`")
+            return Finding("Gateway", "failed", f"nobody answers on {where}", "`metaros status` shows whether one runs")
         if status != 200:
             return Finding("Gateway", "failed", f"{where} is not ready: {_failing(body)}", "see its log file")
         online = up_ready.robots_online(port)

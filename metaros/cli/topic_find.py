@@ -34,7 +34,7 @@ def find_topic(context: Context, topic: str, type_name: str = "", *, spin_time: 
     name = absolute(topic)
     wanted = full_type(type_name) if type_name else ""
     wait_for(lambda: _matching(context, name, wanted), timeout_s=spin_time)
-    settle(context.graph, timeout_s=min(spin_time, 0.3))
+    settle(context.graph, timeout_s=min(spin_time, 0.3), quiet_s=0.05)  # its other publishers, of other types perhaps
     ends = _matching(context, name, wanted)
     if not ends:
         if wanted:  # nobody yet: listen all the same

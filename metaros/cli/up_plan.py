@@ -89,7 +89,7 @@ def _row(plan: Plan, name: str, stage: int, *arguments: str) -> Launch:
     return Launch(
         name=name,
         argv=(sys.executable, "-m", "metaros", *arguments),
-        log_path=plan.log_dir / f"{name}.log",
+        log_path=plan.log_dir / f"{name.replace(' ', '-')}.log",
         stage=stage,
         env={"ROS_DOMAIN_ID": str(plan.domain), "PYTHONUNBUFFERED": "1"},
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+from datetime import datetime
 from typing import TYPE_CHECKING
 
 from metaros.cli.options import DEFAULT_ZENOH_PORT
@@ -30,10 +31,8 @@ class Screen:
         self._console = Console(highlight=False, soft_wrap=True)
         self._clock = clock
         self._status: Status | None = None
-        self._began = clock.monotonic_s()
         self._lock = threading.Lock()  # progress is told from the thread that asks the gateway
-        self._step_s = self._began
-        self._title_shown = False
+        self._step_s = clock.monotonic_s()
 
     def title(self, version: str) -> None:
         """The first line."""
@@ -82,7 +81,7 @@ class Screen:
 
     def event(self, event: Event, *, ready: bool) -> None:
         """A process died, or is back: one line each."""
-        stamp = f"[dim]{self._clock.monotonic_s() - self._began:7.1f} s[/]"
+        stamp = f"[dim]{datetime.fromtimestamp(self._clock.wall_ns() / 1e9):%H:%M:%S}[/]"
         name, detail = f"[bold]{_escape(event.name)}[/]", _escape(event.detail)
         match event.kind:
             case EventKind.EXITED if ready:
