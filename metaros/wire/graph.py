@@ -27,6 +27,7 @@ Token = NodeToken | EndpointToken
 TokenListener = Callable[[Token, bool], None]
 _log = logging.getLogger("metaros.wire.graph")
 _FIRST_ANSWER_S: Final = 1.0
+_YOUNG_LINK_S: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,6 +155,8 @@ class Graph:
         answers = zenoh.handlers.Callback(put, lambda: put(first), indirect=False)
         liveliness.get(keys, answers, timeout=_FIRST_ANSWER_S)
         first.wait(_FIRST_ANSWER_S + 0.1)
+        if self._session.connected():  # a link this young may not have told its tokens yet
+            self.wait_for(lambda: bool(self._state.nodes()), _YOUNG_LINK_S)
 
     def close(self) -> None:
         """Stop listening; the last state stays readable."""

@@ -23,7 +23,7 @@ PortState = Literal["free", "zenoh", "foreign"]
 _SETTINGS: Final[Mapping[str, object]] = {
     "mode": "router",
     "scouting/multicast/enabled": False,
-    "open/return_conditions/connect_scouted": False,
+    "scouting/delay": 0,  # it scouts for nobody, so open need not wait half a second for answers
     "timestamping/enabled": True,
     "transport/link/tx/lease": 3000,
     "queries_default_timeout": 600_000,
