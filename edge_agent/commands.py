@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from collections import OrderedDict
 from collections.abc import Callable, Coroutine
-from concurrent.futures import ThreadPoolExecutor
 
 from edge_agent.errors import BusyError, DuplicateError, ExpiredError, ScopeError, UnsupportedError
 from edge_agent.scope import Scope
@@ -44,7 +44,7 @@ class CommandLog:
 
 
 class Commands:
-    """Runs commands as they come; service calls wait in threads of their own."""
+    """Runs commands as they come; a service call waits as a task of its own."""
 
     def __init__(self, node: Node, teleop: Teleop, scope: Scope, clock: Clock) -> None:
         self._node = node
@@ -53,7 +53,6 @@ class Commands:
         self._clock = clock
         self._log = CommandLog()
         self._tasks: set[asyncio.Task[None]] = set()
-        self._threads = ThreadPoolExecutor(AT_ONCE, thread_name_prefix="service-call")
 
     def handle(self, event: CommandArrived, answer: Answer) -> None:
         """Execute a command, in order of arrival; its result goes to `answer`, a service's when it has answered."""
@@ -75,7 +74,6 @@ class Commands:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        self._threads.shutdown(wait=False, cancel_futures=True)
 
     def _admit(self, event: CommandArrived) -> float:
         """Seconds left for the command, or a CommandError that says why it does not run."""
@@ -108,11 +106,12 @@ class Commands:
     async def _call(
         self, call: link_pb2.CallService, timeout_s: float, result: link_pb2.CommandResult, answer: Answer
     ) -> None:
-        loop = asyncio.get_running_loop()
         try:
             if not self._scope.includes(call.service):
                 raise ScopeError(f"{call.service} is outside the agent's namespace {self._scope.namespace}")
-            result.payload = await loop.run_in_executor(self._threads, self._call_blocking, call, timeout_s)
+            client = self._node.create_raw_client(call.service, call.type_name, call.type_hash)
+            with contextlib.closing(client):
+                result.payload = await client.call_async(call.request, timeout_s)
             result.ok = True
         except MetarosError as error:
             result.code, result.message = error.code, str(error)
@@ -120,10 +119,3 @@ class Commands:
             LOG.exception("calling %s failed", call.service)
             result.code, result.message = "internal", f"{type(error).__name__}: {error}"
         answer(result)
-
-    def _call_blocking(self, call: link_pb2.CallService, timeout_s: float) -> bytes:
-        client = self._node.create_raw_client(call.service, call.type_name, call.type_hash)
-        try:
-            return bytes(client.call(call.request, timeout_s))
-        finally:
-            client.close()

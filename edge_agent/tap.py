@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from edge_agent.channels import Channel, Channels
@@ -21,6 +21,7 @@ __all__ = ["Tap", "matching_qos"]
 
 LOG = logging.getLogger("metaros.agent.tap")
 SETTLE_S = 0.02  # tokens come in bursts when a node starts
+KEEP_S = 30.0  # a topic without publishers stays subscribed so long: its node may only be restarting
 DEPTH = 10
 Topic = tuple[str, str, str]  # name, type, hash
 
@@ -49,7 +50,9 @@ class Tap:
         self._scope = scope
         self._changed = changed
         self._loop = asyncio.get_running_loop()
+        self._clock = clock
         self._subscriptions: dict[Topic, Closable] = {}
+        self._silent_since: dict[Topic, float] = {}
         self._routes: dict[str, Channel] = {}
         self._rosout_senders: dict[bytes, bool] = {}
         self._due: asyncio.TimerHandle | None = None
@@ -90,6 +93,7 @@ class Tap:
             name = (channel.topic, channel.type_name, channel.type_hash)
             channel.publishers, channel.subscribers = len(publishers.get(name, ())), subscribers[name]
         self._rosout_senders = self._senders()
+        self._forget_silent(publishers)
         if self._channels.revision != before:
             self._changed()
 
@@ -110,8 +114,13 @@ class Tap:
             return
 
     def _soon(self) -> None:
-        if self._due is None and not self._closed:
-            self._due = self._loop.call_later(SETTLE_S, self.reconcile)
+        """Look again in a moment; the moment does not move while changes keep coming."""
+        soon_s = self._loop.time() + SETTLE_S
+        if self._closed or (self._due is not None and self._due.when() <= soon_s):
+            return
+        if self._due is not None:
+            self._due.cancel()
+        self._due = self._loop.call_at(soon_s, self.reconcile)
 
     def _survey(self) -> tuple[dict[Topic, list[EndpointInfo]], Counter[Topic]]:
         """Publishers of each topic in scope, and how many others subscribe it."""
@@ -138,6 +147,18 @@ class Tap:
             )
         except MetarosError as error:
             LOG.warning("cannot tap %s: %s", name, error)
+
+    def _forget_silent(self, publishers: Mapping[Topic, object]) -> None:
+        """Undeclare subscriptions whose publishers are gone for good, so that dead topics leave the graph."""
+        now_s = self._clock.monotonic_s()
+        for topic in list(self._subscriptions):
+            if topic in publishers:
+                self._silent_since.pop(topic, None)
+            elif now_s - self._silent_since.setdefault(topic, now_s) >= KEEP_S:
+                del self._silent_since[topic]
+                self._subscriptions.pop(topic).close()
+        if self._silent_since and self._due is None:
+            self._due = self._loop.call_later(KEEP_S, self.reconcile)
 
     def _senders(self) -> dict[bytes, bool]:
         """The GIDs of all log publishers, and whether their node is in scope."""

@@ -15,9 +15,10 @@ from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.interfaces.sensor_msgs.msg import BatteryState
 from metaros.interfaces.std_msgs.msg import String
-from metaros.wire import Durability, History, QoSProfile, Reliability
+from metaros.wire import Durability, History, QoSProfile, Reliability, open_router
 from tests.edge_agent.conftest import Rig, Robot
 from tests.support.fake_gateway import FakeGateway
+from tests.support.ports import free_port
 from tests.support.waiting import wait_until_async
 
 
@@ -163,6 +164,26 @@ async def test_host_metrics_of_the_hosts_agent(zenoh_router: str, gateway: FakeG
     try:
         await wait_until_async(lambda: seen() >= wanted)
         assert rig.channel("/host/topics") is not None
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+async def test_it_finds_a_router_that_starts_later_and_one_that_restarts(gateway: FakeGateway) -> None:
+    port = free_port()
+    settings = Settings(name="a", namespace="/sim_1", gateway=gateway.target, zenoh_port=port, host_metrics=False)
+    task = asyncio.create_task(run_agent(settings))
+    rig = Rig(gateway)
+    endpoint = f"tcp/127.0.0.1:{port}"
+    try:
+        await wait_until_async(lambda: gateway.connected)
+        for topic in ("first", "second"):
+            with await asyncio.to_thread(open_router, port), metaros.Context(connect=endpoint) as context:
+                node = metaros.Node("late", namespace="/sim_1", context=context)
+                publisher = node.create_publisher(String, topic, metaros.qos_reliable_all)
+                channel = await rig.wait_channel(f"/sim_1/{topic}")
+                publisher.publish(String(data=topic))
+                await wait_until_async(lambda c=channel: rig.half.rows[c.channel_id])  # type: ignore[misc]
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)

@@ -1,0 +1,106 @@
+"""The crossing to the event loop: bounded, counted, one wake a batch."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import pytest
+
+from edge_agent.channels import Channel, Channels
+from edge_agent.ingress import Ingress
+from edge_agent.pipeline import Arrival
+from edge_agent.topics import TopicTable
+from metaros.clock import ManualClock
+from metaros.wire.attachment import pack_attachment
+from tests.support.waiting import wait_until
+
+GID = bytes(range(16))
+
+
+@dataclass
+class Sample:
+    """As much of a Zenoh sample as the ingress reads."""
+
+    key_expr: str
+    payload: bytes
+    attachment: bytes | None
+
+
+def sample(key: str = "a", payload: bytes = b"x", attachment: bytes | None = pack_attachment(1, 77, GID)) -> Sample:
+    return Sample(key, payload, attachment)
+
+
+class Rig:
+    def __init__(self) -> None:
+        channel = Channels(TopicTable(), namespace="/").observe("/a", "a/msg/A", "x", qos="", keeps_all=False)
+        assert channel is not None
+        self.channel: Channel = channel
+        self.wakes: list[Callable[[], None]] = []
+        self.taken: list[Arrival] = []
+        self.gids: list[bytes] = []
+        self.ingress = Ingress(self.route, self.take, self.wakes.append, ManualClock(), max_bytes=100)
+
+    def route(self, key: str, gid: bytes) -> Channel | None:
+        self.gids.append(gid)
+        return self.channel if key == "a" else None
+
+    def take(self, arrivals: list[Arrival], now_s: float) -> None:
+        self.taken += arrivals
+
+    def put(self, *samples: Sample) -> None:
+        """Queue samples and wait until the thread has read them all."""
+        for item in samples:
+            self.ingress.sink(item)
+        marker = sample("marker")
+        self.ingress.sink(marker)
+        seen = len(self.gids)
+        wait_until(lambda: self.ingress._queue.empty() and len(self.gids) >= seen)
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    rig = Rig()
+    yield rig
+    rig.ingress.close()
+    assert all(thread.name != "tap-drain" for thread in threading.enumerate())
+
+
+def test_samples_cross_with_stamp_and_size(rig: Rig) -> None:
+    rig.put(sample(payload=b"hello"), sample("elsewhere"))
+    wait_until(lambda: rig.wakes)
+    rig.wakes[0]()
+    (arrival,) = rig.taken
+    assert (bytes(arrival.payload), arrival.size_bytes, arrival.stamp_ns) == (b"hello", 5, 77)
+    assert arrival.arrived_s == 1000.0
+    assert rig.gids[0] == GID
+
+
+def test_one_wake_until_the_loop_has_taken(rig: Rig) -> None:
+    for _ in range(5):
+        rig.put(sample())
+    wait_until(lambda: rig.wakes)
+    assert len(rig.wakes) == 1
+    rig.wakes[0]()
+    rig.put(sample())
+    wait_until(lambda: len(rig.wakes) == 2)
+
+
+def test_what_does_not_fit_is_dropped_and_counted(rig: Rig) -> None:
+    rig.put(*[sample(payload=bytes(40)) for _ in range(5)])
+    wait_until(lambda: rig.wakes and len(rig.gids) == 6)
+    rig.wakes[0]()
+    assert len(rig.taken) == 2
+    assert (rig.channel.dropped, rig.channel.messages) == (3, 3)
+    rig.put(sample())
+    wait_until(lambda: len(rig.wakes) == 2)
+    rig.wakes[1]()
+    assert (len(rig.taken), rig.channel.dropped) == (3, 3)
+
+
+@pytest.mark.parametrize("attachment", [None, b"", b"short", bytes(33), bytes(77)])
+def test_a_bad_attachment_is_counted(rig: Rig, attachment: bytes | None) -> None:
+    rig.put(sample(attachment=attachment), sample())
+    wait_until(lambda: rig.wakes)
+    assert rig.ingress.malformed == {"a": 1}
