@@ -11,7 +11,7 @@ import { useTopic } from "../ui/use_topic";
 import { drawMap } from "./map_draw";
 import { MapModel, yawOf, type Pose, type Scan } from "./map_model";
 import { MapView } from "./map_view";
-import { WallTiles } from "./wall_tiles";
+import { FADE_EVERY_M, WallTiles } from "./wall_tiles";
 
 /** Enough to hold a burst of a replay; what is older than that is not needed. */
 const DEPTH = 64;
@@ -64,6 +64,7 @@ export function MapCard({ robot, odom, scan }: { robot: string; odom: string; sc
   model.current ??= new MapModel((points) => walls.current!.add(points, palette.peek().wall));
   const view = useRef<MapView>(null);
   view.current ??= new MapView();
+  const fadedAt = useRef(0);
   const follow = useSignal(true);
   const received = useSignal<number | null>(null);
   const note = useRef<HTMLSpanElement>(null);
@@ -84,6 +85,10 @@ export function MapCard({ robot, odom, scan }: { robot: string; odom: string; sc
   useTopic({ robot, topic: odom, depth: DEPTH }, ({ message, stampMs }) => {
     if (!message) return;
     model.current!.addPose(toPose(message, stampMs));
+    if (model.current!.travelledM - fadedAt.current > FADE_EVERY_M) {
+      fadedAt.current = model.current!.travelledM;
+      walls.current!.fade();
+    }
     if (Date.now() - (received.peek() ?? 0) > 1000) received.value = Date.now();
     redraw();
   });

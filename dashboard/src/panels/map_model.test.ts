@@ -57,6 +57,7 @@ test("standing still adds nothing to the trail; being put elsewhere breaks it", 
   expect(model.trail).toEqual([0, 0]);
   model.addPose(pose(20, 9));
   expect(model.trail).toEqual([0, 0, NaN, NaN, 9, 0]);
+  expect(model.travelledM).toBeCloseTo(0.009);
 });
 
 test("the trail is bounded", () => {

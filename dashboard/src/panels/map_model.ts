@@ -56,6 +56,7 @@ export class MapModel {
   /** Whether that scan looked all around, so that its outline needs no sides to the robot. */
   allAround = false;
   scans = 0;
+  travelledM = 0;
   #poses: Pose[] = [];
   #waiting: Scan[] = [];
 
@@ -67,6 +68,8 @@ export class MapModel {
       this.#poses = [];
       this.#waiting = [];
       this.trail.push(NaN, NaN);
+    } else if (last) {
+      this.travelledM += Math.hypot(pose.x - last.x, pose.y - last.y);
     }
     this.pose = pose;
     this.#poses.push(pose);

@@ -33,7 +33,7 @@ function options(props: PlotProps, colours: Palette, width: number, hovered: (in
     cursor: { y: false, drag: { x: false, y: false }, points: { size: 7 }, sync: { key: "time" } },
     padding: [8, 10, 0, 0],
     scales: {
-      x: { time: true, range: (_, __, max) => [Math.max(max, Date.now() / 1000 - 5) - props.windowS, Math.max(max, Date.now() / 1000 - 5)] },
+      x: { time: true, range: (_, first, last) => timeRange(first, last, props.windowS) },
       y: { range: props.bounds ?? ((_, low, high) => padded(low, high)) },
     },
     axes: [
@@ -52,6 +52,12 @@ function options(props: PlotProps, colours: Palette, width: number, hovered: (in
     ],
     hooks: { setCursor: [(plot) => hovered(plot.cursor.idx ?? null)] },
   };
+}
+
+/** The window up to now; while there is less history than that, only from its beginning, but never under a minute of it. */
+function timeRange(first: number | null, last: number | null, windowS: number): [number, number] {
+  const end = Math.max(last ?? 0, Date.now() / 1000 - 5);
+  return [Math.max(end - windowS, Math.min(first ?? 0, end - Math.min(60, windowS))), end];
 }
 
 /** Some room around the values; a flat line still gets an axis. */
@@ -101,7 +107,8 @@ export function Plot(props: PlotProps) {
       rebuild();
     });
     const observer = new ResizeObserver(() => {
-      plot.current?.setSize({ width: box.current!.clientWidth, height: props.height ?? 132 });
+      const width = box.current?.clientWidth;
+      if (width) plot.current?.setSize({ width, height: props.height ?? 132 });
     });
     observer.observe(box.current!);
     return () => {

@@ -129,6 +129,22 @@ export function TeleopCard({ robot, namespace, online, lease }: { robot: string;
   );
 }
 
+/** A base counts as driven until its watchdog has seen no command for 300 ms; asked sooner it refuses. */
+const SETTLE_MS = 500;
+const ATTEMPTS = 3;
+
+async function resumeAutonomy(robot: string, namespace: string): Promise<string> {
+  const service = `${namespace === "/" ? "" : namespace}/base/resume`;
+  let said = "";
+  for (let attempt = 0; attempt < ATTEMPTS; attempt++) {
+    if (attempt > 0) await new Promise((done) => setTimeout(done, SETTLE_MS));
+    const { response } = await api.callService(robot, service, "std_srvs/srv/Trigger", {});
+    if (response.success !== false) return "autonomy resumed";
+    said = `refused: ${String(response.message)}`;
+  }
+  return said;
+}
+
 function Resume({ robot, namespace, online, before }: { robot: string; namespace: string; online: boolean; before: () => void }) {
   const said = useSignal("");
   const busy = useSignal(false);
@@ -136,9 +152,7 @@ function Resume({ robot, namespace, online, before }: { robot: string; namespace
     busy.value = true;
     before();
     try {
-      const service = `${namespace === "/" ? "" : namespace}/base/resume`;
-      const { response } = await api.callService(robot, service, "std_srvs/srv/Trigger", {});
-      said.value = response.success === false ? `refused: ${String(response.message)}` : "autonomy resumed";
+      said.value = await resumeAutonomy(robot, namespace);
     } catch (error) {
       said.value = error instanceof ApiError ? error.message : String(error);
     }

@@ -1,10 +1,17 @@
-/** Where scans have hit so far, as faint ink on small canvases: what is hit again and again becomes a wall. */
+/**
+ * Where scans have hit so far, as faint ink on small canvases: what is hit again and again becomes a wall.
+ *
+ * Odometry drifts, so walls are right near the robot and wrong far back along its path: ink fades as it drives on.
+ */
 
 export const TILE_M = 12.8;
 const PIXELS_PER_M = 20;
 const TILE_PIXELS = TILE_M * PIXELS_PER_M;
 const TILES_KEPT = 256;
 const INK = 0.1;
+const FADE = 0.12;
+/** The ink fades once every so many metres driven: half of it is gone after about 27 m. */
+export const FADE_EVERY_M = 5;
 
 export interface View {
   /** World position of the middle of the canvas and pixels a metre. */
@@ -35,6 +42,16 @@ export class WallTiles {
       this.#box.right = Math.max(this.#box.right, x);
       this.#box.bottom = Math.min(this.#box.bottom, y);
       this.#box.top = Math.max(this.#box.top, y);
+    }
+  }
+
+  fade(): void {
+    for (const tile of this.#tiles.values()) {
+      tile.globalCompositeOperation = "destination-out";
+      tile.globalAlpha = FADE;
+      tile.fillRect(0, 0, TILE_PIXELS, TILE_PIXELS);
+      tile.globalCompositeOperation = "source-over";
+      tile.globalAlpha = INK;
     }
   }
 

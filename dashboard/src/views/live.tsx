@@ -5,6 +5,7 @@ import { CameraCard } from "../panels/camera";
 import { ImuCard } from "../panels/imu";
 import { MapCard } from "../panels/map";
 import { MetricPlots, RANGES } from "../panels/metric_plots";
+import { plotsOf } from "../panels/plot_table";
 import { layoutOf } from "../panels/registry";
 import { TeleopCard } from "../panels/teleop";
 import { TreeCard } from "../panels/tree";
@@ -17,6 +18,8 @@ export function LiveTab({ robot, topics, series }: { robot: Robot; topics: Topic
   const wanted = place.value.params.get("range") ?? "";
   const range = wanted in RANGES ? wanted : "5m";
   const name = (topic: string) => relativeTopic(topic, robot.namespace);
+  const names = series.map((one) => one.name);
+  const plotted = layout.imus.length > 0 || plotsOf(new Set(names)).length > 0;
   const side = layout.cameras.length > 0 || layout.drivable;
   return (
     <>
@@ -35,7 +38,7 @@ export function LiveTab({ robot, topics, series }: { robot: Robot; topics: Topic
           </div>
         )}
       </div>
-      <div class="section-head">
+      {plotted && <div class="section-head">
         <h2>Plots</h2>
         <div class="segments" role="group" aria-label="Time range">
           {Object.keys(RANGES).map((choice) => (
@@ -44,9 +47,9 @@ export function LiveTab({ robot, topics, series }: { robot: Robot; topics: Topic
             </button>
           ))}
         </div>
-      </div>
+      </div>}
       <div class="grid">
-        <MetricPlots key={robot.id} robot={robot.id} names={series.map((one) => one.name)} range={range} />
+        <MetricPlots key={robot.id} robot={robot.id} names={names} range={range} />
         {layout.imus.map(({ topic }) => (
           <ImuCard key={`${robot.id} ${topic}`} robot={robot.id} topic={topic} />
         ))}

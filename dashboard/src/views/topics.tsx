@@ -12,7 +12,6 @@ export function TopicsTab({ robot, topics }: { robot: Robot; topics: Topic[] | n
         <thead>
           <tr>
             <th scope="col">Topic</th>
-            <th scope="col">Type</th>
             <th scope="col">Class</th>
             <th scope="col" class="end">Rate</th>
             <th scope="col" class="end">Bandwidth</th>
@@ -25,8 +24,10 @@ export function TopicsTab({ robot, topics }: { robot: Robot; topics: Topic[] | n
         <tbody>
           {sorted.map((topic) => (
             <tr key={`${topic.topic} ${topic.type}`} data-topic={topic.topic}>
-              <td class="mono">{relativeTopic(topic.topic, robot.namespace)}</td>
-              <td title={topic.type}>{typeWord(topic.type)}</td>
+              <td title={topic.type}>
+                <span class="mono">{relativeTopic(topic.topic, robot.namespace)}</span>
+                <span class="sub">{typeWord(topic.type)}</span>
+              </td>
               <td><span class={`chip chip-${topic.class}`}>{topic.forward ? topic.class : "kept on robot"}</span></td>
               <td class="end num">{fixed(topic.rate_hz, 1, "Hz")}</td>
               <td class="end num">{bytesPerSecond(topic.bytes_per_s)}</td>

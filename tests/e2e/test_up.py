@@ -1,0 +1,148 @@
+"""The whole product in a browser: `metaros up`, its simulated robots, this machine, and pages that show and drive them."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.e2e.conftest import PHONE
+from tests.support.ports import free_port
+from tests.support.waiting import wait_until
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser"), pytest.mark.timeout(240)]
+
+OpenPage = Callable[..., Page]
+MAP = "[data-card=map] canvas"
+POSE = f"['poseX', 'poseY', 'poseYaw'].map(name => Number(document.querySelector({MAP!r}).dataset[name]))"
+
+
+class Up:
+    """A running `metaros up` on ports of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.http_port, self.grpc_port, self.zenoh_port = free_port(), free_port(), free_port()
+        self.url = f"http://127.0.0.1:{self.http_port}"
+        command = [sys.executable, "-m", "metaros", "up", "--robots", "3", "--data-dir", str(folder / "data")]
+        command += ["--port", str(self.http_port), "--grpc-port", str(self.grpc_port)]
+        command += ["--zenoh-port", str(self.zenoh_port)]
+        self.log = folder / "up.log"
+        with self.log.open("wb") as log:
+            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT)
+
+    def online(self) -> int:
+        """How many robots the gateway calls online; 0 while it does not answer."""
+        assert self.process.poll() is None, self.log.read_text()
+        try:
+            with urllib.request.urlopen(f"{self.url}/api/v1/robots", timeout=5) as answer:
+                robots = json.load(answer)["robots"]
+        except OSError:
+            return 0
+        return sum(robot["state"] == "online" for robot in robots)
+
+    def gateway(self) -> psutil.Process:
+        """The gateway's process."""
+        children = psutil.Process(self.process.pid).children(recursive=True)
+        return next(child for child in children if child.cmdline()[2:4] == ["metaros", "gateway"])
+
+    def stop(self) -> None:
+        """Ctrl-C, and wait."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        try:
+            self.process.wait(20)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait(5)
+            raise
+
+
+@pytest.fixture(scope="module")
+def up(tmp_path_factory: pytest.TempPathFactory, built: None) -> Iterator[Up]:
+    """One stack for the module, with three robots and this host online."""
+    running = Up(tmp_path_factory.mktemp("up"))
+    try:
+        wait_until(lambda: running.online() == 4, timeout_s=90, every_s=0.2)
+        yield running
+    finally:
+        running.stop()
+
+
+def save(page: Page, name: str) -> None:
+    """Keep a screenshot where METAROS_SHOTS says, for people to look at."""
+    folder = os.environ.get("METAROS_SHOTS")
+    if folder:
+        page.screenshot(path=str(Path(folder) / f"{name}.png"))
+
+
+def travelled(page: Page, seconds: float) -> float:
+    """How far the robot on the map moves in so many seconds of the page's own time."""
+    x, y, _ = page.evaluate(POSE)
+    page.evaluate("seconds => new Promise(done => setTimeout(done, seconds * 1000))", seconds)
+    to_x, to_y, _ = page.evaluate(POSE)
+    return math.hypot(to_x - x, to_y - y)
+
+
+def test_fleet_shows_four_robots_with_live_values(up: Up, open_page: OpenPage) -> None:
+    page = open_page(up.url)
+    expect(page.locator("tr[data-robot]")).to_have_count(4)
+    expect(page.locator("[data-state=online], [data-state=attention]")).to_have_count(4)
+    for name in ("sim_1", "sim_2", "sim_3"):
+        expect(page.locator(f"tr[data-robot={name}] [data-label=Battery]")).to_contain_text("%")
+        expect(page.locator(f"tr[data-robot={name}] [data-label=Speed]")).to_contain_text("m/s")
+    host = page.locator("tr[data-robot]:not([data-robot^=sim_])")
+    expect(host.locator("[data-label=CPU]")).to_contain_text("%")
+    save(page, "fleet-desk")
+    phone = open_page(up.url, size=PHONE, touch=True)
+    expect(phone.locator("tr[data-robot]")).to_have_count(4)
+    save(phone, "fleet-phone")
+
+
+def test_robot_page_shows_pose_scan_camera_and_plots(up: Up, open_page: OpenPage) -> None:
+    page = open_page(f"{up.url}/robots/sim_1")
+    page.wait_for_function(f"() => Number(document.querySelector({MAP!r})?.dataset.scans) > 10")
+    assert int(page.locator(MAP).get_attribute("data-hits") or 0) > 100
+    page.wait_for_function("() => Number(document.querySelector('[data-card=camera] canvas')?.dataset.frames) > 10")
+    expect(page.locator("[data-card=plot]", has_text="Battery voltage").locator("canvas")).to_be_visible()
+    expect(page.locator("[data-card=imu] canvas")).to_be_visible()
+    page.wait_for_function(f"was => JSON.stringify({POSE}) !== was", arg=json.dumps(page.evaluate(POSE)))
+    save(page, "robot-desk")
+    phone = open_page(f"{up.url}/robots/sim_1", size=PHONE, touch=True)
+    phone.wait_for_function(f"() => Number(document.querySelector({MAP!r})?.dataset.scans) > 3")
+    save(phone, "robot-phone")
+
+
+def test_driving_turns_the_robot_and_letting_go_stops_it(up: Up, open_page: OpenPage) -> None:
+    page = open_page(f"{up.url}/robots/sim_2")
+    page.wait_for_function(f"() => Number(document.querySelector({MAP!r})?.dataset.scans) > 1")
+    page.locator(".pad").focus()
+    page.keyboard.down("KeyA")
+    expect(page.locator("[data-teleop=holding]")).to_be_visible()
+    before = page.evaluate(POSE)[2]
+    page.wait_for_function(f"before => Math.abs({POSE}[2] - before) > 0.3", arg=before)
+    page.keyboard.up("KeyA")
+    page.wait_for_function("() => document.querySelector('.teleop').dataset.teleop !== 'holding'")
+    travelled(page, 0.8)
+    assert travelled(page, 0.5) < 0.02, "stands still, and autonomy has not come back"
+    page.get_by_role("button", name="Resume autonomy").click()
+    expect(page.locator(".resume")).to_contain_text("autonomy resumed")
+
+
+def test_page_recovers_when_the_gateway_is_killed(up: Up, open_page: OpenPage) -> None:
+    page = open_page(f"{up.url}/robots/sim_3")
+    page.wait_for_function(f"() => Number(document.querySelector({MAP!r})?.dataset.scans) > 3")
+    up.gateway().kill()
+    expect(page.locator("[data-stream=lost]")).to_be_visible()
+    expect(page.locator("[data-stream=open]")).to_be_visible()
+    scans = int(page.locator(MAP).get_attribute("data-scans") or 0)
+    page.wait_for_function(f"scans => Number(document.querySelector({MAP!r}).dataset.scans) > scans + 5", arg=scans)
