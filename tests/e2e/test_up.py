@@ -1,4 +1,4 @@
-"""The whole product in a browser: `metaros up`, its simulated robots, this machine, and pages that show and drive them."""
+"""The whole product in a browser: `metaros up`, simulated robots, this host, and pages that show and drive them."""
 
 from __future__ import annotations
 
