@@ -32,7 +32,7 @@ class _Model(BaseModel):
 
 
 class Problem(_Model):
-    """An error, RFC 9457; `code` is stable and listed in docs/reference/gateway.md."""
+    """An error, RFC 9457; `code` is stable and listed in docs/reference/errors.md."""
 
     type: str
     title: str

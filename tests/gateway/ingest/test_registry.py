@@ -1,0 +1,107 @@
+"""What is known about robots, and what waits for a lane."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gateway.domain.channel import Channel, Series
+from gateway.domain.robot import Robot, is_robot_id
+from gateway.domain.sample import Gap, Rows, Run
+from gateway.errors import UnknownRobotError
+from gateway.ingest.outbox import LaneOutbox
+from gateway.ingest.registry import RateMeter, Registry, RobotRecord
+from metaros._proto import link_pb2
+from metaros.link import SampleColumns
+
+
+def make_channel(number: int, topic: str) -> Channel:
+    return Channel(robot="r", channel_id=number, topic=topic, schema_name="a/msg/B", type_hash="")
+
+
+def make_run(channel: Channel, count: int) -> Run:
+    columns = SampleColumns(
+        stream_id=channel.channel_id,
+        epoch=1,
+        first_seq=1,
+        stamps_ns=np.arange(count, dtype=np.int64),
+        offsets=np.arange(count + 1, dtype=np.int64) * 2,
+        payload=bytes(2 * count),
+    )
+    return Run(channel, columns, 9)
+
+
+def test_a_new_agent_process_keeps_the_topics_counts() -> None:
+    record = RobotRecord(Robot("r"), seen_ns=0)
+    record.begin(Robot("r"), session_id=b"a", session_number=1)
+    record.announce([make_channel(1, "/scan"), make_channel(2, "/odom")], [])
+    record.count_run(make_run(make_channel(1, "/scan"), 5), 0, now_s=0.0)
+    record.count_gap(1, Gap(6, 8, "outbox_full", 0, 0))
+    record.begin(Robot("r"), session_id=b"b", session_number=2)
+    assert record.channels == {}
+    record.announce([make_channel(7, "/scan")], [])
+    state = record.channels[7]
+    assert (state.received, state.received_bytes, state.lost) == (5, 10, 3)
+    assert record.channel_of("/scan") == state.channel
+    assert record.channel_of("/odom") is None
+
+
+def test_the_same_process_keeps_its_channels() -> None:
+    record = RobotRecord(Robot("r"), seen_ns=0)
+    record.begin(Robot("r"), session_id=b"a", session_number=1)
+    record.announce([make_channel(1, "/scan")], [])
+    record.begin(Robot("r"), session_id=b"a", session_number=2)
+    assert list(record.channels) == [1]
+
+
+def test_newest_values_and_headline() -> None:
+    record = RobotRecord(Robot("r"), seen_ns=0)
+    series = tuple(Series(f"s{n:03}", "/t", "x") for n in range(100))
+    rows = Rows(series, np.arange(100, dtype=np.uint32), np.arange(100), np.arange(100.0))
+    assert record.count_rows(rows, 0, wall_ns=1, now_s=0.0)["s099"] == (99, 99.0)
+    assert len(record.newest()) == 100
+    assert list(record.headline())[-1] == "s063"
+
+
+def test_rate_meter_forgets() -> None:
+    meter = RateMeter(span_s=2.0)
+    for tick in range(200):
+        meter.add(100, tick / 10)
+    assert meter.read(20.0) == pytest.approx(1000, rel=0.1)
+    assert meter.read(60.0) < 0.001
+
+
+def test_unknown_robots() -> None:
+    registry = Registry()
+    assert registry.find("r") is None
+    with pytest.raises(UnknownRobotError):
+        registry.get("r")
+    first = registry.add(RobotRecord(Robot("r"), seen_ns=0))
+    assert registry.add(RobotRecord(Robot("r"), seen_ns=5)) is first
+
+
+@pytest.mark.parametrize("good", ["a", "sim_1", "R2.d2-x", "0" * 64])
+def test_robot_ids(good: str) -> None:
+    assert is_robot_id(good)
+
+
+@pytest.mark.parametrize("bad", ["", "_a", "a b", "a/b", "ä", "x" * 65, "a\n"])
+def test_no_robot_ids(bad: str) -> None:
+    assert not is_robot_id(bad)
+
+
+async def test_an_outbox_keeps_order_and_only_the_newest_teleop() -> None:
+    outbox = LaneOutbox(max_bytes=100)
+    beat = link_pb2.GatewayFrame(heartbeat=link_pb2.Heartbeat(sent_ns=1))
+    assert outbox.put(beat)
+    for seq in (1, 2):
+        assert outbox.put(link_pb2.GatewayFrame(teleop=link_pb2.Teleop(seq=seq)))
+    assert not outbox.put(link_pb2.GatewayFrame(goodbye=link_pb2.Goodbye(message="x" * 200)))
+    outbox_frames = [await outbox.next(), await outbox.next()]
+    assert outbox_frames[0] is not None
+    assert outbox_frames[0].teleop.seq == 2
+    assert outbox_frames[1] == beat
+    outbox.put(beat)
+    outbox.close()
+    assert not outbox.put(beat)
+    assert (await outbox.next(), await outbox.next()) == (beat, None)
