@@ -55,9 +55,14 @@ class Plan:
         """Where each process has its log file."""
         return self.data_dir / "logs"
 
+    @property
+    def run_dir(self) -> Path:
+        """Where the status files are."""
+        return self.data_dir / "run"
+
     def status_file(self, name: str) -> Path:
         """The file a process writes when it is ready."""
-        return self.data_dir / "run" / f"{name}.json"
+        return self.run_dir / f"{name}.json"
 
 
 def launches(plan: Plan) -> tuple[Launch, ...]:

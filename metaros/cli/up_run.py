@@ -107,7 +107,8 @@ class _Up:
 
     async def _start(self) -> None:
         plan = self._plan
-        for path in (plan.data_dir / "run").glob("*.json"):
+        plan.run_dir.mkdir(parents=True, exist_ok=True)
+        for path in plan.run_dir.glob("*.json"):  # of an earlier life
             path.unlink()
         rows = self._rows
         self._supervisor.start(row for row in rows if row.stage <= GATEWAY)
