@@ -12,6 +12,40 @@ from metaros.cli.options import Domain
 
 __all__ = ["register"]
 
+Robots = Annotated[int, typer.Option("--robots", "-n", min=0, max=50, metavar="N", help="Simulated robots.")]
+HttpPort = Annotated[
+    int | None,
+    typer.Option("--port", "-p", min=1, max=65535, metavar="PORT", show_default="8080", help="Dashboard and API."),
+]
+GrpcPort = Annotated[
+    int | None,
+    typer.Option("--grpc-port", min=1, max=65535, metavar="PORT", show_default="8081", help="The agents' link."),
+]
+RouterPort = Annotated[
+    int | None,
+    typer.Option(
+        "--zenoh-port",
+        min=1,
+        max=65535,
+        envvar="METAROS_ZENOH_PORT",
+        metavar="PORT",
+        show_default="7447",
+        help="The Zenoh router's.",
+    ),
+]
+Host = Annotated[str, typer.Option("--host", metavar="ADDRESS", help="Address of dashboard and API.")]
+DataDir = Annotated[
+    Path | None,
+    typer.Option(
+        "--data-dir", metavar="DIR", show_default="the user's data folder", help="Where data and logs are kept."
+    ),
+]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of the simulation.")]
+ThisHost = Annotated[bool, typer.Option("--this-host/--no-host", help="This machine as a robot too.")]
+Camera = Annotated[
+    str, typer.Option("--camera", metavar="SOURCE", help="A camera of this machine: 0, a file, rtsp://…, test.")
+]
+
 
 def register(app: typer.Typer) -> None:
     """Add the noun."""
@@ -19,39 +53,15 @@ def register(app: typer.Typer) -> None:
 
 
 def up(
-    robots: Annotated[int, typer.Option("--robots", "-n", min=0, max=50, metavar="N", help="Simulated robots.")] = 3,
-    port: Annotated[
-        int | None,
-        typer.Option("--port", "-p", min=1, max=65535, metavar="PORT", show_default="8080", help="Dashboard and API."),
-    ] = None,
-    grpc_port: Annotated[
-        int | None,
-        typer.Option("--grpc-port", min=1, max=65535, metavar="PORT", show_default="8081", help="The agents' link."),
-    ] = None,
-    zenoh_port: Annotated[
-        int | None,
-        typer.Option(
-            "--zenoh-port",
-            min=1,
-            max=65535,
-            envvar="METAROS_ZENOH_PORT",
-            metavar="PORT",
-            show_default="7447",
-            help="The Zenoh router's.",
-        ),
-    ] = None,
-    host: Annotated[str, typer.Option("--host", metavar="ADDRESS", help="Address of dashboard and API.")] = "127.0.0.1",
-    data_dir: Annotated[
-        Path | None,
-        typer.Option(
-            "--data-dir", metavar="DIR", show_default="the user's data folder", help="Where data and logs are kept."
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Of the simulation.")] = 1,
-    this_host: Annotated[bool, typer.Option("--this-host/--no-host", help="This machine as a robot too.")] = True,
-    camera: Annotated[
-        str, typer.Option("--camera", metavar="SOURCE", help="A camera of this machine: 0, a file, rtsp://…, test.")
-    ] = "",
+    robots: Robots = 3,
+    port: HttpPort = None,
+    grpc_port: GrpcPort = None,
+    zenoh_port: RouterPort = None,
+    host: Host = "127.0.0.1",
+    data_dir: DataDir = None,
+    seed: Seed = 1,
+    this_host: ThisHost = True,
+    camera: Camera = "",
     domain: Domain = 0,
 ) -> None:
     """Start everything on this machine and stay until Ctrl-C.
