@@ -53,7 +53,7 @@ def test_talker_and_listener(listener: str, zenoh_router: str, tmp_path: Path) -
     ears = start([f"examples/{listener}"], port, heard)
     mouth = start(["examples/talker.py"], port, said)
     try:
-        wait_until(lambda: heard.read_text().count("hello") >= 2, timeout_s=15)
+        wait_until(lambda: heard.read_text().count("Hello World") >= 2, timeout_s=15)
     finally:
         assert finish(mouth) in (0, 130)
         assert finish(ears) in (0, 130)

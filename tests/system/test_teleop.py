@@ -6,6 +6,7 @@ import json
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import pytest
@@ -56,7 +57,9 @@ class Driver:
     """A browser's hold-to-drive: 10 Hz while held."""
 
     def __init__(self, stack: Stack) -> None:
-        self.socket: ClientConnection = open_socket(stack.url, "/api/v1/robots/sim_1/teleop")
+        self.opened = ExitStack()
+        connection = open_socket(stack.url, "/api/v1/robots/sim_1/teleop")
+        self.socket: ClientConnection = self.opened.enter_context(connection)
         self.socket.send(json.dumps({"op": "take", "holder": "test"}))
         self.granted = json.loads(self.socket.recv(timeout=5))
         self.held = threading.Event()
@@ -81,7 +84,7 @@ class Driver:
     def close(self) -> None:
         self.ended.set()
         self.thread.join(5)
-        self.socket.close()
+        self.opened.close()
 
 
 @pytest.fixture
@@ -92,16 +95,12 @@ def driven(tmp_path: Path) -> Iterator[tuple[Stack, Driver, Speedometer]]:
         stack.sim("--resume-after", "60", "--seed", "1")
         stack.agent("sim_1")
         wait_until(lambda: "/sim_1/cmd_vel" in stack.topics("sim_1") or stack.online() == {"sim_1"}, timeout_s=20)
-        speedometer, driver = Speedometer(stack.zenoh_port), Driver(stack)
-        try:
+        with closing(Speedometer(stack.zenoh_port)) as speedometer, closing(Driver(stack)) as driver:
             assert driver.granted["op"] == "granted", driver.granted
             # The first zero command takes the robot out of autonomy; it must stand before a test makes it move.
             driver.release()
             wait_until(lambda: speedometer.log and speedometer.speed() < STILL, timeout_s=5)
             yield stack, driver, speedometer
-        finally:
-            driver.close()
-            speedometer.close()
 
 
 def drive(driver: Driver, speedometer: Speedometer) -> None:
