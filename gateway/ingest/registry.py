@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import islice
 
+import numpy as np
+
 from gateway.domain.channel import METRIC_STREAM, Channel, Series
 from gateway.domain.robot import Robot
 from gateway.domain.sample import Gap, Rows, Run
@@ -139,14 +141,19 @@ class RobotRecord:
     def count_rows(self, rows: Rows, duplicates: int, *, wall_ns: int, now_s: float) -> dict[str, tuple[int, float]]:
         """Metric rows arrived; returns the newest (stamp, value) of each series in them."""
         self._arrived(len(rows), 20 * len(rows), duplicates, wall_ns, now_s)
+        if not len(rows):
+            return {}
+        counts = np.bincount(rows.index, minlength=len(rows.series)).tolist()
+        last = np.zeros(len(rows.series), np.int64)
+        last[rows.index] = np.arange(len(rows))  # of equal indices the last assignment stays
+        stamps, values = rows.stamps[last].tolist(), rows.values[last].tolist()
         newest: dict[str, tuple[int, float]] = {}
-        columns = zip(rows.index.tolist(), rows.stamps.tolist(), rows.values.tolist(), strict=True)
-        for index, stamp_ns, value in columns:
-            series = rows.series[index]
-            state = self.series.setdefault(series.name, SeriesState(series))
-            state.samples += 1
-            state.stamp_ns, state.value = stamp_ns, value
-            newest[series.name] = (stamp_ns, value)
+        for series, count, stamp_ns, value in zip(rows.series, counts, stamps, values, strict=True):
+            if count:
+                state = self.series.setdefault(series.name, SeriesState(series))
+                state.samples += count
+                state.stamp_ns, state.value = stamp_ns, value
+                newest[series.name] = (stamp_ns, value)
         return newest
 
     def count_gap(self, stream_id: int, gap: Gap) -> None:

@@ -1,0 +1,173 @@
+"""How fast one gateway takes in what robots send, durable to the acknowledgement: rows of series and opaque samples.
+
+A gateway process, and in this process robots that keep a window of batches in flight over real gRPC. A run ends when
+the last batch is acknowledged, that is, after its commit was synced. CPU is the gateway's own.
+
+    python -m load_tests.bench_ingest [--robots 4] [--seconds 3] [--rounds 5]
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import grpc
+import numpy as np
+import psutil
+
+from metaros._proto import link_pb2, link_pb2_grpc
+
+WINDOW = 64
+EPOCH = 1
+GATEWAY = (
+    "import typer; from gateway.cli import register; a = typer.Typer(); a.callback()(lambda: None); register(a); a()"
+)
+
+
+class Robot:
+    """One robot's two lanes."""
+
+    def __init__(self, target: str, name: str) -> None:
+        self._target, self._name = target, name
+        self._acked = asyncio.Event()
+        self._stored = 0
+        self._channels: list[Any] = []
+        self._data: Any = None
+
+    async def open(self) -> None:
+        """Say hello on both lanes and announce one channel and one series."""
+        for lane in (link_pb2.LANE_CONTROL, link_pb2.LANE_DATA):
+            channel = grpc.aio.insecure_channel(self._target)
+            call = link_pb2_grpc.LinkStub(channel).Connect()
+            hello = link_pb2.Hello(
+                protocol=1, robot_id=self._name, session_id=bytes(16), session_number=1, lane=lane, namespace="/"
+            )
+            await call.write(link_pb2.AgentFrame(hello=hello))
+            await call.read()
+            self._channels.append(channel)
+            self._data = call
+        announced = link_pb2.Channel(channel_id=1, topic="/bulk", schema_name="a/msg/B", forward=True)
+        setattr(announced, "class", link_pb2.DELIVERY_CLASS_BULK)
+        series = [link_pb2.Series(series_id=n + 1, name=f"s{n}") for n in range(50)]
+        await self._data.write(link_pb2.AgentFrame(announce=link_pb2.Announce(channels=[announced], series=series)))
+
+    async def close(self) -> None:
+        """Hang up."""
+        for channel in self._channels:
+            await channel.close()
+
+    async def run(self, kind: str, seconds: float, per_batch: int) -> int:
+        """Send for a while with a window of batches, wait for the last ack; returns how many were stored."""
+        self._stored = 0
+        reader = asyncio.create_task(self._read())
+        frame, batch = _frame(kind, per_batch)
+        sent, end = 0, time.perf_counter() + seconds
+        while time.perf_counter() < end:
+            while sent - self._stored >= WINDOW * per_batch:
+                self._acked.clear()
+                await self._acked.wait()
+            batch.first_seq = sent + 1
+            batch.epoch = EPOCH if kind == "rows" else EPOCH + 1
+            await self._data.write(frame)
+            sent += per_batch
+        while self._stored < sent:
+            self._acked.clear()
+            await self._acked.wait()
+        reader.cancel()
+        return sent
+
+    async def _read(self) -> None:
+        while (frame := await self._data.read()) is not grpc.aio.EOF:
+            for mark in frame.ack.watermarks:
+                self._stored = mark.seq
+                self._acked.set()
+
+
+def _frame(kind: str, per_batch: int) -> tuple[link_pb2.AgentFrame, Any]:
+    stamps = np.arange(per_batch, dtype="<i8").tobytes()
+    if kind == "rows":
+        series = (np.arange(per_batch, dtype="<u4") % 50 + 1).tobytes()
+        values = np.random.default_rng(1).normal(size=per_batch).tobytes()
+        frame = link_pb2.AgentFrame(
+            metrics=link_pb2.MetricBatch(count=per_batch, series_ids=series, stamps=stamps, values=values)
+        )
+        return frame, frame.metrics
+    lengths = np.full(per_batch, 256, "<u4").tobytes()
+    batch = link_pb2.Batch(stream_id=1, count=per_batch, stamps=stamps, lengths=lengths, payload=bytes(256 * per_batch))
+    frame = link_pb2.AgentFrame(batches=link_pb2.Batches(batches=[batch]))
+    return frame, frame.batches.batches[0]
+
+
+def start_gateway(folder: Path) -> tuple[subprocess.Popen[bytes], str]:
+    """A gateway process and where robots reach it."""
+    status = folder / "status.json"
+    command = [sys.executable, "-c", GATEWAY, "gateway", "--port", "0", "--grpc-port", "0"]
+    process = subprocess.Popen(
+        [*command, "--data-dir", str(folder / "data"), "--status-file", str(status)], stdout=subprocess.DEVNULL
+    )
+    while not status.exists():
+        time.sleep(0.05)
+    return process, f"127.0.0.1:{json.loads(status.read_text())['grpc_port']}"
+
+
+async def one_round(
+    kind: str, process: subprocess.Popen[bytes], target: str, *, robots: int, seconds: float, per_batch: int
+) -> tuple[float, float]:
+    """(stored a second by the clock, stored a second of gateway CPU)."""
+    fleet = [Robot(target, f"r{n}") for n in range(robots)]
+    for robot in fleet:
+        await robot.open()
+    watched = psutil.Process(process.pid)
+    before, start = watched.cpu_times(), time.perf_counter()
+    total = sum(await asyncio.gather(*(robot.run(kind, seconds, per_batch) for robot in fleet)))
+    took, after = time.perf_counter() - start, watched.cpu_times()
+    for robot in fleet:
+        await robot.close()
+    return total / took, total / (after.user + after.system - before.user - before.system)
+
+
+async def measure(kind: str, per_batch: int, *, robots: int, seconds: float, rounds: int) -> None:
+    """Some rounds, each with a new gateway and store; prints medians with their spread."""
+    walls, cores = [], []
+    for _ in range(rounds):
+        with tempfile.TemporaryDirectory() as folder:
+            process, target = await asyncio.to_thread(start_gateway, Path(folder))
+            try:
+                wall, core = await one_round(kind, process, target, robots=robots, seconds=seconds, per_batch=per_batch)
+            finally:
+                process.terminate()
+                await asyncio.to_thread(process.wait, 10)
+        walls.append(wall)
+        cores.append(core)
+    print(
+        f"{kind}: {statistics.median(walls):,.0f}/s by the clock ({min(walls):,.0f} to {max(walls):,.0f}), "
+        f"{statistics.median(cores):,.0f} a second of gateway CPU; batches of {per_batch}, {robots} robots"
+    )
+
+
+async def measure_all(*, robots: int, seconds: float, rounds: int) -> None:
+    """Both kinds in one event loop: grpc.aio has one poller a process."""
+    for kind, per_batch in (("rows", 700), ("samples", 200)):
+        await measure(kind, per_batch, robots=robots, seconds=seconds, rounds=rounds)
+
+
+def main() -> None:
+    """Read the options and run."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robots", type=int, default=4)
+    parser.add_argument("--seconds", type=float, default=3.0)
+    parser.add_argument("--rounds", type=int, default=5)
+    options, _ = parser.parse_known_args()
+    asyncio.run(measure_all(robots=options.robots, seconds=options.seconds, rounds=options.rounds))
+
+
+if __name__ == "__main__":
+    main()
