@@ -7,6 +7,7 @@ agent taps them like any other and ROS tools see them too.
 from __future__ import annotations
 
 import asyncio
+import logging
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from metaros.wire import qos_default
 
 __all__ = ["HOST_TOPICS", "HostReader", "HostTopic", "publish_host"]
 
+LOG = logging.getLogger("metaros.agent.metrics")
 PERIOD_S = 1.0
 Reading = dict[str, Any]
 
@@ -130,13 +132,26 @@ async def publish_host(node: Node, channels: Iterable[Channel], clock: Clock) ->
         for topic, type_name in [*((item.topic, item.type_name) for item in HOST_TOPICS), (RATES_TOPIC, RATES_TYPE)]
     }
     before: dict[int, tuple[int, int]] = {}
+    unreadable: set[str] = set()
     while True:
         await asyncio.sleep(PERIOD_S)
-        readings = await asyncio.to_thread(lambda: [(item, item.read(reader)) for item in HOST_TOPICS])
-        for item, fields in readings:
+        for item, fields in await asyncio.to_thread(read_all, reader, HOST_TOPICS, unreadable):
             publishers[item.topic].publish(message_class(item.type_name)(stamp=stamp(clock), **fields))
         rates = message_class(RATES_TYPE)(stamp=stamp(clock), topics=topic_rates(channels, before))
         publishers[RATES_TOPIC].publish(rates)
+
+
+def read_all(reader: HostReader, topics: Iterable[HostTopic], unreadable: set[str]) -> list[tuple[HostTopic, Reading]]:
+    """All readings; what this machine does not let us read is said once and left out."""
+    readings = []
+    for item in topics:
+        try:
+            readings.append((item, item.read(reader)))
+        except (OSError, psutil.Error) as error:
+            if item.topic not in unreadable:
+                LOG.warning("cannot read %s: %s", item.topic, error)
+            unreadable.add(item.topic)
+    return readings
 
 
 def topic_rates(channels: Iterable[Channel], before: dict[int, tuple[int, int]]) -> list[Any]:

@@ -69,17 +69,25 @@ class GrpcUplink:
         """Until cancelled."""
         while True:
             delay_s = 0.0
-            session = self._owner.new_session()
             try:
-                await self._run_session(session)
+                await self._one_session(self._owner.new_session())
             except RefusedError as error:
                 delay_s = error.retry_after_s
                 self._say(f"link down: {error}")
             except (LinkError, FrameError, grpc.RpcError, TimeoutError) as error:
                 self._say(f"link down: {describe(error)}")
-            finally:
-                self._owner.session_ended()
             await asyncio.sleep(max(delay_s, self._backoff.next_s()))
+
+    async def _one_session(self, session: AgentSession) -> None:
+        """Run a session in a task of its own, so that our end and a lane's end in one moment stay two things."""
+        task = asyncio.create_task(self._run_session(session))
+        try:
+            await asyncio.wait({task})
+        finally:
+            task.cancel()
+            await asyncio.wait({task})
+            self._owner.session_ended()
+        await task
 
     async def _run_session(self, session: AgentSession) -> None:
         """Open both lanes and run them; always raises, with the first reason."""
@@ -90,7 +98,7 @@ class GrpcUplink:
                 channels.append(grpc.aio.insecure_channel(self._target, options=OPTIONS))
                 calls[lane] = link_pb2_grpc.LinkStub(channels[-1]).Connect()
                 async with asyncio.timeout(OPEN_S):
-                    await calls[lane].write(session.hello(lane))
+                    await write(calls[lane], session.hello(lane))
                     await self._read_one(session, lane, calls[lane])
             await self._run_lanes(session, calls)
         finally:
@@ -129,7 +137,7 @@ class GrpcUplink:
         while True:
             wake.clear()
             while (frame := session.next_frame(lane)) is not None:
-                await call.write(frame)
+                await write(call, frame)
             try:
                 async with asyncio.timeout(session.wait_s(lane)):
                     await wake.wait()
@@ -148,10 +156,19 @@ class GrpcUplink:
         self._said = text
 
 
+async def write(call: Any, frame: link_pb2.AgentFrame) -> None:
+    """Write a frame; a stream that has ended is a LinkError."""
+    try:
+        await call.write(frame)
+    except asyncio.InvalidStateError as error:
+        raise LinkError("the stream ended") from error
+
+
 def first_reason(errors: BaseExceptionGroup[BaseException]) -> BaseException:
-    """The most telling of the errors that ended a session: a goodbye before a broken pipe."""
-    flat = list(errors.exceptions)
-    return next((error for error in flat if isinstance(error, RefusedError)), flat[0])
+    """The most telling of the errors that ended a session: a goodbye before a status before a broken stream."""
+    flat = errors.exceptions
+    ranked = (RefusedError, grpc.RpcError, FrameError, LinkError)
+    return next((error for kind in ranked for error in flat if isinstance(error, kind)), flat[0])
 
 
 def describe(error: Exception) -> str:

@@ -18,7 +18,7 @@ from metaros.wire import qos_sensor_data
 __all__ = ["CameraNode", "encode_jpeg", "run"]
 
 FIRST_RETRY_S, LAST_RETRY_S = 0.5, 10.0
-CLOSE_S = 8.0  # longer than a stream's read timeout
+CLOSE_S = 2.8  # longer than a stream's read timeout, shorter than a supervisor's patience
 
 
 class CameraNode:

@@ -15,8 +15,8 @@ from metaros.errors import UnavailableError
 __all__ = ["Image", "Source", "TestPattern", "VideoSource", "open_source"]
 
 Image = npt.NDArray[np.uint8]  # height x width x 3, BGR
-OPEN_TIMEOUT_MS = 5000
-READ_TIMEOUT_MS = 5000
+OPEN_TIMEOUT_MS = 2500
+READ_TIMEOUT_MS = 2500
 
 
 class Source(Protocol):
@@ -65,9 +65,9 @@ class VideoSource:
     """An OpenCV capture of a device number, a file or an address; a file starts again at its end."""
 
     def __init__(self, name: str, *, width: int, height: int) -> None:
+        os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")
         import cv2
 
-        os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")
         self._is_file = not name.isdigit() and "://" not in name
         if self._is_file and not Path(name).is_file():
             raise UnavailableError(f"no video file {name}")

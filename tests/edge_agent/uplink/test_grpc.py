@@ -131,6 +131,21 @@ async def test_a_goodbye_says_when_to_come_back() -> None:
         assert time.monotonic() - ended >= 0.45
 
 
+async def test_the_end_comes_even_while_a_session_fails() -> None:
+    for _ in range(20):
+        async with fake_gateway() as gateway:
+            owner = Owner()
+            task = asyncio.create_task(GrpcUplink(gateway.target, owner, Backoff(random.Random(1))).run())
+            await wait_until_async(lambda g=gateway: g.connected)  # type: ignore[misc]
+            stopping = asyncio.create_task(gateway.stop())
+            await asyncio.sleep(0)
+            task.cancel()
+            await asyncio.wait_for(asyncio.gather(task, return_exceptions=True), 5)
+            assert owner.ended == 1
+            await stopping
+            await gateway.start()
+
+
 async def test_control_answers_while_data_is_flooded() -> None:
     half = GatewayHalf(window_bytes=1 << 40, window_batches=1 << 30)
     async with fake_gateway(half) as gateway, running(gateway.target) as (owner, uplink):

@@ -5,10 +5,13 @@ from __future__ import annotations
 import random  # noqa: TID251 - seeded
 
 import pytest
+from google.protobuf.message import DecodeError
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from edge_agent.batch import Linger
 from edge_agent.channels import METRIC_STREAM, Channels
-from edge_agent.errors import LinkDeadError, RefusedError
+from edge_agent.errors import LinkDeadError, LinkError, RefusedError
 from edge_agent.live import LiveQueue
 from edge_agent.outbox import OVERHEAD_BYTES, ClassPolicy, Outbox
 from edge_agent.topics import TopicRule, TopicTable
@@ -402,3 +405,62 @@ def test_what_breaks_the_protocol_is_a_frame_error(frame: link_pb2.GatewayFrame)
     rig.connect()
     with pytest.raises(FrameError):
         rig.session.receive(DATA, frame)
+
+
+def parsed_or_empty(data: bytes) -> link_pb2.GatewayFrame:
+    try:
+        return link_pb2.GatewayFrame.FromString(data)
+    except DecodeError:
+        return link_pb2.GatewayFrame()
+
+
+NUMBERS = st.sampled_from([0, 1, 2, 7, 2**31, 2**32 - 1])
+WIDE = st.sampled_from([0, 1, 2, 42, 2**63, 2**64 - 1])
+SIGNED = st.sampled_from([0, -1, 1, -(2**63), 2**63 - 1])
+MARKS = st.builds(link_pb2.Watermark, stream_id=NUMBERS, epoch=WIDE, seq=WIDE)
+FLOATS = st.floats(allow_nan=True, allow_infinity=True)
+FRAMES = st.one_of(
+    st.builds(lambda marks: link_pb2.GatewayFrame(ack=link_pb2.Ack(watermarks=marks)), st.lists(MARKS, max_size=3)),
+    st.builds(
+        lambda entries: link_pb2.GatewayFrame(demand=link_pb2.Demand(entries=entries)),
+        st.lists(st.builds(link_pb2.DemandEntry, channel_id=NUMBERS, max_rate_hz=FLOATS), max_size=3),
+    ),
+    st.builds(
+        lambda *beat: link_pb2.GatewayFrame(
+            heartbeat=link_pb2.Heartbeat(sent_ns=beat[0], echo_ns=beat[1], held_ns=beat[2])
+        ),
+        SIGNED,
+        SIGNED,
+        SIGNED,
+    ),
+    st.builds(lambda sent: link_pb2.GatewayFrame(teleop=link_pb2.Teleop(sent_ns=sent)), SIGNED),
+    st.builds(
+        lambda marks, window, beat: link_pb2.GatewayFrame(
+            welcome=link_pb2.Welcome(watermarks=marks, window_bytes=window, heartbeat_s=beat)
+        ),
+        st.lists(MARKS, max_size=3),
+        WIDE,
+        FLOATS,
+    ),
+    st.binary(max_size=60).map(parsed_or_empty),
+)
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.sampled_from([CONTROL, DATA]), FRAMES), max_size=8))
+def test_any_gateway_is_survived(frames: list[tuple[link_pb2.Lane, link_pb2.GatewayFrame]]) -> None:
+    rig = Rig()
+    rig.put("/bulk/a", b"x", "bulk")
+    try:
+        for lane, frame in frames:
+            rig.session.receive(lane, frame)
+            rig.clock.advance(0.01)
+            for each in (CONTROL, DATA):
+                for _ in range(20):
+                    if rig.session.next_frame(each) is None:
+                        break
+                wait_s = rig.session.wait_s(each)
+                assert wait_s is None or wait_s >= 0
+            rig.session.check()
+    except (FrameError, LinkError):
+        return
