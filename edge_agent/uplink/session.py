@@ -30,6 +30,7 @@ DATA = link_pb2.LANE_DATA
 FRAME_BYTES = 256 * 1024  # a data frame gathers so much when there is a backlog
 STATISTICS_S = 1.0
 SILENT_BEATS = 3
+LEAST_BEAT_S, MOST_BEAT_S = 0.2, 60.0  # whatever a gateway asks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -244,7 +245,7 @@ class AgentSession:
             raise RefusedError("other_store", f"its store is {welcome.store_id}, ours was {self.store_id}")
         self.gateway_id, self.store_id = welcome.gateway_id, welcome.store_id
         if welcome.heartbeat_s > 0:
-            self._heartbeat_s = welcome.heartbeat_s
+            self._heartbeat_s = min(max(welcome.heartbeat_s, LEAST_BEAT_S), MOST_BEAT_S)
         if lane == DATA:
             self._window.max_bytes = welcome.window_bytes or self._limits.window_bytes
             self._window.max_batches = welcome.window_batches or self._limits.window_batches
