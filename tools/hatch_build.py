@@ -113,7 +113,8 @@ def _run(command: list[str], folder: Path, environment: dict[str, str]) -> None:
         raise DashboardBuildError(f"{command[0]} does not run: {error}") from error
     if done.returncode != 0:
         tail = "\n".join((done.stdout + done.stderr).strip().splitlines()[-20:])
-        raise DashboardBuildError(f"`{' '.join(command[-3:])}` failed with {done.returncode}:\n{tail}")
+        said = " ".join([Path(command[0]).name, *command[1:]])
+        raise DashboardBuildError(f"`{said}` failed with {done.returncode}:\n{tail}")
 
 
 def _install_packages(dashboard: Path, npm: list[str], environment: dict[str, str]) -> None:

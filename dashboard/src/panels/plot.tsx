@@ -25,7 +25,6 @@ const hourMinute = new Intl.DateTimeFormat("en-GB", { hour: "2-digit", minute: "
 function options(props: PlotProps, colours: Palette, width: number, hovered: (index: number | null) => void): uPlot.Options {
   const axis = { stroke: colours.muted, grid: { stroke: colours.grid, width: 1 }, ticks: { show: false }, font: "11px system-ui" };
   const strokes = [colours.accent, colours["accent-2"]];
-  const format = props.windowS < 120 ? clock : hourMinute;
   return {
     width,
     height: props.height ?? 132,
@@ -37,7 +36,7 @@ function options(props: PlotProps, colours: Palette, width: number, hovered: (in
       y: { range: props.bounds ?? ((_, low, high) => padded(low, high)) },
     },
     axes: [
-      { ...axis, size: 24, space: 70, values: (_, splits) => splits.map((split) => format.format(split * 1000)) },
+      { ...axis, size: 24, space: 70, values: (_, splits, __, ___, stepS) => splits.map((split) => (stepS < 60 ? clock : hourMinute).format(split * 1000)) },
       { ...axis, size: 46, space: 28, values: (_, splits) => splits.map(short) },
     ],
     series: [

@@ -8,9 +8,9 @@ export const TILE_M = 12.8;
 const PIXELS_PER_M = 20;
 const TILE_PIXELS = TILE_M * PIXELS_PER_M;
 const TILES_KEPT = 256;
-const INK = 0.1;
-const FADE = 0.12;
-/** The ink fades once every so many metres driven: half of it is gone after about 27 m. */
+const INK = 0.14;
+const FADE = 0.09;
+/** The ink fades once every so many metres driven: half of it is gone after about 37 m. */
 export const FADE_EVERY_M = 5;
 
 export interface View {
