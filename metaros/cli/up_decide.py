@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from metaros.cli.up_screen import Screen
 
 __all__ = ["UpOptions", "claim", "decide"]
+
+HTTP_PORT, GRPC_PORT = 8080, 8081
+KNOWN_PORTS = (HTTP_PORT, GRPC_PORT, DEFAULT_ZENOH_PORT, 8765, 9090)  # who has to move takes none of these
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,8 +44,13 @@ def decide(options: UpOptions, data: DataDir, screen: Screen) -> Plan:
     """Choose ports and robot numbers that nobody has; called under the claim lock."""
     others = running_instances()
     taken = [port for other in others for port in (other.http_port, other.grpc_port)]
-    http = choose_port("dashboard", options.port, 8080, host=options.host, taken=taken)
-    grpc = choose_port("agents' link", options.grpc_port, 8081, taken=[*taken, http.port])
+    http = choose_port("dashboard", options.port, HTTP_PORT, host=options.host, taken=taken, avoid=KNOWN_PORTS)
+    for option, number in (("--grpc-port", options.grpc_port), ("--zenoh-port", options.zenoh_port)):
+        if number == http.port:
+            raise ConfigError(f"{option} and the dashboard's port are both {number}")
+    grpc = choose_port("agents' link", options.grpc_port, GRPC_PORT, taken=[*taken, http.port], avoid=KNOWN_PORTS)
+    if grpc.wanted == http.port:
+        grpc = replace(grpc, owner="the dashboard")
     for what, choice in (("the dashboard", http), ("the agents' link", grpc)):
         _say_moved(screen, what, choice)
     zenoh_port, own_router = _router(options, others, screen)

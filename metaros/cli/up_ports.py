@@ -68,10 +68,19 @@ def port_owner(port: int) -> str:
 
 
 def choose_port(
-    what: str, explicit: int | None, default: int, *, host: str = "127.0.0.1", taken: Iterable[int] = ()
+    what: str,
+    explicit: int | None,
+    default: int,
+    *,
+    host: str = "127.0.0.1",
+    taken: Iterable[int] = (),
+    avoid: Iterable[int] = (),
 ) -> PortChoice:
-    """`explicit` or nothing; else `default`, or the next free one above it. `taken` are claimed by other instances."""
-    claimed = set(taken)
+    """`explicit` or nothing; else `default`, or the next free one above it.
+
+    `taken` are claimed by other instances; `avoid` are left to other services when this one has to move.
+    """
+    claimed, left_alone = set(taken), set(avoid)
     wanted = default if explicit is None else explicit
     if wanted not in claimed and port_free(wanted, host=host):
         return PortChoice(wanted, wanted)
@@ -79,6 +88,6 @@ def choose_port(
     if explicit is not None:
         raise ConfigError(f"port {wanted} ({what}) is in use by {owner}")
     for port in range(default + 1, default + 200):
-        if port not in claimed and port_free(port, host=host):
+        if port not in claimed | left_alone and port_free(port, host=host):
             return PortChoice(port, wanted, owner)
     raise ConfigError(f"no free port for {what} between {default} and {default + 199}")

@@ -46,6 +46,11 @@ def test_a_claimed_port_counts_as_busy(free_port: int) -> None:
         choose_port("dashboard", free_port, 8080, taken=[free_port])
 
 
+def test_who_moves_leaves_others_ports_alone(busy_port: int) -> None:
+    choice = choose_port("dashboard", None, busy_port, avoid=[busy_port + 1, busy_port + 2])
+    assert choice.port > busy_port + 2
+
+
 def test_a_listener_on_all_addresses_is_in_the_way_of_loopback() -> None:
     with socket.socket() as listener:
         listener.bind(("0.0.0.0", 0))

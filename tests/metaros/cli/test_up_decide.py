@@ -1,0 +1,106 @@
+"""What `metaros up` decides beside real listeners and real claims."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from metaros.cli.instance import DataDir, Instance, StateFile, open_data_dir
+from metaros.cli.up_decide import UpOptions, claim, decide
+from metaros.cli.up_screen import Screen
+from metaros.clock import ManualClock
+from metaros.errors import ConfigError
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> DataDir:
+    """A data directory of this test."""
+    found = open_data_dir(tmp_path / "data")
+    found.lock.close()
+    return found
+
+
+def options(free: list[int], **changes: object) -> UpOptions:
+    """Explicit free ports, with changes."""
+    values: dict[str, object] = {"port": free[0], "grpc_port": free[1], "zenoh_port": free[2]}
+    return UpOptions(**{**values, **changes})  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def free() -> list[int]:
+    """Three free ports."""
+    from tests.support.ports import free_port
+
+    ports: set[int] = set()
+    while len(ports) < 3:
+        ports.add(free_port())
+    return sorted(ports)
+
+
+def test_free_ports_are_taken_as_asked(free: list[int], data: DataDir, clock: ManualClock) -> None:
+    plan = decide(options(free, robots=2), data, Screen(clock=clock))
+    assert [plan.http_port, plan.grpc_port, plan.zenoh_port] == free
+    assert plan.own_router
+    assert plan.simulated == ("sim_1", "sim_2")
+
+
+def test_a_router_that_runs_is_joined(
+    free: list[int], data: DataDir, clock: ManualClock, zenoh_router: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    port = int(zenoh_router.rsplit(":", 1)[1])
+    plan = decide(options(free, zenoh_port=port), data, Screen(clock=clock))
+    assert (plan.zenoh_port, plan.own_router, plan.host_metrics) == (port, False, True)
+    assert "joining it" in capsys.readouterr().out
+
+
+def test_what_another_instance_claims_is_left_to_it(
+    free: list[int], data: DataDir, clock: ManualClock, capsys: pytest.CaptureFixture[str]
+) -> None:
+    state = StateFile()
+    state.write(
+        Instance(
+            pid=os.getpid(),
+            state="starting",
+            http_port=free[0],
+            grpc_port=free[1],
+            zenoh_port=free[2],
+            robots=("sim_1", "sim_2", "desk"),
+        )
+    )
+    try:
+        with pytest.raises(ConfigError, match="another `metaros up`"):
+            decide(options(free), data, Screen(clock=clock))
+        plan = decide(options(free, port=None, grpc_port=None, robots=1), data, Screen(clock=clock))
+        assert not plan.own_router
+        assert plan.simulated == ("sim_3",)
+        assert "sim_1 to sim_2 exist already" in capsys.readouterr().out
+    finally:
+        state.close()
+
+
+@pytest.mark.parametrize("other", ["grpc_port", "zenoh_port"])
+def test_one_port_for_two_services_is_an_error(free: list[int], data: DataDir, clock: ManualClock, other: str) -> None:
+    with pytest.raises(ConfigError, match="are both"):
+        decide(options(free, **{other: free[0]}), data, Screen(clock=clock))
+
+
+def test_the_dashboard_may_have_the_link_s_default_port(
+    data: DataDir, clock: ManualClock, capsys: pytest.CaptureFixture[str], free: list[int]
+) -> None:
+    from metaros.cli import up_decide
+    from metaros.cli.up_ports import port_free
+
+    if not port_free(up_decide.GRPC_PORT):
+        pytest.skip("another program has 8081")
+    plan = decide(options(free, port=up_decide.GRPC_PORT, grpc_port=None), data, Screen(clock=clock))
+    assert plan.grpc_port > up_decide.GRPC_PORT
+    assert "in use by the dashboard" in capsys.readouterr().out
+
+
+def test_the_claim_names_all_that_is_taken(free: list[int], data: DataDir, clock: ManualClock) -> None:
+    claimed = claim(decide(options(free, robots=1, host_robot=False), data, Screen(clock=clock)), clock)
+    assert (claimed.http_port, claimed.grpc_port, claimed.zenoh_port) == tuple(free)
+    assert claimed.robots == ("sim_1",)
+    assert claimed.state == "starting"
