@@ -46,8 +46,6 @@ class Instance:
     domain: int = 0
     own_router: bool = True
     robots: tuple[str, ...] = ()
-    first_robot: int = 1
-    simulated: int = 0
     data_dir: str = ""
     started_ns: int = 0
     processes: tuple[dict[str, object], ...] = field(default=())

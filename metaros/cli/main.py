@@ -101,7 +101,7 @@ def _flush() -> None:
     """Write what is buffered now: a reader that went away is no failure of ours."""
     try:
         sys.stdout.flush()
-    except BrokenPipeError:
+    except OSError:
         _close_stdout()
 
 

@@ -78,7 +78,7 @@ class _Up:
     async def run(self) -> None:
         """The whole life."""
         loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the last: its terminal was closed
             loop.add_signal_handler(number, self._ask_stop)
         began = self._clock.monotonic_s()
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import threading
 from datetime import datetime
@@ -99,7 +100,8 @@ class Screen:
         """Ctrl-C was seen."""
         self._end_status()
         if self._console.is_terminal:
-            sys.stdout.write("\r\x1b[2K")  # the ^C that the terminal echoed
+            with contextlib.suppress(OSError):
+                sys.stdout.write("\r\x1b[2K")  # the ^C that the terminal echoed
         self._print("  [dim]stopping …[/]")
 
     def stopped(self) -> None:
@@ -113,8 +115,9 @@ class Screen:
                 self._status = None
 
     def _print(self, text: str) -> None:
-        self._console.print(text)
-        sys.stdout.flush()
+        with contextlib.suppress(OSError):  # the reader or the terminal may be gone; the robots must not care
+            self._console.print(text)
+            sys.stdout.flush()
 
 
 def _suggestion(plan: Plan) -> str:

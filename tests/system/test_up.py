@@ -149,6 +149,12 @@ def test_kill_9_of_up_leaves_no_process(tmp_path: Path) -> None:
         wait_until(up.gone, timeout_s=2.0)
 
 
+def test_when_its_terminal_is_closed_it_stops_in_order(tmp_path: Path) -> None:
+    data = ("--data-dir", str(tmp_path / "data"))
+    with running(tmp_path, "--robots", "0", "--no-host", *data, *ports()) as up:
+        up.stop(signal.SIGHUP)
+
+
 def test_an_explicit_port_in_use_is_an_error_that_names_the_owner(tmp_path: Path) -> None:
     for option in ("--port", "--grpc-port", "--zenoh-port"):
         with socket.socket() as foreign:
