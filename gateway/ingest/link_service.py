@@ -80,7 +80,9 @@ def make_server(links: Links, *, host: str, port: int, limits: Limits = LIMITS) 
             ("grpc.max_send_message_length", limits.frame_bytes),
             ("grpc.keepalive_time_ms", 10_000),
             ("grpc.keepalive_timeout_ms", 5_000),
-            ("grpc.http2.min_ping_interval_without_data_ms", 5_000),
+            # Agents ping every heartbeat: that must never look like a flood, whatever the jitter.
+            ("grpc.http2.min_ping_interval_without_data_ms", 1_000),
+            ("grpc.http2.max_ping_strikes", 0),
         ]
     )
     link_pb2_grpc.add_LinkServicer_to_server(LinkService(links), server)
