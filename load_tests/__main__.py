@@ -7,6 +7,7 @@ import sys
 
 BENCHMARKS = {
     "cdr": "CDR encode and decode against rosbags",
+    "ingest": "metric rows and samples through a real gateway",
     "pubsub": "typed publish and receive against raw eclipse-zenoh",
 }
 

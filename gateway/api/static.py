@@ -19,7 +19,7 @@ The API works: <a href="/api/v1/robots">/api/v1/robots</a>.</p>"""
 
 
 class Dashboard(StaticFiles):
-    """Files under `folder`; a path without a dot is a view of the single page."""
+    """Files under `folder`; a path without a dot, and any robot's, is a view of the single page."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(directory=folder, check_dir=False)
@@ -28,7 +28,7 @@ class Dashboard(StaticFiles):
 
     async def get_response(self, path: str, scope: Scope) -> Response:
         """The file, the page, or why there is none."""
-        view = "." not in os.path.basename(path) or path == "."
+        view = path == "." or path.startswith("robots/") or "." not in os.path.basename(path)
         if view and not _is_api(path):
             if not self._index.is_file():
                 return HTMLResponse(NOT_BUILT, status_code=503)

@@ -76,7 +76,7 @@ async def test_dashboard_files(tmp_path: Path) -> None:
     (static / "index.html").write_text("<!doctype html>the page")
     (static / "assets" / "app-1a2b.js").write_text("1")
     async with running_gateway(tmp_path, static_dir=static) as ready, client(ready) as http:
-        for path in ("/", "/robots/sim_1", "/index.html"):
+        for path in ("/", "/robots/sim_1", "/robots/host.local", "/index.html"):
             answer = await http.get(path)
             assert (answer.status_code, answer.headers["cache-control"]) == (200, "no-cache")
             assert "the page" in answer.text
