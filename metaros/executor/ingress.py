@@ -65,6 +65,15 @@ class Ingress:
         put = self.put
         return lambda item: put((mailbox, item))
 
+    def offer(self, mailbox: Mailbox) -> None:
+        """Say that something was appended to the mailbox's `pending` from outside."""
+        with self._lock:
+            if mailbox.queued:
+                return
+            mailbox.queued = True
+            self._ready.append(mailbox)
+        self.put(None)
+
     def wake(self) -> None:
         """Make a waiting executor look around."""
         self.put(None)

@@ -65,16 +65,18 @@ class Mailbox:
             self._weigh_at = _FEW
 
     def _trim_bytes(self) -> None:
-        """Keep the newest items that fit, the newest itself always; weigh again when a quarter more is waiting."""
+        """Where the bound is passed, keep the newest items that fill three quarters of it, so that it lasts a while."""
         items = list(self.pending)
-        kept = total = 0
-        for item in reversed(items):
-            total += self._size_of(item)
-            if total > self.limit_bytes and kept:
-                break
-            kept += 1
-        self._drop(len(items) - kept)
-        self._weigh_at = kept + max(_FEW, kept // 4) if total < self.limit_bytes // 2 else kept + _FEW
+        sizes = [self._size_of(item) for item in items]
+        total = sum(sizes)
+        if total > self.limit_bytes:
+            count = 0
+            while count < len(sizes) - 1 and total > self.limit_bytes * 3 // 4:
+                total -= sizes[count]
+                count += 1
+            self._drop(count)
+        left = len(self.pending)
+        self._weigh_at = left + max(_FEW, left // 4)
 
     def _drop(self, count: int) -> None:
         for _ in range(count):

@@ -14,6 +14,7 @@ import sys
 import threading
 import time
 from collections.abc import Awaitable, Coroutine
+from contextlib import suppress
 from typing import Any, Final
 
 from metaros.errors import ClosedError, UsageError
@@ -35,6 +36,7 @@ class SingleThreadedExecutor:
     def __init__(self) -> None:
         self._nodes: list[Spinnable] = []
         self._stopped = threading.Event()
+        self._spinning = threading.Lock()  # held by the thread that spins: only it may touch the loop
         self._loop: asyncio.AbstractEventLoop | None = None
         self._arrived: asyncio.Event | None = None
         self._pump: threading.Thread | None = None
@@ -63,7 +65,7 @@ class SingleThreadedExecutor:
             while not self._stopped.is_set() and self._alive():
                 self._turn(ingress, None, forever=True)
         finally:
-            ingress.owner.release()
+            self._end(ingress)
 
     def spin_once(self, timeout_s: float | None = None) -> bool:
         """Run what is ready, waiting up to `timeout_s` (None: for ever) for something; False when nothing came."""
@@ -71,15 +73,18 @@ class SingleThreadedExecutor:
         try:
             return self._turn(ingress, timeout_s)
         finally:
-            ingress.owner.release()
+            self._end(ingress)
 
     def shutdown(self) -> None:
         """Make `spin` return after the callback that runs; cancels what awaits. Safe from any thread."""
         self._stopped.set()
         for node in self._nodes[:1]:
             node.ingress.wake()
-        if self._loop is not None and not self._loop.is_running():
-            self._close_loop()
+        loop, arrived = self._loop, self._arrived
+        if loop is not None and arrived is not None:
+            with suppress(RuntimeError):  # the loop was closed meanwhile
+                loop.call_soon_threadsafe(arrived.set)
+        self._close_if_idle()
 
     def _begin(self) -> Ingress:
         if self._stopped.is_set():
@@ -89,9 +94,24 @@ class SingleThreadedExecutor:
         ingress = self._nodes[0].ingress
         if not ingress.owner.acquire(blocking=False):
             raise UsageError("another executor is spinning nodes of this context; use one executor a context")
+        self._spinning.acquire()
         if sys.getswitchinterval() > SWITCH_INTERVAL_S:
             sys.setswitchinterval(SWITCH_INTERVAL_S)
         return ingress
+
+    def _end(self, ingress: Ingress) -> None:
+        self._spinning.release()
+        ingress.owner.release()
+        if self._stopped.is_set():
+            self._close_if_idle()
+
+    def _close_if_idle(self) -> None:
+        """Close the event loop once nobody spins; who spins does it at the end."""
+        if self._spinning.acquire(blocking=False):
+            try:
+                self._close_loop()
+            finally:
+                self._spinning.release()
 
     def _alive(self) -> bool:
         return any(not node.closed for node in self._nodes)
@@ -100,11 +120,7 @@ class SingleThreadedExecutor:
         if self._loop is None and not ingress.async_work:
             return self._turn_plain(ingress, timeout_s)
         loop = self._loop = self._loop or asyncio.new_event_loop()
-        try:
-            return loop.run_until_complete(self._turn_async(ingress, timeout_s, forever=forever))
-        finally:
-            if self._stopped.is_set():
-                self._close_loop()
+        return loop.run_until_complete(self._turn_async(ingress, timeout_s, forever=forever))
 
     def _turn_plain(self, ingress: Ingress, timeout_s: float | None) -> bool:
         """One round without an event loop."""

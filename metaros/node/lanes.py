@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 import zenoh
 
 from metaros.executor import Ingress, Mailbox
 
-__all__ = ["IngressLane", "RingLane"]
+__all__ = ["ChannelLane", "RingLane", "feed"]
+
+_CHANNEL: Final = 1024  # samples
+_PATIENCE_S: Final = 0.1  # a handler may block for so long before its channel is emptied for it
+_AHEAD: Final = 512  # samples that a lane passes on before the executor must have handled half of them
+_YIELD_S: Final = 0.0003
 
 
 class RingLane:
@@ -49,35 +54,99 @@ class RingLane:
                 return
 
 
-class IngressLane:
-    """Keep-all: an ingress of its own, so that the backlog is bounded in bytes even while the callback blocks."""
+class ChannelLane:
+    """Keep-all: a channel in Zenoh's own memory that makes publishers wait for a while rather than lose a sample.
 
-    def __init__(self, mailbox: Mailbox, *, name: str) -> None:
-        self._ingress = Ingress(name=f"{name}-relief")
-        self._mailbox = mailbox
-        self._stopped = False
-        self.handler: Any = zenoh.handlers.Callback(self._ingress.put, indirect=False)
-        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+    A thread hands the samples to `handle`. While that blocks for longer than `_PATIENCE_S`, a guard moves what arrives
+    into the mailbox, bounded in bytes: a full channel would stall everything else on the link, and end it in seconds.
+    """
+
+    def __init__(self, handle: Callable[[zenoh.Sample], object], backlog: Mailbox, *, name: str) -> None:
+        self.handler: Any = zenoh.handlers.FifoChannel(_CHANNEL)
+        self._handle = handle
+        self._backlog = backlog
+        self._lock = threading.Lock()
+        self._receiving = False
+        self._handled = 0
+        self._stopped = threading.Event()
+        self._threads: list[threading.Thread] = []
+        self._name = name
 
     def start(self, subscriber: Any) -> None:
         """Begin to handle what arrives."""
-        self._ingress.route(subscriber.key_expr, self._mailbox)
-        self._thread.start()
+        channel = subscriber.handler
+        for suffix, run in (("", self._run), ("-guard", self._guard)):
+            thread = threading.Thread(target=run, args=(channel,), name=f"{self._name}{suffix}", daemon=True)
+            self._threads.append(thread)
+            thread.start()
 
     def stop(self) -> None:
-        """End both threads."""
-        self._stopped = True
-        self._ingress.wake()
-        if self._thread is not threading.current_thread():
-            self._thread.join()
-        self._ingress.close()
+        """End both threads; the subscriber must be undeclared before."""
+        self._stopped.set()
+        for thread in self._threads:
+            if thread is not threading.current_thread():
+                thread.join()
 
-    def _run(self) -> None:
-        pending, handle = self._mailbox.pending, self._mailbox.handle
-        while not self._stopped:
-            self._ingress.wait(None)
-            for mailbox in self._ingress.take_ready():
-                while pending and not self._stopped:
-                    self._ingress.collect()
-                    handle(pending.popleft())
-                self._ingress.requeue(mailbox)
+    def _run(self, channel: Any) -> None:
+        receive, handle, next_now = channel.recv, self._handle, self._next_now
+        stopped = self._stopped.is_set
+        try:
+            while not stopped():
+                sample = next_now(channel)
+                if sample is None:
+                    sample = receive()
+                    self._receiving = False
+                self._handled += 1
+                handle(sample)
+        except zenoh.ZError:  # undeclared
+            return
+
+    def _next_now(self, channel: Any) -> Any:
+        """The oldest sample that is here; None when there is none, and then the guard leaves the channel alone."""
+        with self._lock:
+            pending = self._backlog.pending
+            if pending:
+                return pending.popleft()
+            sample = channel.try_recv()
+            self._receiving = sample is None
+            return sample
+
+    def _guard(self, channel: Any) -> None:
+        seen = -1
+        while not self._stopped.wait(_PATIENCE_S):
+            while self._handled == seen and not self._receiving and not self._stopped.is_set():
+                try:
+                    if not self._relieve(channel):
+                        break
+                except zenoh.ZError:
+                    return
+            seen = self._handled
+
+    def _relieve(self, channel: Any) -> bool:
+        """Move up to one channel's worth; False when the channel was empty."""
+        with self._lock:
+            if self._receiving:
+                return False
+            for _ in range(_CHANNEL):
+                sample = channel.try_recv()
+                if sample is None:
+                    return False
+                self._backlog.pending.append(sample)
+            self._backlog.trim()
+            return True
+
+
+def feed(ingress: Ingress, mailbox: Mailbox, lane_stopped: Callable[[], bool]) -> Callable[[zenoh.Sample], None]:
+    """A lane's handler that passes samples on to an executor and waits while it has enough to do."""
+    pause = threading.Event()
+    pending = mailbox.pending
+
+    def pass_on(sample: zenoh.Sample) -> None:
+        pending.append(sample)
+        if not mailbox.queued:
+            ingress.offer(mailbox)
+        if len(pending) >= _AHEAD:
+            while len(pending) > _AHEAD // 2 and not lane_stopped():
+                pause.wait(_YIELD_S)
+
+    return pass_on

@@ -14,7 +14,7 @@ from metaros.limits import LIMITS
 from metaros.node.arrivals import declare_with_history
 from metaros.node.endpoint import Endpoint
 from metaros.node.info import takes
-from metaros.node.lanes import IngressLane, RingLane
+from metaros.node.lanes import ChannelLane, RingLane, feed
 from metaros.node.receive import Receiver
 from metaros.wire import Durability, History, QoSProfile
 
@@ -24,9 +24,12 @@ if TYPE_CHECKING:
 __all__ = ["RawSubscription", "Subscription"]
 
 
+_OVERHEAD_BYTES = 512  # what Zenoh and Python keep beside a sample's payload
+
+
 def sample_bytes(sample: zenoh.Sample) -> int:
     """What a waiting sample weighs."""
-    return len(sample.payload)
+    return len(sample.payload) + _OVERHEAD_BYTES
 
 
 class Subscription(Endpoint):
@@ -69,11 +72,13 @@ class Subscription(Endpoint):
             size_of=sample_bytes,
         )
         self.on_close(self._mailbox.clear)
-        if dedicated:
-            self._listen_alone()
+        if is_async:
+            node.ingress.async_work = True
+        if qos.history is History.KEEP_ALL:
+            self._listen_to_all(dedicated=dedicated)
+        elif dedicated:
+            self._start_lane(RingLane(self._receiver.handle, depth=qos.depth, name=f"metaros{self.topic}"))
         else:
-            if is_async:
-                node.ingress.async_work = True
             self._listen()
         self.announce()
 
@@ -102,13 +107,19 @@ class Subscription(Endpoint):
         subscriber = declare_with_history(context.session.check_open(), self.key, self.qos, callback)
         self.on_close(subscriber.undeclare)
 
-    def _listen_alone(self) -> None:
-        """On a thread of its own: a ring in Zenoh's own memory for keep-last, an ingress for keep-all."""
+    def _listen_to_all(self, *, dedicated: bool) -> None:
+        """Through a channel with a thread of its own, which handles the samples or feeds the executor."""
+        name, handle, ingress = f"metaros{self.topic}", self._receiver.handle, self.node.ingress
+        if not dedicated:
+            executors = Mailbox(
+                handle, owner=self.node, depth=None, limit_bytes=LIMITS.ingress_bytes, size_of=sample_bytes
+            )
+            handle = feed(ingress, executors, lambda: self.closed)
+            self.on_close(executors.clear)
+        self._start_lane(ChannelLane(handle, self._mailbox, name=name))
+
+    def _start_lane(self, lane: ChannelLane | RingLane) -> None:
         session = self.node.context.session.check_open()
-        if self.qos.history is History.KEEP_ALL:
-            lane: IngressLane | RingLane = IngressLane(self._mailbox, name=f"metaros{self.topic}")
-        else:
-            lane = RingLane(self._receiver.handle, depth=self.qos.depth, name=f"metaros{self.topic}")
         if self.qos.durability is Durability.TRANSIENT_LOCAL:
             subscriber: Any = declare_with_history(session, self.key, self.qos, lane.handler)
         else:

@@ -130,13 +130,13 @@ def test_backlogs_stay_bounded_while_a_callback_blocks(node, executor):
         node.ingress.put(Item("all", number, size_bytes=300))
     wait_until(lambda: node.ingress.queue.empty() and all_.dropped)
     assert last.dropped == 97
-    assert all_.dropped == 102
+    assert all_.dropped == 103
     leave.set()
-    wait_until(lambda: len(handled) == 7)
+    wait_until(lambda: len(handled) == 6)
     executor.shutdown()
     thread.join()
     assert handled[0] == 0
-    assert sorted(handled[1:]) == [98, 99, 100, 2002, 2003, 2004]
+    assert sorted(handled[1:]) == [98, 99, 100, 2003, 2004]
 
 
 def test_backlogs_stay_bounded_while_nobody_spins(node):
