@@ -16,6 +16,7 @@ _CHANNEL: Final = 1024  # samples
 _PATIENCE_S: Final = 0.1  # a handler may block for so long before its channel is emptied for it
 _AHEAD: Final = 512  # samples that a lane passes on before the executor must have handled half of them
 _YIELD_S: Final = 0.0003
+_STREAK: Final = 16
 
 
 class RingLane:
@@ -89,11 +90,18 @@ class ChannelLane:
 
     def _run(self, channel: Any) -> None:
         receive, handle, next_now = channel.recv, self._handle, self._next_now
-        stopped = self._stopped.is_set
+        stopped, pause, streak = self._stopped.is_set, threading.Event(), 0
         try:
             while not stopped():
                 sample = next_now(channel)
+                streak += 1
                 if sample is None:
+                    if streak > _STREAK:  # a flood: let a batch gather, a switch of threads a sample costs more
+                        self._receiving = False
+                        streak = 0
+                        pause.wait(_YIELD_S)
+                        continue
+                    streak = 0
                     sample = receive()
                     self._receiving = False
                 self._handled += 1
