@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import threading
 from collections.abc import Callable
 from typing import Any, Final
@@ -10,13 +11,14 @@ import zenoh
 
 from metaros.executor import Ingress, Mailbox
 
-__all__ = ["ChannelLane", "RingLane", "feed"]
+__all__ = ["ChannelLane", "RingLane", "feed", "one_by_one"]
 
 _CHANNEL: Final = 1024  # samples
 _PATIENCE_S: Final = 0.1  # a handler may block for so long before its channel is emptied for it
 _AHEAD: Final = 512  # samples that a lane passes on before the executor must have handled half of them
 _YIELD_S: Final = 0.0003
-_STREAK: Final = 16
+_BATCH: Final = 64
+_FLOOD: Final = 8  # samples at once that mean more are on their way
 
 
 class RingLane:
@@ -62,7 +64,7 @@ class ChannelLane:
     into the mailbox, bounded in bytes: a full channel would stall everything else on the link, and end it in seconds.
     """
 
-    def __init__(self, handle: Callable[[zenoh.Sample], object], backlog: Mailbox, *, name: str) -> None:
+    def __init__(self, handle: Callable[[list[zenoh.Sample]], None], backlog: Mailbox, *, name: str) -> None:
         self.handler: Any = zenoh.handlers.FifoChannel(_CHANNEL)
         self._handle = handle
         self._backlog = backlog
@@ -89,35 +91,34 @@ class ChannelLane:
                 thread.join()
 
     def _run(self, channel: Any) -> None:
-        receive, handle, next_now = channel.recv, self._handle, self._next_now
-        stopped, pause, streak = self._stopped.is_set, threading.Event(), 0
+        receive, handle, stopped, pause = channel.recv, self._handle, self._stopped.is_set, threading.Event()
+        flood = False
         try:
             while not stopped():
-                sample = next_now(channel)
-                streak += 1
-                if sample is None:
-                    if streak > _STREAK:  # a flood: let a batch gather, a switch of threads a sample costs more
-                        self._receiving = False
-                        streak = 0
-                        pause.wait(_YIELD_S)
-                        continue
-                    streak = 0
-                    sample = receive()
+                batch = self._here(channel)
+                if not batch and flood:  # let a batch gather: switching threads for every sample costs more
+                    self._receiving = flood = False
+                    pause.wait(_YIELD_S)
+                    continue
+                if not batch:
+                    batch = [receive()]
                     self._receiving = False
+                else:
+                    flood = len(batch) > _FLOOD
                 self._handled += 1
-                handle(sample)
+                handle(batch)
         except zenoh.ZError:  # undeclared
             return
 
-    def _next_now(self, channel: Any) -> Any:
-        """The oldest sample that is here; None when there is none, and then the guard leaves the channel alone."""
+    def _here(self, channel: Any) -> list[zenoh.Sample]:
+        """The oldest samples that are here; without any, the guard leaves the channel alone from now on."""
         with self._lock:
             pending = self._backlog.pending
             if pending:
-                return pending.popleft()
-            sample = channel.try_recv()
-            self._receiving = sample is None
-            return sample
+                return [pending.popleft() for _ in range(min(len(pending), _BATCH))]
+            batch = list(itertools.islice(iter(channel.try_recv, None), _BATCH))
+            self._receiving = not batch
+            return batch
 
     def _guard(self, channel: Any) -> None:
         seen = -1
@@ -144,13 +145,23 @@ class ChannelLane:
             return True
 
 
-def feed(ingress: Ingress, mailbox: Mailbox, lane_stopped: Callable[[], bool]) -> Callable[[zenoh.Sample], None]:
+def one_by_one(handle: Callable[[zenoh.Sample], object]) -> Callable[[list[zenoh.Sample]], None]:
+    """A lane's handler that handles the samples on the lane's own thread."""
+
+    def handle_all(batch: list[zenoh.Sample]) -> None:
+        for sample in batch:
+            handle(sample)
+
+    return handle_all
+
+
+def feed(ingress: Ingress, mailbox: Mailbox, lane_stopped: Callable[[], bool]) -> Callable[[list[zenoh.Sample]], None]:
     """A lane's handler that passes samples on to an executor and waits while it has enough to do."""
     pause = threading.Event()
     pending = mailbox.pending
 
-    def pass_on(sample: zenoh.Sample) -> None:
-        pending.append(sample)
+    def pass_on(batch: list[zenoh.Sample]) -> None:
+        pending.extend(batch)
         if not mailbox.queued:
             ingress.offer(mailbox)
         if len(pending) >= _AHEAD:

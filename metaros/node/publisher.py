@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import logging
+import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Publisher", "RawPublisher"]
 
+_log = logging.getLogger("metaros.node")
+_UNDECLARE_TRIES = 2000  # of a millisecond: longer than Zenoh blocks a put before it gives up
 _HEARTBEAT_S = 0.5  # how soon a transient_local subscription learns of a sample it missed; rmw_zenoh's figure
 
 
@@ -50,7 +54,7 @@ class RawPublisher(Endpoint):
     ) -> None:
         super().__init__(node, "MP", topic, type_name, type_hash, qos)
         publisher = _declare(node.context.session.check_open(), self.key, qos)
-        self.on_close(publisher.undeclare)
+        self.on_close(lambda: _undeclare(publisher))
         self.publish = _publish(self, node.clock, publisher.put, message_type=message_type, encode=encode)
         self.announce()
 
@@ -80,6 +84,19 @@ def _declare(session: zenoh.Session, key: str, qos: QoSProfile) -> zenoh.Publish
     return zenoh.ext.declare_advanced_publisher(session, key, cache=cache, publisher_detection=True, **options)
 
 
+def _undeclare(publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher) -> None:
+    """Undeclare once no other thread is inside its `put`: Zenoh refuses while one is."""
+    pause = threading.Event()
+    for _ in range(_UNDECLARE_TRIES):
+        try:
+            publisher.undeclare()  # type: ignore[no-untyped-call]
+        except RuntimeError:
+            pause.wait(0.001)
+        else:
+            return
+    _log.warning("a publisher was left to the session's close: its put() does not return")
+
+
 def _publish(
     endpoint: Endpoint,
     clock: Clock,
@@ -104,6 +121,10 @@ def _publish(
         try:
             put(data, attachment=pack(next_seq(), now_ns() if stamp_ns is None else stamp_ns, gid))
         except zenoh.ZError as error:
+            raise ClosedError(f"publish on {topic}: {error}") from None
+        except RuntimeError as error:  # Zenoh's object is being undeclared on another thread at this very moment
+            if not endpoint.closed:
+                raise
             raise ClosedError(f"publish on {topic}: {error}") from None
 
     return publish

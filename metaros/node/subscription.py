@@ -14,7 +14,7 @@ from metaros.limits import LIMITS
 from metaros.node.arrivals import declare_with_history
 from metaros.node.endpoint import Endpoint
 from metaros.node.info import takes
-from metaros.node.lanes import ChannelLane, RingLane, feed
+from metaros.node.lanes import ChannelLane, RingLane, feed, one_by_one
 from metaros.node.receive import Receiver
 from metaros.wire import Durability, History, QoSProfile
 
@@ -109,14 +109,16 @@ class Subscription(Endpoint):
 
     def _listen_to_all(self, *, dedicated: bool) -> None:
         """Through a channel with a thread of its own, which handles the samples or feeds the executor."""
-        name, handle, ingress = f"metaros{self.topic}", self._receiver.handle, self.node.ingress
-        if not dedicated:
+        handle = self._receiver.handle
+        if dedicated:
+            run = one_by_one(handle)
+        else:
             executors = Mailbox(
                 handle, owner=self.node, depth=None, limit_bytes=LIMITS.ingress_bytes, size_of=sample_bytes
             )
-            handle = feed(ingress, executors, lambda: self.closed)
+            run = feed(self.node.ingress, executors, lambda: self.closed)
             self.on_close(executors.clear)
-        self._start_lane(ChannelLane(handle, self._mailbox, name=name))
+        self._start_lane(ChannelLane(run, self._mailbox, name=f"metaros{self.topic}"))
 
     def _start_lane(self, lane: ChannelLane | RingLane) -> None:
         session = self.node.context.session.check_open()
