@@ -32,6 +32,7 @@ def zenoh_router() -> Iterator[str]:
     config.insert_json5("mode", '"router"')
     config.insert_json5("listen/endpoints", f'["{endpoint}"]')
     config.insert_json5("scouting/multicast/enabled", "false")
+    config.insert_json5("scouting/delay", "0")  # nobody to wait for: half a second saved in every test
     config.insert_json5("timestamping/enabled", "true")
     session = zenoh.open(config)
     try:

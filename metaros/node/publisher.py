@@ -55,7 +55,8 @@ class RawPublisher(Endpoint):
         super().__init__(node, "MP", topic, type_name, type_hash, qos)
         publisher = _declare(node.context.session.check_open(), self.key, qos)
         self.on_close(lambda: _undeclare(publisher))
-        self.publish = _publish(self, node.clock, publisher.put, message_type=message_type, encode=encode)
+        self.publish, retire = _publish(self, node.clock, publisher.put, message_type=message_type, encode=encode)
+        self.on_close(retire)
         self.announce()
 
 
@@ -104,8 +105,11 @@ def _publish(
     *,
     message_type: type[Any] | None,
     encode: Callable[[Any], bytes],
-) -> Publish:
-    """The hot path: one class check, one encode, one pack, one put; no lock, no attribute look-up."""
+) -> tuple[Publish, Callable[[], None]]:
+    """The hot path: one class check, one encode, one pack, one put; no lock, no attribute look-up.
+
+    The second function ends it: publishing goes on raising ClosedError, so that `undeclare` finds the publisher idle.
+    """
     next_seq, pack, now_ns, limit = itertools.count(1).__next__, NEW.pack, clock.wall_ns, LIMITS.sample_bytes
     gid, topic, type_name = endpoint.gid, endpoint.topic, endpoint.type_name
 
@@ -127,4 +131,11 @@ def _publish(
                 raise
             raise ClosedError(f"publish on {topic}: {error}") from None
 
-    return publish
+    def retire() -> None:
+        nonlocal put
+        put = refuse
+
+    def refuse(*_: object, **__: object) -> None:
+        raise ClosedError(f"publish on {topic}: the publisher was closed")
+
+    return publish, retire

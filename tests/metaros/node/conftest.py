@@ -7,15 +7,6 @@ from collections.abc import Iterator
 import pytest
 
 import metaros
-from metaros.wire import open_router
-from tests.support.ports import free_port
-
-
-@pytest.fixture
-def zenoh_router() -> Iterator[str]:
-    """A router that opens at once: the suite's own waits half a second for scouts."""
-    with open_router(free_port(), environ={}) as router:
-        yield router.endpoint
 
 
 @pytest.fixture

@@ -206,3 +206,27 @@ def test_what_does_not_fit_is_refused_before_it_is_sent(here):
         publisher.publish(String())
     with pytest.raises(ClosedError):
         node.create_publisher(String, "chatter")
+
+
+def test_closing_while_another_thread_publishes(here: metaros.Context) -> None:
+    ended: list[type[BaseException]] = []
+    for _ in range(20):
+        node = metaros.Node("busy", context=here, enable_rosout=False)
+        publisher = node.create_publisher(String, "flood", 10)
+        began = threading.Event()
+
+        def flood(publish: Callable[..., None] = publisher.publish, began: threading.Event = began) -> None:
+            message = String(data="x" * 20_000)
+            try:
+                while True:
+                    publish(message)
+                    began.set()
+            except BaseException as error:
+                ended.append(type(error))
+
+        thread = threading.Thread(target=flood)
+        thread.start()
+        assert began.wait(5)
+        node.close()
+        thread.join(5)
+    assert ended == [ClosedError] * 20
