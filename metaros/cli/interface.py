@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from metaros.cli.options import Format, FormatOption
+from metaros.errors import UnknownTypeError
 
 if TYPE_CHECKING:
     from metaros.idl import MessageDefinition
@@ -15,6 +16,12 @@ if TYPE_CHECKING:
 __all__ = ["register"]
 
 group = typer.Typer(name="interface", no_args_is_help=True, help="Message, service and action types.")
+
+
+TypeArgument = Annotated[str, typer.Argument(metavar="TYPE", help="Such as std_msgs/String or std_srvs/srv/Trigger.")]
+OnlyMessages = Annotated[bool, typer.Option("--only-msgs", "-m", help="Only messages.")]
+OnlyServices = Annotated[bool, typer.Option("--only-srvs", "-s", help="Only services.")]
+OnlyActions = Annotated[bool, typer.Option("--only-actions", "-a", help="Only actions.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -25,49 +32,143 @@ def register(app: typer.Typer) -> None:
 @group.command("list")
 def list_(
     word: Annotated[str, typer.Argument(metavar="WORD", help="Only names that contain this.")] = "",
-    messages: Annotated[bool, typer.Option("--only-msgs", "-m", help="Only messages.")] = False,
-    services: Annotated[bool, typer.Option("--only-srvs", "-s", help="Only services.")] = False,
-    actions: Annotated[bool, typer.Option("--only-actions", "-a", help="Only actions.")] = False,
+    messages: OnlyMessages = False,
+    services: OnlyServices = False,
+    actions: OnlyActions = False,
     output: FormatOption = Format.TEXT,
 ) -> None:
     """List the types of the catalogue."""
     from metaros.cli.output import Output
-    from metaros.idl import default_catalogue
 
-    wanted = {kind for kind, on in (("msg", messages), ("srv", services), ("action", actions)) if on}
-    names = default_catalogue().names()
-    found = [name for name in names if word.lower() in name.lower() and (not wanted or name.split("/")[1] in wanted)]
+    names = _names(messages=messages, services=services, actions=actions)
+    found = [name for name in names if word.lower() in name.lower()]
+    Output(output).names(found)
+    if not found:
+        raise UnknownTypeError(
+            f"no interface whose name contains {word!r}\n`metaros interface packages` shows where to look"
+        )
+
+
+@group.command("packages")
+def packages(
+    messages: OnlyMessages = False,
+    services: OnlyServices = False,
+    actions: OnlyActions = False,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """List the packages that have interfaces."""
+    from metaros.cli.output import Output
+
+    names = _names(messages=messages, services=services, actions=actions)
+    Output(output).names(sorted({name.split("/")[0] for name in names}))
+
+
+@group.command("package")
+def package(
+    name: Annotated[str, typer.Argument(metavar="PACKAGE", help="Such as sensor_msgs.")],
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """List the interfaces of one package."""
+    from metaros.cli.connection import closest
+    from metaros.cli.output import Output
+
+    names = _names()
+    found = [full for full in names if full.startswith(f"{name}/")]
+    if not found:
+        hint = closest(name, {full.split("/")[0] for full in names}) or "`metaros interface packages` shows all"
+        raise UnknownTypeError(f"no package {name!r} in the catalogue\n{hint}")
+    Output(output).names(found)
+
+
+@group.command("proto")
+def proto(
+    type_name: TypeArgument,
+    no_quotes: Annotated[bool, typer.Option("--no-quotes", help="Without the quotes around it.")] = False,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Print a message with its default values, to copy, change and publish; of a service or action what one sends."""
+    from metaros.cli.output import Output
+    from metaros.cli.render import message_yaml, plain
+    from metaros.idl import message_class
+
+    full = _full(type_name)
+    kind: Any = message_class(full)
+    message = (kind.Request if "/srv/" in full else kind.Goal if "/action/" in full else kind)()
     out = Output(output)
     if out.json:
-        out.objects(found)
+        out.objects(plain(message))
     else:
-        out.line("\n".join(found))
+        text = message_yaml(message, full=True)
+        out.line(text if no_quotes else f'"{text}\n"')
+
+
+@group.command("hash")
+def hash_(
+    type_name: TypeArgument,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Print a type's RIHS01 hash; of a service or action the hashes of all that goes over the wire."""
+    from metaros.cli.output import Output
+    from metaros.idl import type_hash
+
+    full = _full(type_name)
+    hashes = {name: type_hash(name) for name in (full, *(f"{full}{suffix}" for suffix in _on_the_wire(full)))}
+    out = Output(output)
+    if out.json:
+        out.objects(hashes)
+    elif len(hashes) == 1:
+        out.line(hashes[full])
+    else:
+        out.table(("Type", "Hash"), hashes.items())
 
 
 @group.command("show")
 def show(
-    type_name: Annotated[str, typer.Argument(metavar="TYPE", help="Such as std_msgs/String or std_srvs/srv/Trigger.")],
+    type_name: TypeArgument,
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Show a type's fields, nested ones indented below theirs, and its hash."""
     from metaros.cli.output import Output
-    from metaros.cli.types import full_type
     from metaros.idl import default_catalogue, type_hash
 
-    kinds = ("msg", "srv", "action")
-    names = default_catalogue()
-    package, *rest = type_name.split("/")
-    kind = next((kind for kind in kinds if len(rest) == 1 and f"{package}/{kind}/{rest[0]}" in names), "msg")
-    full = full_type(type_name, kind)
+    full = _full(type_name)
     out = Output(output)
     if out.json:
         from metaros.idl.schema import definition_text
 
-        out.objects({"name": full, "hash": type_hash(full), "definition": definition_text(names.get(full))})
+        definition = default_catalogue().get(full)
+        out.objects({"name": full, "hash": type_hash(full), "definition": definition_text(definition)})
         return
     out.line(out.style(f"# {full}  {type_hash(full)}", "2"))
     for line in _interface(full):
         out.line(line)
+
+
+def _names(*, messages: bool = False, services: bool = False, actions: bool = False) -> list[str]:
+    """All interfaces of the catalogue, or those of the kinds asked for."""
+    from metaros.idl import default_catalogue
+
+    wanted = {kind for kind, on in (("msg", messages), ("srv", services), ("action", actions)) if on}
+    return [name for name in default_catalogue().names() if not wanted or name.split("/")[1] in wanted]
+
+
+def _full(name: str) -> str:
+    """A type as typed, `std_msgs/String` or `std_srvs/Trigger`, with its kind."""
+    from metaros.cli.types import full_type
+    from metaros.idl import default_catalogue
+
+    names = default_catalogue()
+    package, *rest = name.split("/")
+    kinds = ("msg", "srv", "action")
+    kind = next((kind for kind in kinds if len(rest) == 1 and f"{package}/{kind}/{rest[0]}" in names), "msg")
+    return full_type(name, kind)
+
+
+def _on_the_wire(name: str) -> tuple[str, ...]:
+    """What is sent for a type: a service's messages, an action's services and topic."""
+    if "/srv/" in name:
+        return ("_Request", "_Response", "_Event")
+    return ("_SendGoal", "_GetResult", "_FeedbackMessage") if "/action/" in name else ()
 
 
 def _interface(name: str) -> Iterator[str]:

@@ -11,7 +11,7 @@ import queue
 from collections import deque
 from collections.abc import Iterator
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from metaros.cli.connection import connect
 from metaros.cli.topic_find import find_topic
@@ -22,10 +22,20 @@ from metaros.limits import LIMITS
 if TYPE_CHECKING:
     from metaros.cli.topic_find import FoundTopic
 
-__all__ = ["Listener", "Rate"]
+__all__ = ["Listener", "Meter", "Rate"]
 
 _SLICE_S = 0.1  # waiting in slices keeps Ctrl-C immediate on every platform
 _REPORT_S = 1.0
+
+
+class Meter(Protocol):
+    """What a listener feeds."""
+
+    def add(self, now: float, payload: bytes) -> None:
+        """A message arrived at `now`, by the monotonic clock."""
+
+    def report(self, now: float) -> dict[str, Any]:
+        """What is known by `now`; a `window` below 2 means that there is nothing to say."""
 
 
 class Listener:
@@ -72,16 +82,16 @@ class Listener:
             elif timeout_s and self._clock.monotonic_s() - last >= timeout_s:
                 raise TimeoutError_(f"no message on {self.found.name} within {timeout_s:g} s")
 
-    def reports(self, rate: Rate) -> Iterator[dict[str, Any]]:
-        """Feed `rate` and give its report once a second."""
+    def reports(self, meter: Meter) -> Iterator[dict[str, Any]]:
+        """Feed `meter` and give its report once a second."""
         due = self._clock.monotonic_s() + _REPORT_S
         while True:
             wait = due - self._clock.monotonic_s()
             if wait <= 0:
                 due += _REPORT_S
-                yield {**rate.report(self._clock.monotonic_s()), "dropped": self.dropped}
+                yield {**meter.report(self._clock.monotonic_s()), "dropped": self.dropped}
             elif (item := self._next(min(wait, _SLICE_S))) is not None:
-                rate.add(item[0], len(item[1]))
+                meter.add(*item)
 
     def _take(self, sample: Any) -> None:
         """On Zenoh's thread."""
@@ -107,9 +117,9 @@ class Rate:
     def __init__(self, window: int) -> None:
         self._arrivals: deque[tuple[float, int]] = deque(maxlen=window)
 
-    def add(self, now: float, size_bytes: int) -> None:
-        """A message of `size_bytes` arrived."""
-        self._arrivals.append((now, size_bytes))
+    def add(self, now: float, payload: bytes) -> None:
+        """A message arrived."""
+        self._arrivals.append((now, len(payload)))
 
     def report(self, now: float) -> dict[str, Any]:
         """Rates over the window; `window` below 2 means that there is nothing to say."""

@@ -33,6 +33,16 @@ class Output:
         else:
             self._columns(texts)
 
+    def names(self, names: Sequence[str], *, count: bool = False) -> None:
+        """Names, one a line; or only how many they are."""
+        if count:
+            self.line(str(len(names)))
+        elif self.json:
+            self.objects(list(names))
+        else:
+            for name in names:
+                self.line(name)
+
     def objects(self, value: Any) -> None:
         """One JSON document."""
         self.line(json.dumps(value, indent=2 if self.tty else None, ensure_ascii=False))

@@ -1,4 +1,4 @@
-"""`metaros service`: list services, and call one."""
+"""`metaros service`: list services, look at one, find those of a type, call one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ if TYPE_CHECKING:
 
 __all__ = ["register"]
 
-group = typer.Typer(name="service", no_args_is_help=True, help="Services: list them, call one.")
+group = typer.Typer(name="service", no_args_is_help=True, help="Services: list, look, find, call.")
+
+
+ServiceArgument = Annotated[str, typer.Argument(metavar="SERVICE", help="Such as /sim_1/base/resume.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -24,6 +27,8 @@ def register(app: typer.Typer) -> None:
 @group.command("list")
 def list_(
     show_types: Annotated[bool, typer.Option("--show-types", "-t", help="Show each service's type.")] = False,
+    count: Annotated[bool, typer.Option("--count-services", "-c", help="Only how many.")] = False,
+    hidden: Annotated[bool, typer.Option("--include-hidden-services", help="Those of actions, too.")] = False,
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
     spin_time: SpinTime = 1.0,
@@ -31,23 +36,93 @@ def list_(
 ) -> None:
     """List the services that a node serves."""
     from metaros.cli.connection import look
+    from metaros.cli.names import is_hidden
+    from metaros.cli.output import Output
+
+    out = Output(output)
+    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+        services = {name: types for name, types in _services(graph).items() if hidden or not is_hidden(name)}
+    if count:
+        out.line(str(len(services)))
+    elif out.json:
+        out.objects([{"service": name, "types": types} for name, types in services.items()])
+    else:
+        for name, types in services.items():
+            out.line(f"{name} [{', '.join(types)}]" if show_types else name)
+    if not services and not count:
+        out.note("no services: start a node, or `metaros up`")
+
+
+@group.command("type")
+def type_(
+    service: ServiceArgument,
+    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
+    domain: Domain = 0,
+    spin_time: SpinTime = 1.0,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Print a service's type."""
+    from metaros.cli.connection import absolute, look
+    from metaros.cli.output import Output
+
+    out, name = Output(output), absolute(service)
+    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+        _type_of(graph, name, "")  # says what is wrong where nobody serves it
+        types = _services(graph)[name]
+    out.names(types)
+
+
+@group.command("find")
+def find(
+    type_name: Annotated[str, typer.Argument(metavar="TYPE", help="Such as std_srvs/srv/Trigger.")],
+    count: Annotated[bool, typer.Option("--count-services", "-c", help="Only how many.")] = False,
+    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
+    domain: Domain = 0,
+    spin_time: SpinTime = 1.0,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """List the services of a type."""
+    from metaros.cli.connection import look
+    from metaros.cli.names import known_type
     from metaros.cli.output import Output
 
     out = Output(output)
     with look(zenoh_port, domain, spin_time=spin_time) as graph:
         services = _services(graph)
+    full = known_type(type_name, "srv", {item for types in services.values() for item in types})
+    out.names([name for name, types in services.items() if full in types], count=count)
+
+
+@group.command("info")
+def info(
+    service: ServiceArgument,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Each server and client, with its hash.")] = False,
+    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
+    domain: Domain = 0,
+    spin_time: SpinTime = 1.0,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Show a service's type, servers and clients."""
+    from metaros.cli.connection import absolute, look
+    from metaros.cli.endpoints import endpoint_facts, print_endpoints
+    from metaros.cli.names import no_such
+    from metaros.cli.output import Output
+
+    out, name = Output(output), absolute(service)
+    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+        known, ends = graph.services(), [item for item in graph.endpoints(topic=name) if item.kind in ("SS", "SC")]
+    if not ends:
+        raise no_such("service", name, known)
     if out.json:
-        out.objects([{"service": name, "types": types} for name, types in services.items()])
+        facts = [endpoint_facts(item) for item in ends]
+        out.objects({"service": name, "types": sorted({item.type_name for item in ends}), "endpoints": facts})
         return
-    for name, types in services.items():
-        out.line(f"{name} [{', '.join(types)}]" if show_types else name)
-    if not services:
-        out.note("no services: start a node, or `metaros up`")
+    print_endpoints(out, ends, (("SS", "Services count"), ("SC", "Clients count")), verbose=verbose)
 
 
 @group.command("call")
 def call(
-    service: Annotated[str, typer.Argument(metavar="SERVICE", help="Such as /sim_1/base/resume.")],
+    service: ServiceArgument,
     type_or_values: Annotated[str, typer.Argument(metavar="TYPE", help="Taken from the graph if left out.")] = "",
     values: Annotated[str, typer.Argument(metavar="YAML", help="The request's fields.")] = "",
     timeout: Annotated[
@@ -96,13 +171,12 @@ def _services(graph: Graph) -> dict[str, list[str]]:
 
 def _type_of(graph: Graph, name: str, wanted: str) -> str:
     """The type that the service's server declares; UnavailableError where there is none."""
-    from metaros.cli.connection import closest
-    from metaros.errors import UnavailableError, UsageError
+    from metaros.cli.names import no_such
+    from metaros.errors import UsageError
 
     services = _services(graph)
     if name not in services:
-        hint = closest(name, services) or "`metaros service list` shows those there are"
-        raise UnavailableError(f"nobody serves {name!r}\n{hint}")
+        raise no_such("service", name, services)
     types = services[name]
     if wanted and wanted not in types:
         raise UsageError(f"{name} is a {' or '.join(types)}, not a {wanted}")

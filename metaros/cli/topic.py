@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from metaros.cli import topic_pub, topic_stream
+from metaros.cli import topic_pub, topic_stream, topic_type
 from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
-
-if TYPE_CHECKING:
-    from metaros.cli.output import Output
 
 __all__ = ["register"]
 
@@ -26,6 +23,7 @@ def register(app: typer.Typer) -> None:
 def list_(
     show_types: Annotated[bool, typer.Option("--show-types", "-t", help="Show each topic's type.")] = False,
     count: Annotated[bool, typer.Option("--count-topics", "-c", help="Only how many.")] = False,
+    hidden: Annotated[bool, typer.Option("--include-hidden-topics", help="Those of actions, too.")] = False,
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
     spin_time: SpinTime = 1.0,
@@ -33,11 +31,12 @@ def list_(
 ) -> None:
     """List the topics of the graph."""
     from metaros.cli.connection import look
+    from metaros.cli.names import is_hidden
     from metaros.cli.output import Output
 
     out = Output(output)
     with look(zenoh_port, domain, spin_time=spin_time) as graph:
-        topics = {name: sorted(types) for name, types in sorted(graph.topics().items())}
+        topics = {name: sorted(types) for name, types in graph.topics().items() if hidden or not is_hidden(name)}
         ends = [*graph.endpoints(kind="MP"), *graph.endpoints(kind="MS")]
     if count:
         out.line(str(len(topics)))
@@ -73,78 +72,28 @@ def info(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Show a topic's type, publishers and subscribers."""
-    from metaros.cli.connection import absolute, closest, look
+    from metaros.cli.connection import absolute, look
+    from metaros.cli.endpoints import endpoint_facts, print_endpoints
+    from metaros.cli.names import no_such
     from metaros.cli.output import Output
-    from metaros.errors import UnavailableError
 
-    out = Output(output)
-    name = absolute(topic)
+    out, name = Output(output), absolute(topic)
     with look(zenoh_port, domain, spin_time=spin_time) as graph:
         ends = [item for item in graph.endpoints(topic=name) if item.kind in ("MP", "MS")]
         known = list(graph.topics())
     if not ends:
-        hint = closest(name, known) or "`metaros topic list` shows those there are"
-        raise UnavailableError(f"no topic {name!r} in the graph\n{hint}")
+        raise no_such("topic", name, known)
     if out.json:
-        out.objects({"topic": name, "types": _types(ends), "endpoints": [_endpoint(item) for item in ends]})
+        facts = [endpoint_facts(item) for item in ends]
+        out.objects({"topic": name, "types": sorted({item.type_name for item in ends}), "endpoints": facts})
         return
-    _print_info(out, ends, verbose=verbose)
+    print_endpoints(out, ends, (("MP", "Publisher count"), ("MS", "Subscription count")), verbose=verbose)
 
 
+group.command("type")(topic_type.type_)
+group.command("find")(topic_type.find)
 group.command("echo")(topic_stream.echo)
 group.command("hz")(topic_stream.hz)
 group.command("bw")(topic_stream.bw)
+group.command("delay")(topic_stream.delay)
 group.command("pub")(topic_pub.pub)
-
-
-def _types(endpoints: list[Any]) -> list[str]:
-    return sorted({item.type_name for item in endpoints})
-
-
-def _endpoint(item: Any) -> dict[str, Any]:
-    gid = item.gid.hex() if isinstance(item.gid, bytes) else str(item.gid)
-    return {
-        "kind": "publisher" if item.kind == "MP" else "subscriber",
-        "node": item.node,
-        "namespace": item.namespace,
-        "type": item.type_name,
-        "type_hash": item.type_hash,
-        "gid": gid,
-        "qos": _qos(item.qos),
-    }
-
-
-def _qos(qos: Any) -> dict[str, Any]:
-    return {
-        "reliability": qos.reliability.name,
-        "history": qos.history.name,
-        "depth": qos.depth,
-        "durability": qos.durability.name,
-    }
-
-
-def _print_info(out: Output, endpoints: list[Any], *, verbose: bool) -> None:
-    out.line(f"Type: {' or '.join(_types(endpoints))}")
-    hashes = {item.type_hash for item in endpoints}
-    if len(hashes) > len(_types(endpoints)):
-        out.note("the type's hash differs between nodes: they were built from different definitions (see -v)")
-    for kind, title in (("MP", "Publisher count"), ("MS", "Subscription count")):
-        own = [item for item in endpoints if item.kind == kind]
-        out.line(f"{'' if not verbose else chr(10)}{title}: {len(own)}")
-        for item in own if verbose else ():
-            _print_endpoint(out, _endpoint(item))
-
-
-def _print_endpoint(out: Output, item: dict[str, Any]) -> None:
-    qos = item["qos"]
-    depth = f" ({qos['depth']})" if qos["history"] == "KEEP_LAST" else ""
-    rows = (
-        ("Node", f"{item['namespace'].rstrip('/')}/{item['node']}"),
-        ("Type", item["type"]),
-        ("Type hash", item["type_hash"]),
-        ("GID", item["gid"]),
-        ("QoS", f"{qos['reliability']}, {qos['durability']}, {qos['history']}{depth}"),
-    )
-    out.line()
-    for label, value in rows:
-        out.line(f"  {out.style(label.ljust(9), '2')}  {value}")

@@ -1,4 +1,4 @@
-"""`metaros topic echo`, `hz` and `bw`: listen to one topic and print as it comes."""
+"""`metaros topic echo`, `hz`, `bw` and `delay`: listen to one topic and print as it comes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption
 if TYPE_CHECKING:
     from metaros.cli.output import Output
 
-__all__ = ["bw", "echo", "hz"]
+__all__ = ["bw", "delay", "echo", "hz"]
 
 TopicArgument = Annotated[str, typer.Argument(metavar="TOPIC", help="Such as /sim_1/odom; from the root if relative.")]
 Window = Annotated[int, typer.Option("--window", "-w", min=2, metavar="N", help="Over how many of the last messages.")]
@@ -148,5 +148,37 @@ def bw(
                     f"{sizes[0]}/s from {report['window']} messages"
                     f"   mean: {sizes[1]}   min: {sizes[2]}   max: {sizes[3]}"
                 )
+            if count == number:
+                return
+
+
+def delay(
+    topic: TopicArgument,
+    window: Window = 10_000,
+    number: Annotated[
+        int, typer.Option("-n", "--number", min=0, metavar="N", show_default=False, help="Stop after so many reports.")
+    ] = 0,
+    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
+    domain: Domain = 0,
+    spin_time: SpinTime = 1.0,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Measure how old messages are when they arrive, by the stamp in their header, once a second."""
+    from metaros.cli.delay import Delay
+    from metaros.cli.listen import Listener
+    from metaros.cli.output import Output
+    from metaros.clock import SystemClock
+
+    out = Output(output)
+    with Listener(topic, "", zenoh_port=zenoh_port, domain=domain, spin_time=spin_time, raw=False) as listener:
+        meter = Delay(window, listener.found.type_name, clock=SystemClock())
+        for count, report in enumerate(listener.reports(meter), start=1):
+            if out.json:
+                out.object_line(report)
+            elif report["window"] < 2:
+                out.note("no new messages")
+            else:
+                rest = "   ".join(f"{key}: {report[f'{key}_s']:.4f} s" for key in ("min", "max", "std"))
+                out.line(f"average delay: {report['delay_s']:.4f} s   {rest}   window: {report['window']}")
             if count == number:
                 return

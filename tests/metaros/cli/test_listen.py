@@ -11,7 +11,7 @@ def fed(count: int, gap_s: float, size: int = 100, window: int = 1000) -> Rate:
     """A rate that saw `count` messages every `gap_s`."""
     rate = Rate(window)
     for number in range(count):
-        rate.add(number * gap_s, size)
+        rate.add(number * gap_s, bytes(size))
     return rate
 
 

@@ -1,0 +1,103 @@
+"""type, find, info and delay of topics and services against a real node."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+import metaros
+from metaros.cdr import codec
+from metaros.cli.delay import Delay
+from metaros.clock import ManualClock
+from metaros.errors import UsageError
+from metaros.interfaces.sensor_msgs.msg import Temperature
+from metaros.interfaces.std_srvs.srv import Trigger
+from tests.metaros.cli.conftest import Run
+
+
+def stamped(clock: ManualClock, *, age_s: float) -> bytes:
+    """A Temperature made `age_s` ago."""
+    message = Temperature()
+    made_ns = clock.wall_ns() - round(age_s * 1e9)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(made_ns, 10**9)
+    return codec(Temperature).encode(message)
+
+
+def test_delay_is_stamp_to_arrival_without_the_wait_in_our_queue(clock: ManualClock) -> None:
+    delay = Delay(10, "sensor_msgs/msg/Temperature", clock=clock)
+    for age_s in (0.1, 0.3):
+        payload, arrived = stamped(clock, age_s=age_s), clock.monotonic_s()
+        clock.advance(0.5)  # our own queue's
+        delay.add(arrived, payload)
+    report = delay.report(clock.monotonic_s())
+    assert report["delay_s"] == pytest.approx(0.2)
+    assert (report["min_s"], report["max_s"]) == (pytest.approx(0.1), pytest.approx(0.3))
+    assert delay.report(clock.monotonic_s() + 60.0) == {"window": 0}
+
+
+def test_delay_of_what_has_no_header(clock: ManualClock) -> None:
+    with pytest.raises(UsageError, match="no header"):
+        Delay(10, "std_msgs/msg/String", clock=clock)
+
+
+@pytest.mark.usefixtures("talker")
+def test_types_and_the_way_back(run: Run) -> None:
+    assert run("topic", "type", "/chatter").stdout == "std_msgs/msg/String\n"
+    assert json.loads(run("topic", "type", "/chatter", "-o", "json").stdout) == ["std_msgs/msg/String"]
+    assert run("topic", "find", "std_msgs/String").stdout == "/chatter\n"
+    assert run("topic", "find", "std_msgs/msg/String", "-c").stdout == "1\n"
+    assert run("service", "type", "/demo/talker/reset").stdout == "std_srvs/srv/Trigger\n"
+    assert run("service", "find", "std_srvs/Trigger").stdout == "/demo/talker/reset\n"
+    assert run("service", "find", "std_srvs/Empty", "-c").stdout == "0\n"
+
+
+@pytest.mark.usefixtures("talker")
+@pytest.mark.parametrize(
+    ("arguments", "code", "word"),
+    [
+        (("topic", "type", "/chater"), 1, "did you mean /chatter?"),
+        (("service", "type", "/demo/talker/rest"), 1, "did you mean /demo/talker/reset?"),
+        (("service", "info", "/demo/talker/rest"), 1, "did you mean /demo/talker/reset?"),
+        (("topic", "find", "std_msgs/Strng"), 2, "std_msgs/msg/String"),
+        (("service", "find", "std_srvs/Triger"), 2, "std_srvs/srv/Trigger"),
+        (("topic", "delay", "/chatter"), 2, "std_msgs/msg/String has no header"),
+    ],
+)
+def test_what_is_not_there_gets_a_hint(run: Run, arguments: tuple[str, ...], code: int, word: str) -> None:
+    done = run(*arguments)
+    assert done.returncode == code
+    assert word in done.stderr
+
+
+def test_service_info(run: Run, talker: metaros.Node) -> None:
+    talker.create_client(Trigger, "~/reset")
+    lines = run("service", "info", "/demo/talker/reset").stdout.splitlines()
+    assert lines == ["Type: std_srvs/srv/Trigger", "Services count: 1", "Clients count: 1"]
+    assert run("service", "info", "/demo/talker/reset", "-v").stdout.count("/demo/talker\n") == 2
+    facts = json.loads(run("service", "info", "/demo/talker/reset", "-o", "json").stdout)
+    assert sorted(item["kind"] for item in facts["endpoints"]) == ["client", "server"]
+
+
+def test_hidden_names_are_listed_on_request_only(run: Run, talker: metaros.Node) -> None:
+    talker.create_service(Trigger, "/walk/_action/odd", lambda request, response: response)
+    assert "/walk/_action/odd" not in run("service", "list").stdout
+    assert "/walk/_action/odd" in run("service", "list", "--include-hidden-services").stdout.splitlines()
+    shown, everything = (
+        int(run("service", "list", "-c", *more).stdout) for more in ((), ("--include-hidden-services",))
+    )
+    assert everything == shown + 1
+
+
+def test_topic_delay(run: Run, talker: metaros.Node) -> None:
+    publisher = talker.create_publisher(Temperature, "/warmth", 10)
+
+    @talker.timer(0.02)
+    def publish() -> None:
+        message = Temperature()
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(talker.clock.wall_ns(), 10**9)
+        publisher.publish(message)
+
+    report = json.loads(run("topic", "delay", "/warmth", "-n", "1", "-o", "json").stdout)
+    assert 0.0 <= report["delay_s"] < 0.5
+    assert "average delay: " in run("topic", "delay", "/warmth", "-n", "1").stdout
