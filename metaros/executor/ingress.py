@@ -14,10 +14,35 @@ from typing import Any, Final
 
 from metaros.executor.mailbox import Mailbox
 
-__all__ = ["Ingress"]
+__all__ = ["Ingress", "Ownership"]
 
 _RELIEF_MIN_S: Final = 0.01  # while samples flow: what arrives in so long is the overshoot of the bounds
 _RELIEF_MAX_S: Final = 0.16  # while nothing does
+
+
+class Ownership:
+    """Who spins: a lock that knows its thread, so that a blocking call can tell that it would wait for itself."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._thread: int | None = None
+
+    def acquire(self, *, blocking: bool = True) -> bool:
+        """Begin to spin on this thread; False when another executor does."""
+        taken = self._lock.acquire(blocking)
+        if taken:
+            self._thread = threading.get_ident()
+        return taken
+
+    def release(self) -> None:
+        """Spin no more."""
+        self._thread = None
+        self._lock.release()
+
+    @property
+    def is_mine(self) -> bool:
+        """Whether the calling thread is the one that spins."""
+        return self._thread == threading.get_ident()
 
 
 class Ingress:
@@ -30,7 +55,7 @@ class Ingress:
     def __init__(self, *, name: str = "metaros-relief") -> None:
         self.queue: SimpleQueue[Any] = SimpleQueue()
         self.put = self.queue.put
-        self.owner = threading.Lock()  # held by the executor that spins
+        self.owner = Ownership()  # held by the executor that spins
         self.unrouted = 0
         self.async_work = False  # whether some callback is an `async def`
         self._routes: dict[Hashable, tuple[Mailbox, ...]] = {}
