@@ -13,11 +13,14 @@ if TYPE_CHECKING:
     from metaros.executor import SingleThreadedExecutor
     from metaros.node import Context, MessageInfo, Node, spin
     from metaros.wire import (
+        Congestion,
         Durability,
         History,
         Liveliness,
+        Priority,
         QoSProfile,
         Reliability,
+        qos_command,
         qos_default,
         qos_reliable_all,
         qos_rosout,
@@ -29,16 +32,19 @@ if TYPE_CHECKING:
 __version__ = "2.0.0.dev1"
 
 __all__ = [
+    "Congestion",
     "Context",
     "Durability",
     "History",
     "Liveliness",
     "MessageInfo",
     "Node",
+    "Priority",
     "QoSProfile",
     "Reliability",
     "SingleThreadedExecutor",
     "errors",
+    "qos_command",
     "qos_default",
     "qos_reliable_all",
     "qos_rosout",
@@ -53,11 +59,14 @@ _HOMES = {
     "metaros.executor": ("SingleThreadedExecutor",),
     "metaros.node": ("Context", "MessageInfo", "Node", "spin"),
     "metaros.wire": (
+        "Congestion",
         "Durability",
         "History",
         "Liveliness",
+        "Priority",
         "QoSProfile",
         "Reliability",
+        "qos_command",
         "qos_default",
         "qos_reliable_all",
         "qos_rosout",

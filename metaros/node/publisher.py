@@ -16,7 +16,7 @@ from metaros.clock import Clock
 from metaros.errors import ClosedError, FieldError, TooLargeError
 from metaros.limits import LIMITS
 from metaros.node.endpoint import Endpoint
-from metaros.wire import Durability, History, QoSProfile, Reliability
+from metaros.wire import Durability, QoSProfile, Reliability
 from metaros.wire.attachment import NEW
 
 if TYPE_CHECKING:
@@ -70,9 +70,9 @@ class Publisher(RawPublisher):
 
 def _declare(session: zenoh.Session, key: str, qos: QoSProfile) -> zenoh.Publisher | zenoh.ext.AdvancedPublisher:
     reliable = qos.reliability is not Reliability.BEST_EFFORT
-    block = reliable and qos.history is History.KEEP_ALL
     options: dict[str, Any] = {
-        "congestion_control": zenoh.CongestionControl.BLOCK if block else zenoh.CongestionControl.DROP,
+        "congestion_control": zenoh.CongestionControl.BLOCK if qos.blocks else zenoh.CongestionControl.DROP,
+        "priority": getattr(zenoh.Priority, qos.priority.name),
         "reliability": zenoh.Reliability.RELIABLE if reliable else zenoh.Reliability.BEST_EFFORT,
     }
     if qos.durability is not Durability.TRANSIENT_LOCAL:

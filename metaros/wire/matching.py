@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 from metaros.errors import TypeHashError
 from metaros.wire.qos import incompatibilities
-from metaros.wire.tokens import EndpointKind, EndpointToken
+from metaros.wire.tokens import ENDPOINT_KINDS, EndpointKind, EndpointToken
 
 __all__ = ["Obstacle", "obstacle"]
 
@@ -14,26 +14,36 @@ _COUNTERPART: Final[dict[EndpointKind, EndpointKind]] = {"MP": "MS", "MS": "MP",
 
 
 class Obstacle(NamedTuple):
-    """What stands between two endpoints; `code` is stable, `silent` whether nothing at all gets through."""
+    """What stands between two endpoints.
+
+    `code` is stable, `text` names the topic, both nodes and the policy, `silent` says whether nothing at all gets
+    through, `policies` which of the QoS policies are at odds.
+    """
 
     code: str
     text: str
     silent: bool
+    policies: tuple[str, ...] = ()
 
 
 def obstacle(own: EndpointToken, peer: EndpointToken) -> Obstacle | None:
     """What keeps `own` and `peer` apart; None when they match, or were never meant to meet."""
     if own.topic != peer.topic or _COUNTERPART[own.kind] != peer.kind or own.node.domain != peer.node.domain:
         return None
-    who = f"{peer.node.full_name} ({peer.kind})"
+    where = f"{own.topic}: {_who(own)} and {_who(peer)}"
     if own.type_name != peer.type_name:
-        return Obstacle("type_mismatch", f"{who} uses type {peer.type_name}, here it is {own.type_name}", True)
+        return Obstacle("type_mismatch", f"{where}: type {own.type_name} here, {peer.type_name} there", True)
     if own.type_hash != peer.type_hash:
-        hashes = f"{peer.type_hash}, here it is {own.type_hash}"
-        return Obstacle(TypeHashError.code, f"{who} has another {own.type_name}: {hashes}", True)
+        hashes = f"{own.type_hash} here, {peer.type_hash} there"
+        return Obstacle(TypeHashError.code, f"{where}: two definitions of {own.type_name}: {hashes}", True)
     if own.kind in ("MP", "MS"):
         offered, requested = (own.qos, peer.qos) if own.kind == "MP" else (peer.qos, own.qos)
         reasons = incompatibilities(offered, requested)
         if reasons:
-            return Obstacle("qos_mismatch", f"{who} has QoS that does not match: {'; '.join(reasons)}", False)
+            policies = tuple(dict.fromkeys(reason.partition(":")[0] for reason in reasons))
+            return Obstacle("qos_mismatch", f"{where}: {'; '.join(reasons)}", False, policies)
     return None
+
+
+def _who(token: EndpointToken) -> str:
+    return f"{ENDPOINT_KINDS[token.kind]} {token.node.full_name}"

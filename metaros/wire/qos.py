@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Final, TypeVar
 
@@ -10,12 +10,15 @@ from metaros.errors import FieldError, TokenError
 
 __all__ = [
     "INFINITE_NS",
+    "Congestion",
     "Durability",
     "History",
     "Liveliness",
+    "Priority",
     "QoSProfile",
     "Reliability",
     "incompatibilities",
+    "qos_command",
     "qos_default",
     "qos_parameters",
     "qos_reliable_all",
@@ -71,9 +74,33 @@ class Liveliness(IntEnum):
     BEST_AVAILABLE = 5
 
 
+class Priority(IntEnum):
+    """Which of a publisher's links' queues its samples take; a graver one is sent first. Zenoh's own levels."""
+
+    REAL_TIME = 1
+    INTERACTIVE_HIGH = 2
+    INTERACTIVE_LOW = 3
+    DATA_HIGH = 4
+    DATA = 5
+    DATA_LOW = 6
+    BACKGROUND = 7
+
+
+class Congestion(IntEnum):
+    """What a publisher does while its link's queue is full."""
+
+    AUTO = 0  # as rmw_zenoh: BLOCK when reliable and keep-all, else DROP
+    DROP = 1
+    BLOCK = 2
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QoSProfile:
-    """One profile. Durations in nanoseconds; `INFINITE_NS` (and 0, as in ROS) means none."""
+    """One profile. Durations in nanoseconds; `INFINITE_NS` (and 0, as in ROS) means none.
+
+    `priority` and `congestion` are ours: they concern the publisher's own sending, no peer sees them, and two
+    profiles that differ only there are equal.
+    """
 
     reliability: Reliability = Reliability.RELIABLE
     durability: Durability = Durability.VOLATILE
@@ -83,6 +110,8 @@ class QoSProfile:
     lifespan_ns: int = INFINITE_NS
     liveliness: Liveliness = Liveliness.AUTOMATIC
     lease_ns: int = INFINITE_NS
+    priority: Priority = field(default=Priority.DATA, compare=False)
+    congestion: Congestion = field(default=Congestion.AUTO, compare=False)
 
     def __post_init__(self) -> None:
         """Refuse what no peer would understand."""
@@ -105,6 +134,13 @@ class QoSProfile:
             liveliness=self.liveliness or Liveliness.AUTOMATIC,
             lease_ns=self.lease_ns or INFINITE_NS,
         )
+
+    @property
+    def blocks(self) -> bool:
+        """Whether a publisher waits while its link's queue is full, rather than drop a sample."""
+        if self.congestion is Congestion.AUTO:
+            return self.reliability is not Reliability.BEST_EFFORT and self.history is History.KEEP_ALL
+        return self.congestion is Congestion.BLOCK
 
     def encode(self) -> str:
         """The text in a liveliness token; each component is left out where it equals the wire's default."""
@@ -172,7 +208,7 @@ def _nanoseconds(text: str) -> int:
 
 
 def incompatibilities(offered: QoSProfile, requested: QoSProfile) -> tuple[str, ...]:
-    """Why a subscription with `requested` hears nothing of a publisher with `offered`; empty when it does."""
+    """Why an offer does not satisfy a request by ROS 2's rules, each as `policy: reason`; empty when it does."""
     offer, request = offered.resolved(), requested.resolved()
     reasons = []
     if offer.reliability is Reliability.BEST_EFFORT and request.reliability is Reliability.RELIABLE:
@@ -180,16 +216,22 @@ def incompatibilities(offered: QoSProfile, requested: QoSProfile) -> tuple[str, 
     if offer.durability is Durability.VOLATILE and request.durability is Durability.TRANSIENT_LOCAL:
         reasons.append("durability: volatile is offered, transient_local requested")
     if offer.deadline_ns > request.deadline_ns:
-        reasons.append("deadline: the offered period is longer than the requested one")
+        reasons.append(f"deadline: {_shown(offer.deadline_ns)} is offered, {_shown(request.deadline_ns)} requested")
     if offer.liveliness is Liveliness.AUTOMATIC and request.liveliness is Liveliness.MANUAL_BY_TOPIC:
         reasons.append("liveliness: automatic is offered, manual_by_topic requested")
     if offer.lease_ns > request.lease_ns:
-        reasons.append("liveliness: the offered lease is longer than the requested one")
+        lease = f"a lease of {_shown(offer.lease_ns)} is offered, {_shown(request.lease_ns)} requested"
+        reasons.append(f"liveliness: {lease}")
     return tuple(reasons)
 
 
+def _shown(nanoseconds: int) -> str:
+    return "none" if nanoseconds == INFINITE_NS else f"{nanoseconds / _SECOND_NS:g} s"
+
+
 qos_default: Final = QoSProfile()
-qos_sensor_data: Final = QoSProfile(reliability=Reliability.BEST_EFFORT, depth=5)
+qos_sensor_data: Final = QoSProfile(reliability=Reliability.BEST_EFFORT, depth=5, priority=Priority.DATA_LOW)
+qos_command: Final = QoSProfile(depth=1, priority=Priority.REAL_TIME, congestion=Congestion.BLOCK)
 qos_reliable_all: Final = QoSProfile(history=History.KEEP_ALL)
 qos_transient_local: Final = QoSProfile(durability=Durability.TRANSIENT_LOCAL, depth=1)
 qos_services: Final = QoSProfile()
