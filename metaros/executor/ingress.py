@@ -39,6 +39,12 @@ class Ownership:
         self._thread = None
         self._lock.release()
 
+    def __enter__(self) -> None:
+        self.acquire()
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
     @property
     def is_mine(self) -> bool:
         """Whether the calling thread is the one that spins."""
