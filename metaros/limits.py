@@ -34,6 +34,10 @@ class Limits:
     channels_per_robot: int = 4096
     series_per_robot: int = 4096
     subscriptions_per_viewer: int = 256
+    parameters_per_node: int = 4096
+    service_backlog: int = 1024  # requests of one service that wait for the executor
+    action_goals: int = 1024  # goals of one action server, done ones with kept results included
+    action_workers: int = 16  # goals of one action server whose plain execute callbacks run at a time
     json_bytes: int = 1 * MIB  # a request body
     teleop_fresh_s: float = 0.3  # D13: an actuator without a fresh command for so long is stopped
     lease_s: float = 3.0  # a teleop lease not renewed for so long is free again

@@ -1,68 +1,52 @@
-"""Service clients: blocking and async calls, typed or in CDR bytes."""
+"""Service clients: blocking calls, coroutines and futures, typed or in CDR bytes."""
 
 from __future__ import annotations
 
-import asyncio
 import itertools
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import zenoh
 
 from metaros.cdr import Codec
-from metaros.errors import ClosedError, FieldError, PeerError, TimeoutError_, UnavailableError
+from metaros.errors import ClosedError, FieldError, UnavailableError, UsageError
+from metaros.node.call import FOREVER_S, Call, Reply
 from metaros.node.endpoint import Endpoint
-from metaros.wire import QoSProfile, pack_attachment, parse_attachment
+from metaros.node.replies import CallFuture, Replies
+from metaros.wire import QoSProfile, pack_attachment
+from metaros.wire.graph import Token
+from metaros.wire.tokens import EndpointToken
 
 if TYPE_CHECKING:
     from metaros.node.node import Node
 
 __all__ = ["Client", "RawClient"]
 
+T = TypeVar("T")
 DEFAULT_TIMEOUT_S: Final = 10.0
-_GRACE_S: Final = 0.5  # Zenoh's own timeout ends a call; ours only guards against a session that died under it
-
-
-class _Call:
-    """The answers of one request; `done()` is called once, on a Zenoh thread."""
-
-    def __init__(self, seq: int, gid: bytes, done: Callable[[], object]) -> None:
-        self._seq, self._gid, self._done = seq, gid, done
-        self.answer: bytes | None = None
-        self.refusal: str | None = None
-        self.finished = False
-
-    def take(self, reply: zenoh.Reply) -> None:
-        """Keep the first sound answer; an error only counts where no answer comes."""
-        if reply.ok is None:
-            text = b"" if reply.err is None else reply.err.payload.to_bytes()
-            self.refusal = self.refusal or text.decode(errors="replace")
-            return
-        try:
-            attachment = reply.ok.attachment
-            sent = parse_attachment(b"" if attachment is None else attachment.to_bytes())
-        except PeerError as error:
-            self.refusal = f"{error.code}: {error}"
-            return
-        if self.answer is None and (sent.seq, sent.gid) == (self._seq, self._gid):
-            self.answer = reply.ok.payload.to_bytes()
-            self.finish()
-
-    def finish(self) -> None:
-        """The answer is there, or none will come."""
-        if not self.finished:
-            self.finished = True
-            self._done()
 
 
 class RawClient(Endpoint):
-    """Calls a service in CDR bytes under a type that need not be known."""
+    """Calls a service in CDR bytes under a type that need not be known. Thread-safe."""
 
     def __init__(self, node: Node, service: str, type_name: str, type_hash: str, qos: QoSProfile) -> None:
         super().__init__(node, "SC", service, type_name, type_hash, qos)
         self._next_seq = itertools.count(1).__next__
+        self._expression = zenoh.KeyExpr(self.key)
+        self._lock = threading.Lock()
+        self._calls: set[Call] = set()
+        self._servers: set[str] = set()  # tokens; kept here so that no call has to search the graph
+        self._replies = Replies(self.topic)
+        self.on_close(self._replies.close)
+        self.on_close(self._abandon)
+        self.on_close(node.graph.on_token(self._on_token))
+        with self._lock:
+            self._servers.update(str(token) for token in node.graph.tokens() if self._serves(token))
         self.announce()
+
+    # -- who serves ------------------------------------------------------------------------------------------------
 
     def service_is_ready(self) -> bool:
         """Whether a server of this name, type and hash is in the graph."""
@@ -75,32 +59,72 @@ class RawClient(Endpoint):
         """Wait until a server is there; False when none is in time."""
         return self.node.graph.wait_for(self.service_is_ready, timeout_s)
 
-    def call(self, request: Any, timeout_s: float = DEFAULT_TIMEOUT_S) -> Any:
-        """Send the request, return the response.
+    def _serves(self, token: Token) -> bool:
+        return isinstance(token, EndpointToken) and (token.kind, token.topic, token.type_name, token.type_hash) == (
+            "SS",
+            self.topic,
+            self.type_name,
+            self.type_hash,
+        )
 
-        UnavailableError at once when there is no server, TimeoutError_ when none answers in time, PeerError when the
-        server refuses. Do not call a service of the same executor from a plain callback: it would wait for itself.
+    def _on_token(self, token: Token, alive: bool) -> None:
+        """A server came or went; with the last one every call in flight ends."""
+        if not self._serves(token):
+            return
+        with self._lock:
+            if alive:
+                self._servers.add(str(token))
+                return
+            self._servers.discard(str(token))
+            lost = [] if self._servers else list(self._calls)
+        for call in lost:
+            call.fail(UnavailableError(f"the server of {self.topic} went away before it answered"))
+
+    def _abandon(self) -> None:
+        for call in list(self._calls):
+            call.fail(ClosedError(f"the client of {self.topic} was closed"))
+
+    # -- calls -----------------------------------------------------------------------------------------------------
+
+    def call(self, request: Any, timeout_s: float = DEFAULT_TIMEOUT_S) -> Any:
+        """Send the request, block for the response; from any thread, also from a callback.
+
+        UnavailableError at once when there is no server, or when it dies; TimeoutError_ when none answers in time;
+        PeerError when it refuses; UsageError where the server would have to run on this very thread.
         """
-        arrived = threading.Event()
-        call = self._send(self._request_bytes(request), timeout_s, arrived.set)
-        arrived.wait(timeout_s + _GRACE_S)
-        return self._response(self._outcome(call, timeout_s))
+        self.check_can_wait()
+        return self._response(self._send(self._request_bytes(request), timeout_s).wait())
 
     async def call_async(self, request: Any, timeout_s: float = DEFAULT_TIMEOUT_S) -> Any:
-        """The same for coroutines."""
-        loop, arrived = asyncio.get_running_loop(), asyncio.Event()
+        """The same for coroutines; cancelling the task cancels the call."""
+        return self._response(await self._send(self._request_bytes(request), timeout_s).wait_async())
 
-        def done() -> None:
-            if not loop.is_closed():
-                loop.call_soon_threadsafe(arrived.set)
+    def call_future(self, request: Any, timeout_s: float = DEFAULT_TIMEOUT_S) -> Future[Any]:
+        """The same as a future, which can be cancelled; its callbacks run on a thread of this client."""
+        self._replies.start()
+        call = self._send(self._request_bytes(request), timeout_s)
+        future = CallFuture(call, self._response)
+        call.when_finished(lambda: self._replies.put(future))
+        return future
 
-        call = self._send(self._request_bytes(request), timeout_s, done)
-        try:
-            async with asyncio.timeout(timeout_s + _GRACE_S):
-                await arrived.wait()
-        except TimeoutError:
-            pass
-        return self._response(self._outcome(call, timeout_s))
+    def begin(self, request: Any, convert: Callable[[Any], T], timeout_s: float | None = DEFAULT_TIMEOUT_S) -> Reply[T]:
+        """Send the request; the reply can be awaited or waited for. None as the timeout is as long as it takes."""
+        call = self._send(self._request_bytes(request), FOREVER_S if timeout_s is None else timeout_s)
+        return Reply(call, lambda data: convert(self._response(data)), self.check_can_wait)
+
+    def check_can_wait(self) -> None:
+        """UsageError when this thread runs the executor that would have to answer, so that it would wait for itself."""
+        node = self.node
+        if not node.ingress.owner.is_mine:
+            return
+        with self._lock:
+            own = f"@ros2_lv/{node.context.domain_id}/{node.context.zid}/"
+            waits = bool(self._servers) and all(token.startswith(own) for token in self._servers)
+        if waits:
+            raise UsageError(
+                f"{self.topic} is served by the executor that runs this callback: it would wait for itself; "
+                "use `await client.call_async(...)` in an `async def`, or another thread"
+            )
 
     def _request_bytes(self, request: Any) -> bytes:
         if not isinstance(request, bytes | bytearray | memoryview):
@@ -110,30 +134,32 @@ class RawClient(Endpoint):
     def _response(self, data: bytes) -> Any:
         return data
 
-    def _send(self, payload: bytes, timeout_s: float, done: Callable[[], object]) -> _Call:
+    def _send(self, payload: bytes, timeout_s: float) -> Call:
         if self.closed:
             raise ClosedError(f"the client of {self.topic} was closed")
-        if not self.service_is_ready():
+        if not 0 < timeout_s <= FOREVER_S:
+            raise UsageError(f"a call needs a timeout of more than 0 and at most {FOREVER_S:g} s, not {timeout_s}")
+        if not self._servers and not self.service_is_ready():
             raise UnavailableError(f"no server of {self.topic} with type {self.type_name} is in the graph")
         seq = self._next_seq()
-        call = _Call(seq, self.gid, done)
-        self.node.context.session.check_open().get(
-            self.key,
-            zenoh.handlers.Callback(call.take, call.finish, indirect=False),
-            target=zenoh.QueryTarget.ALL_COMPLETE,
-            consolidation=zenoh.ConsolidationMode.NONE,
-            timeout=timeout_s,
-            payload=payload,
-            attachment=pack_attachment(seq, self.node.clock.wall_ns(), self.gid),
-        )
+        call = Call(self.topic, seq, self.gid, timeout_s)
+        self._calls.add(call)
+        call.when_finished(lambda: self._calls.discard(call))
+        try:
+            self.node.context.session.check_open().get(
+                self._expression,
+                zenoh.handlers.Callback(call.take, call.finish, indirect=False),
+                target=zenoh.QueryTarget.ALL_COMPLETE,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                timeout=timeout_s,
+                payload=payload,
+                attachment=pack_attachment(seq, self.node.clock.wall_ns(), self.gid),
+                cancellation_token=call.token,
+            )
+        except zenoh.ZError as error:
+            self._calls.discard(call)
+            raise ClosedError(f"call of {self.topic}: {error}") from None
         return call
-
-    def _outcome(self, call: _Call, timeout_s: float) -> bytes:
-        if call.answer is not None:
-            return call.answer
-        if call.refusal and call.refusal != "Timeout":
-            raise PeerError(f"{self.topic} refused the request: {call.refusal}")
-        raise TimeoutError_(f"no answer from {self.topic} within {timeout_s:g} s")
 
 
 class Client(RawClient):

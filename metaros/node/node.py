@@ -15,6 +15,7 @@ from metaros.clock import Clock
 from metaros.errors import ClosedError, UsageError
 from metaros.executor import Ingress, Timer, TimerHeap
 from metaros.idl import message_class, names
+from metaros.limits import LIMITS
 from metaros.node.client import Client, RawClient
 from metaros.node.context import Context, shared_context
 from metaros.node.endpoint import Endpoint, as_qos
@@ -138,10 +139,15 @@ class Node:
         name: str,
         callback: Callable[..., Any],
         qos: QoSProfile | int = qos_services,
+        *,
+        backlog: int = LIMITS.service_backlog,
     ) -> Service:
-        """Serve `name` with `callback(request, response)`, which fills in or returns the response."""
-        request, response = codec(service_type.Request), codec(service_type.Response)
-        return Service(self, service_type, name, callback, request=request, response=response, qos=as_qos(qos))
+        """Serve `name` with `callback(request, response)`, which fills in or returns the response.
+
+        At most `backlog` requests wait for the executor; the depth of `qos` is only told to others.
+        """
+        coders = {"request": codec(service_type.Request), "response": codec(service_type.Response)}
+        return Service(self, service_type, name, callback, qos=as_qos(qos), backlog=backlog, **coders)
 
     def create_client(self, service_type: type[Any], name: str, qos: QoSProfile | int = qos_services) -> Client:
         """Call the service `name`."""

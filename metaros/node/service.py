@@ -1,4 +1,4 @@
-"""Service servers: requests wait in a mailbox, the executor answers them, in rmw_zenoh's terms."""
+"""Service servers: requests wait in a mailbox, the executor serves them, answers may come later and from any thread."""
 
 from __future__ import annotations
 
@@ -21,21 +21,145 @@ from metaros.wire import Attachment, QoSProfile, pack_attachment, parse_attachme
 if TYPE_CHECKING:
     from metaros.node.node import Node
 
-__all__ = ["Service"]
+__all__ = ["Responder", "Service", "Waiting"]
 
 _log = logging.getLogger("metaros.node")
+_OVERHEAD_BYTES = 512  # what Zenoh and Python keep beside a request's payload
 
 
 def query_bytes(query: zenoh.Query) -> int:
     """What a waiting request weighs."""
-    return 0 if query.payload is None else len(query.payload)
+    return _OVERHEAD_BYTES + (0 if query.payload is None else len(query.payload))
 
 
-class Service(Endpoint):
-    """Answers each request with what `callback(request, response)` returns, or with the response it filled in.
+class Waiting:
+    """A client that waits for the answer to one request. Only the first of `answer`, `refuse` and `drop` counts."""
 
-    At most `qos.depth` requests wait; a newer one pushes out the oldest, which is counted in `dropped`.
+    __slots__ = ("_call", "_query", "_responder")
+
+    def __init__(self, responder: Responder, query: zenoh.Query, call: Attachment) -> None:
+        self._responder = responder
+        self._call = call
+        self._query = [query]  # taken out by whoever ends it: popping is atomic
+
+    @property
+    def key(self) -> tuple[bytes, int]:
+        """Who asks, and for the how-manieth time."""
+        return self._call.gid, self._call.seq
+
+    def answer(self, response: Any) -> None:
+        """Send the response; a FieldError when its fields do not fit, which leaves the client waiting."""
+        data = self._responder.encode(response)
+        query = self._take()
+        if query is not None:
+            self._responder.reply(query, self._call, data)
+
+    def refuse(self, text: str) -> None:
+        """Send an error instead."""
+        query = self._take()
+        if query is not None:
+            refuse(query, text)
+
+    def drop(self) -> None:
+        """End it without a word: the client learns that nobody answers any more."""
+        query = self._take()
+        if query is not None:
+            query.drop()  # type: ignore[no-untyped-call]
+
+    def _take(self) -> zenoh.Query | None:
+        try:
+            query = self._query.pop()
+        except IndexError:
+            return None
+        self._responder.forget(self)
+        return query
+
+
+def refuse(query: zenoh.Query, text: str) -> None:
+    """Answer a query with an error."""
+    with suppress(zenoh.ZError):  # the client or the session is gone
+        query.reply_err(text.encode())
+    query.drop()  # type: ignore[no-untyped-call]
+
+
+class Responder(Endpoint):
+    """A service server whose `serve(request, waiting)` answers when it pleases, in rmw_zenoh's terms.
+
+    At most `backlog` requests, of LIMITS.ingress_bytes together, wait for the executor; a newer one pushes out the
+    oldest, which is counted in `dropped` and ends for its client with an `unavailable` error.
     """
+
+    def __init__(
+        self,
+        node: Node,
+        service: type[Any],
+        name: str,
+        serve: Callable[[Any, Waiting], Awaitable[None] | None],
+        *,
+        request: Codec,
+        response: Codec,
+        qos: QoSProfile,
+        backlog: int = LIMITS.service_backlog,
+    ) -> None:
+        super().__init__(node, "SS", name, service.__metaros_name__, service.__metaros_hash__, qos)
+        self._serve = serve
+        self._decode, self.encode = request.decode, response.encode
+        self._waiting: dict[tuple[bytes, int], Waiting] = {}
+        self.malformed = 0
+        self._mailbox = Mailbox(
+            self._handle, owner=node, depth=backlog, limit_bytes=LIMITS.ingress_bytes, size_of=query_bytes
+        )
+        sink = zenoh.handlers.Callback(node.ingress.put_to(self._mailbox), indirect=False)
+        queryable = node.context.session.check_open().declare_queryable(self.key, sink, complete=True)
+        self.on_close(self._drop_all)
+        self.on_close(self._mailbox.clear)
+        self.on_close(queryable.undeclare)
+        self.announce()
+
+    @property
+    def dropped(self) -> int:
+        """Requests that were pushed out by newer ones before they were served."""
+        return self._mailbox.dropped
+
+    @property
+    def waiting(self) -> int:
+        """Clients whose requests are being served."""
+        return len(self._waiting)
+
+    def forget(self, waiting: Waiting) -> None:
+        """It was answered."""
+        self._waiting.pop(waiting.key, None)
+
+    def reply(self, query: zenoh.Query, call: Attachment, data: bytes) -> None:
+        """Reply on the declared key with the request's sequence number and GID, and the time of now."""
+        with suppress(zenoh.ZError):  # the client or the session is gone
+            query.reply(self.key, data, attachment=pack_attachment(call.seq, self.node.clock.wall_ns(), call.gid))
+        query.drop()  # type: ignore[no-untyped-call]
+
+    def _handle(self, query: zenoh.Query) -> Awaitable[None] | None:
+        try:
+            if query.payload is None or query.attachment is None:
+                raise PeerError("a request needs a payload and an attachment")
+            call = parse_attachment(query.attachment.to_bytes())
+            if (call.gid, call.seq) in self._waiting:
+                raise PeerError(f"request {call.seq} of client {call.gid.hex()} is being served already")
+            request = self._decode(query.payload.to_bytes())
+        except PeerError as error:
+            self.malformed += 1
+            self.report_once(error.code, f"refused a request: {error.code}: {error}")
+            refuse(query, f"{error.code}: {error}")
+            return None
+        waiting = Waiting(self, query, call)
+        self._waiting[waiting.key] = waiting
+        return self._serve(request, waiting)
+
+    def _drop_all(self) -> None:
+        for waiting in list(self._waiting.values()):
+            waiting.drop()
+
+
+class Service(Responder):
+    """Answers each request with what `callback(request, response)` returns, or with the response it filled in."""
 
     def __init__(
         self,
@@ -47,75 +171,46 @@ class Service(Endpoint):
         request: Codec,
         response: Codec,
         qos: QoSProfile,
+        backlog: int = LIMITS.service_backlog,
     ) -> None:
-        super().__init__(node, "SS", name, service.__metaros_name__, service.__metaros_hash__, qos)
         self.callback = callback
         self._response_type = service.Response
-        self._request, self._response = request, response
-        self.malformed = 0
         takes(callback, 2)
         if inspect.iscoroutinefunction(callback):
             node.ingress.async_work = True
-        self._mailbox = Mailbox(
-            self._handle, owner=node, depth=qos.depth, limit_bytes=LIMITS.ingress_bytes, size_of=query_bytes
+        super().__init__(
+            node, service, name, self._call_back, request=request, response=response, qos=qos, backlog=backlog
         )
-        sink = zenoh.handlers.Callback(node.ingress.put_to(self._mailbox), indirect=False)
-        queryable = node.context.session.check_open().declare_queryable(self.key, sink, complete=True)
-        self.on_close(self._mailbox.clear)
-        self.on_close(queryable.undeclare)
-        self.announce()
 
-    @property
-    def dropped(self) -> int:
-        """Requests that were pushed out by newer ones before they were served."""
-        return self._mailbox.dropped
-
-    def _handle(self, query: zenoh.Query) -> Awaitable[None] | None:
-        try:
-            if query.payload is None or query.attachment is None:
-                raise PeerError("a request needs a payload and an attachment")
-            call = parse_attachment(query.attachment.to_bytes())
-            request = self._request.decode(query.payload.to_bytes())
-        except PeerError as error:
-            self.malformed += 1
-            self.report_once(error.code, f"refused a request: {error.code}: {error}")
-            self._refuse(query, f"{error.code}: {error}")
-            return None
+    def _call_back(self, request: Any, waiting: Waiting) -> Awaitable[None] | None:
         response = self._response_type()
         try:
             result = self.callback(request, response)
         except Exception as error:
-            self._failed(query, error)
+            self._failed(waiting, error)
             return None
         if inspect.isawaitable(result):
-            return self._answer_later(query, call, response, result)
-        self._answer(query, call, response if result is None else result)
+            return self._answer_later(waiting, response, result)
+        self._answer(waiting, response if result is None else result)
         return None
 
-    async def _answer_later(self, query: zenoh.Query, call: Attachment, response: Any, result: Awaitable[Any]) -> None:
+    async def _answer_later(self, waiting: Waiting, response: Any, result: Awaitable[Any]) -> None:
         try:
             answer = await result
         except Exception as error:
-            self._failed(query, error)
+            self._failed(waiting, error)
             return
-        self._answer(query, call, response if answer is None else answer)
+        except BaseException:  # the executor was shut down under it
+            waiting.drop()
+            raise
+        self._answer(waiting, response if answer is None else answer)
 
-    def _answer(self, query: zenoh.Query, call: Attachment, response: Any) -> None:
-        """Reply on the declared key with the request's sequence number and GID, and the time of now."""
+    def _answer(self, waiting: Waiting, response: Any) -> None:
         try:
-            data = self._response.encode(response)
+            waiting.answer(response)
         except MetarosError as error:
-            self._failed(query, error)
-            return
-        with suppress(zenoh.ZError):  # the client or the session is gone
-            query.reply(self.key, data, attachment=pack_attachment(call.seq, self.node.clock.wall_ns(), call.gid))
-        query.drop()  # type: ignore[no-untyped-call]
+            self._failed(waiting, error)
 
-    def _failed(self, query: zenoh.Query, error: Exception) -> None:
+    def _failed(self, waiting: Waiting, error: Exception) -> None:
         _log.error("the callback of service %s failed", self.topic, exc_info=error)
-        self._refuse(query, f"{type(error).__name__}: {error}")
-
-    def _refuse(self, query: zenoh.Query, text: str) -> None:
-        with suppress(zenoh.ZError):
-            query.reply_err(text.encode())
-        query.drop()  # type: ignore[no-untyped-call]
+        waiting.refuse(f"{type(error).__name__}: {error}")

@@ -133,8 +133,8 @@ def test_malformed_requests_are_refused_and_counted(server, client_node, here):
     assert service.malformed == 2
 
 
-def test_waiting_requests_are_bounded_by_the_depth(server, client_node):
-    service = server.create_service(Trigger, "~/busy", lambda request, response: None, 2)
+def test_waiting_requests_are_bounded_by_the_backlog(server, client_node):
+    service = server.create_service(Trigger, "~/busy", lambda request, response: None, backlog=2)
     client = client_node.create_client(Trigger, "/server/busy")
     assert client.wait_for_service(10)
 
