@@ -1,9 +1,22 @@
 """Executors: which thread runs a node's callbacks, and what waits meanwhile."""
 
+from metaros.executor.groups import CallbackGroup, MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from metaros.executor.ingress import Ingress
 from metaros.executor.mailbox import Mailbox
 from metaros.executor.protocol import Executor, Spinnable
 from metaros.executor.single import SingleThreadedExecutor
-from metaros.executor.timers import Timer, TimerHeap
+from metaros.executor.timers import Timer, TimerHeap, TimerStatistics
 
-__all__ = ["Executor", "Ingress", "Mailbox", "SingleThreadedExecutor", "Spinnable", "Timer", "TimerHeap"]
+__all__ = [
+    "CallbackGroup",
+    "Executor",
+    "Ingress",
+    "Mailbox",
+    "MutuallyExclusiveCallbackGroup",
+    "ReentrantCallbackGroup",
+    "SingleThreadedExecutor",
+    "Spinnable",
+    "Timer",
+    "TimerHeap",
+    "TimerStatistics",
+]

@@ -6,6 +6,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, Final
 
+from metaros.executor.groups import CallbackGroup
+
 __all__ = ["Mailbox"]
 
 _FEW: Final = 64  # so few small items are not weighed: weighing costs more than it saves
@@ -16,7 +18,7 @@ class Mailbox:
 
     `depth` is the history depth; None keeps all, up to `limit_bytes`. `handle(item)` is run by an executor, one item
     at a time; it returns a coroutine when the callback is an `async def`. `size_of(item)` weighs an item.
-    `owner` is the node whose executor handles the items.
+    `owner` is the node whose executor handles the items, `group` says what its callbacks may overlap with.
     """
 
     __slots__ = (
@@ -25,11 +27,13 @@ class Mailbox:
         "busy",
         "depth",
         "dropped",
+        "group",
         "handle",
         "limit_bytes",
         "owner",
         "pending",
         "queued",
+        "running",
     )
 
     def __init__(
@@ -40,6 +44,7 @@ class Mailbox:
         depth: int | None,
         limit_bytes: int,
         size_of: Callable[[Any], int],
+        group: CallbackGroup | None = None,
     ) -> None:
         self.handle = handle
         self.owner = owner
@@ -48,7 +53,9 @@ class Mailbox:
         self.pending: deque[Any] = deque()
         self.dropped = 0
         self.queued = False  # whether an executor knows that there is work
-        self.busy = False  # whether a coroutine of this mailbox is running
+        self.group = group
+        self.running = 0  # coroutines of this mailbox that are not done
+        self.busy = False  # whether no other may start meanwhile
         self._size_of = size_of
         self._weigh_at = _FEW
 

@@ -18,7 +18,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from metaros.errors import ClosedError, UsageError
-from metaros.executor.ingress import Ingress
+from metaros.executor.ingress import Desk, Ingress
 from metaros.executor.mailbox import Mailbox
 from metaros.executor.protocol import Spinnable
 from metaros.executor.timers import Timer
@@ -33,7 +33,11 @@ _SLICE: Final = 64  # items of one mailbox before timers and the others have the
 class SingleThreadedExecutor:
     """Runs the callbacks of the nodes of one context on one thread."""
 
+    switch_interval_s = SWITCH_INTERVAL_S
+
     def __init__(self) -> None:
+        self._desk = Desk()
+        self._serving: Ingress | None = None  # while it spins
         self._nodes: list[Spinnable] = []
         self._stopped = threading.Event()
         self._spinning = threading.Lock()  # held by the thread that spins: only it may touch the loop
@@ -49,12 +53,16 @@ class SingleThreadedExecutor:
         if self._nodes and node.ingress is not self._nodes[0].ingress:
             raise UsageError("the nodes of one executor must share a context; use one executor a context")
         if node not in self._nodes:
+            if self._serving is not None:
+                self._serving.claim(self._desk, [node])
             self._nodes.append(node)
+            node.ingress.wake()
 
     def remove_node(self, node: Spinnable) -> None:
         """Run its callbacks no more; its samples wait within their bounds."""
         if node in self._nodes:
             self._nodes.remove(node)
+            node.ingress.release(self._desk, [node])
 
     # -- spinning --------------------------------------------------------------------------------------------------
 
@@ -92,16 +100,22 @@ class SingleThreadedExecutor:
         if not self._nodes:
             raise UsageError("the executor has no node to spin")
         ingress = self._nodes[0].ingress
-        if not ingress.owner.acquire(blocking=False):
-            raise UsageError("another executor is spinning nodes of this context; use one executor a context")
-        self._spinning.acquire()
-        if sys.getswitchinterval() > SWITCH_INTERVAL_S:
-            sys.setswitchinterval(SWITCH_INTERVAL_S)
+        if not self._spinning.acquire(blocking=False):
+            raise UsageError("another thread is spinning this executor")
+        try:
+            ingress.claim(self._desk, self._nodes, spins=True)
+        except UsageError:
+            self._spinning.release()
+            raise
+        self._serving = ingress
+        if sys.getswitchinterval() > self.switch_interval_s:
+            sys.setswitchinterval(self.switch_interval_s)
         return ingress
 
     def _end(self, ingress: Ingress) -> None:
+        self._serving = None
+        ingress.release(self._desk, self._nodes, spins=True)
         self._spinning.release()
-        ingress.owner.release()
         if self._stopped.is_set():
             self._close_if_idle()
 
@@ -130,7 +144,7 @@ class SingleThreadedExecutor:
             wait_s = self._patience_s(deadline_s)
             if wait_s is not None and wait_s <= 0 and deadline_s is not None and time.monotonic() >= deadline_s:
                 return False
-            ingress.wait(wait_s)
+            ingress.wait(self._desk, wait_s)
             if self._stopped.is_set() or not self._alive() or ingress.async_work:
                 return True
         return True
@@ -140,7 +154,7 @@ class SingleThreadedExecutor:
         waits: list[float] = []
         for node in self._nodes:
             due_s = node.timers.next_due_s()
-            if due_s is not None:
+            if due_s is not None and not node.timers.paused:
                 waits.append(due_s - node.clock.monotonic_s())
         if deadline_s is not None:
             waits.append(deadline_s - time.monotonic())
@@ -151,7 +165,7 @@ class SingleThreadedExecutor:
     def _work(self, ingress: Ingress) -> bool:
         """Run what is due and ready once; False when there was nothing."""
         worked = self._run_timers()
-        for mailbox in ingress.take_ready():
+        for mailbox in ingress.take_ready(self._desk):
             if mailbox.owner in self._nodes and not self._stopped.is_set():
                 worked = self._run_mailbox(mailbox) or worked
             ingress.requeue(mailbox)
@@ -159,9 +173,11 @@ class SingleThreadedExecutor:
         return worked
 
     def _run_timers(self) -> bool:
+        """Each timer that is due once: one whose callback takes longer than its period must not keep the rest out."""
         worked = False
         for node in self._nodes:
-            while not self._stopped.is_set() and (timer := node.timers.pop_due()) is not None:
+            timers, now_s = node.timers, node.clock.monotonic_s()
+            while not self._stopped.is_set() and (timer := timers.pop_due(now_s)) is not None:
                 worked = True
                 if not timer.busy:
                     self._run_timer(timer)
@@ -201,7 +217,8 @@ class SingleThreadedExecutor:
     def _start(self, coroutine: Coroutine[Any, Any, Any], owner: Mailbox | Timer) -> None:
         """Let a coroutine run on the loop; its owner gets no other call until it is done."""
         loop = self._loop = self._loop or asyncio.new_event_loop()
-        owner.busy = True
+        owner.running += 1
+        owner.busy = owner.running >= (1 if owner.group is None else owner.group.overlap)
         task = loop.create_task(self._finish(coroutine, owner))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -212,6 +229,7 @@ class SingleThreadedExecutor:
         except Exception:
             _log.exception("an async callback failed")
         finally:
+            owner.running -= 1
             owner.busy = False
             ingress = self._nodes[0].ingress if self._nodes else None
             if isinstance(owner, Mailbox) and ingress is not None and not owner.queued:
@@ -247,7 +265,7 @@ class SingleThreadedExecutor:
 
         def pump() -> None:
             while not self._stopped.is_set():
-                ingress.wait(None)
+                ingress.wait(self._desk, None)
                 try:
                     loop.call_soon_threadsafe(arrived.set)
                 except RuntimeError:  # the loop was closed

@@ -235,8 +235,15 @@ def test_misuse_is_named(node, executor):
     stranger.close()
     second = SingleThreadedExecutor()
     second.add_node(node)
-    with node.ingress.owner, pytest.raises(UsageError, match="another executor"):
-        second.spin_once(0)
+    refused: list[bool] = []
+
+    def spin_in_spin() -> None:
+        with pytest.raises(UsageError, match="another executor"):
+            second.spin_once(0)
+        refused.append(True)
+
+    node.timers.add(0.001, spin_in_spin)
+    wait_until(lambda: executor.spin_once(0.01) and bool(refused))
     second.shutdown()
     with pytest.raises(ClosedError):
         second.spin()
@@ -245,3 +252,66 @@ def test_misuse_is_named(node, executor):
 def test_spinning_shortens_the_switch_interval(executor):
     executor.spin_once(0)
     assert sys.getswitchinterval() <= 0.0005
+
+
+def test_executors_of_one_context_share_its_ingress(ingress, node, executor):
+    other = SmallNode(ingress, SystemClock())
+    second = SingleThreadedExecutor()
+    second.add_node(other)
+    heard: dict[str, list[Any]] = {"node": [], "other": []}
+    node.listen("a", lambda item: heard["node"].append((item.value, threading.current_thread())))
+    other.listen("a", lambda item: heard["other"].append((item.value, threading.current_thread())))
+    threads = [threading.Thread(target=each.spin) for each in (executor, second)]
+    for thread in threads:
+        thread.start()
+    for number in range(200):
+        ingress.put(Item("a", number))
+        wait_until(lambda number=number: all(len(got) == number + 1 for got in heard.values()), every_s=0.0005)
+    executor.shutdown()
+    second.shutdown()
+    for thread in threads:
+        thread.join(10)
+        assert not thread.is_alive()
+    for name, thread in zip(("node", "other"), threads, strict=True):
+        assert heard[name] == [(number, thread) for number in range(200)]
+
+
+def test_an_executor_hears_while_the_other_one_is_stuck(ingress, node, executor):
+    other = SmallNode(ingress, SystemClock())
+    second = SingleThreadedExecutor()
+    second.add_node(other)
+    stuck, leave, heard = threading.Event(), threading.Event(), threading.Event()
+
+    def block(item: Item) -> None:
+        stuck.set()
+        leave.wait(10)
+
+    node.listen("block", block)
+    other.listen("a", lambda item: heard.set())
+    threads = [threading.Thread(target=each.spin) for each in (executor, second)]
+    for thread in threads:
+        thread.start()
+    ingress.put(Item("block"))
+    assert stuck.wait(10)
+    ingress.put(Item("a"))
+    assert heard.wait(10)
+    leave.set()
+    for each, thread in zip((executor, second), threads, strict=True):
+        each.shutdown()
+        thread.join(10)
+        assert not thread.is_alive()
+
+
+def test_a_timer_slower_than_its_period_leaves_room_for_others(ingress):
+    clock = ManualClock()
+    slow, quick = SmallNode(ingress, clock), SmallNode(ingress, clock)
+    calls: list[str] = []
+    slow.timers.add(0.1, lambda: (calls.append("slow"), clock.advance(0.3)))
+    quick.timers.add(0.1, lambda: calls.append("quick"))
+    executor = SingleThreadedExecutor()
+    executor.add_node(slow)
+    executor.add_node(quick)
+    clock.advance(0.1)
+    for _ in range(3):
+        assert executor.spin_once(0) is True
+    assert calls == ["slow", "quick"] * 3

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from metaros.clock import ManualClock
 from metaros.errors import UsageError
 from metaros.executor import TimerHeap
+from metaros.executor.timers import TimerStatistics
 
 
 def run_due(heap: TimerHeap) -> int:
@@ -84,3 +85,45 @@ def test_whatever_the_periods_serving_ends_and_the_next_time_lies_ahead(periods,
         due_s = heap.next_due_s()
         assert due_s is not None
         assert due_s > clock.monotonic_s()
+
+
+def test_statistics_tell_how_late_calls_came(clock):
+    heap = TimerHeap(clock.monotonic_s, lambda: None)
+    timer = heap.add(0.5, lambda: None)
+    clock.advance(0.5)
+    run_due(heap)
+    clock.advance(1.75)  # due at 1.0; 1.5 and 2.0 pass, too
+    run_due(heap)
+    timer.busy = True  # an `async def` that is not done
+    clock.advance(0.25)
+    run_due(heap)
+    assert timer.statistics == TimerStatistics(calls=2, overruns=2, missed=3, max_lateness_s=1.25)
+
+
+def test_a_timer_does_not_drift(clock):
+    heap = TimerHeap(clock.monotonic_s, lambda: None)
+    timer = heap.add(0.5, lambda: None)
+    for _ in range(1000):  # each call comes a little late; the times it is due stay on the grid
+        clock.advance(timer.due_s - clock.monotonic_s() + 0.0625)
+        assert run_due(heap) == 1
+    assert timer.due_s == 1000.0 + 1001 * 0.5
+
+
+def test_ready_and_time_left(clock):
+    heap = TimerHeap(clock.monotonic_s, lambda: None)
+    timer = heap.add(2.0, lambda: None)
+    assert (timer.is_ready(), timer.time_until_next_s()) == (False, 2.0)
+    clock.advance(3.0)
+    assert (timer.is_ready(), timer.time_until_next_s()) == (True, -1.0)
+    timer.cancel()
+    assert (timer.is_ready(), timer.time_until_next_s()) == (False, None)
+
+
+def test_after_a_jump_every_timer_gets_a_full_period(clock):
+    heap = TimerHeap(clock.monotonic_s, lambda: None)
+    timer, cancelled = heap.add(2.0, lambda: None), heap.add(1.0, lambda: None)
+    cancelled.cancel()
+    clock.advance(0.75)
+    heap.restart_all()
+    assert timer.time_until_next_s() == 2.0
+    assert cancelled.cancelled
