@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 
-from edge_agent.config import load_settings
 from metaros.errors import MetarosError
 
 __all__ = ["register"]
@@ -41,7 +40,8 @@ def run_command(
     if context.invoked_subcommand is not None:
         return
     os.environ.setdefault("GRPC_VERBOSITY", "ERROR")  # it reports every lost connection; the uplink does that
-    from edge_agent.main import run  # heavy: Zenoh, gRPC, numpy
+    from edge_agent.config import load_settings  # heavy, and the next one too: Zenoh, gRPC, numpy
+    from edge_agent.main import run
 
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s %(levelname)s %(message)s")
     overrides = {

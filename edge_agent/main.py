@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-import signal
 import socket
 from importlib.metadata import PackageNotFoundError, version
 
@@ -30,6 +29,7 @@ from edge_agent.uplink.keeper import Queues, SessionKeeper
 from edge_agent.uplink.session import Identity
 from metaros.clock import Clock, SystemClock, system_rng
 from metaros.node import Context, Node
+from metaros.signals import on_stop
 
 __all__ = ["run", "run_agent"]
 
@@ -44,9 +44,7 @@ def run(settings: Settings) -> None:
 async def run_until_signal(settings: Settings) -> None:
     """Run the agent; the signals end it as a cancellation, so that every part closes what it opened."""
     agent = asyncio.ensure_future(run_agent(settings))
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, agent.cancel)
+    on_stop(asyncio.get_running_loop(), agent.cancel)
     with contextlib.suppress(asyncio.CancelledError):
         await agent
 

@@ -7,7 +7,6 @@ import contextlib
 import json
 import logging
 import os
-import signal
 import socket
 import sys
 from collections.abc import Callable, Iterator
@@ -16,7 +15,6 @@ from pathlib import Path
 
 import grpc
 import uvicorn
-import uvloop
 
 from gateway.app import Gateway
 from gateway.ingest.link_service import make_server
@@ -24,6 +22,7 @@ from gateway.ports import listen
 from gateway.settings import DEFAULT_GRPC_PORT, DEFAULT_HTTP_PORT, Settings
 from metaros.clock import Clock, SystemClock
 from metaros.limits import LIMITS
+from metaros.signals import on_stop
 
 __all__ = ["Ready", "run", "serve"]
 
@@ -135,6 +134,16 @@ def _http_config(gateway: Gateway) -> uvicorn.Config:
     )
 
 
+def new_event_loop() -> asyncio.AbstractEventLoop:
+    """uvloop's, which Windows does not have."""
+    if sys.platform == "win32":
+        return asyncio.new_event_loop()
+    else:
+        import uvloop
+
+        return uvloop.new_event_loop()
+
+
 def run(settings: Settings, *, status_file: Path | None = None) -> None:
     """Run until SIGINT or SIGTERM; prints where it listens."""
     logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
@@ -156,12 +165,10 @@ def run(settings: Settings, *, status_file: Path | None = None) -> None:
 
     async def main() -> None:
         stop = asyncio.Event()
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, stop.set)
+        on_stop(asyncio.get_running_loop(), stop.set)
         await serve(settings, stop, on_ready=ready)
 
-    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+    with asyncio.Runner(loop_factory=new_event_loop) as runner:
         runner.run(main())
     sys.stdout.flush()
 

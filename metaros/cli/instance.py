@@ -58,21 +58,29 @@ def runtime_dir() -> Path:
     elif session := os.environ.get("XDG_RUNTIME_DIR"):
         path = Path(session) / "metaros"
     else:
-        user = os.getuid() if sys.platform != "win32" else os.environ.get("USERNAME", "user")
-        path = Path(tempfile.gettempdir()) / f"metaros-{user}"
+        path = Path(tempfile.gettempdir()) / f"metaros-{_user()}"
     path.mkdir(parents=True, exist_ok=True, mode=0o700)
     if sys.platform != "win32" and path.stat().st_uid != os.getuid():
         raise ConfigError(f"{path} belongs to another user: set METAROS_RUNTIME_DIR to a directory of your own")
     return path
 
 
+def _user() -> str:
+    """Who runs this, as a part of a file name."""
+    if sys.platform == "win32":
+        return os.environ.get("USERNAME", "user")
+    else:
+        return str(os.getuid())
+
+
 def data_root() -> Path:
     """The platform's place for a user's data."""
     if sys.platform == "darwin":
         return Path.home() / "Library" / "Application Support" / "metaros"
-    if sys.platform == "win32":
+    elif sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA", Path.home())) / "metaros"
-    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "metaros"
+    else:
+        return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "metaros"
 
 
 def _try_lock(file: IO[str]) -> bool:
@@ -95,7 +103,11 @@ def _try_lock(file: IO[str]) -> bool:
 def claim_lock() -> Iterator[None]:
     """Held while ports and names are chosen and claimed; waits for another instance that is choosing."""
     with (runtime_dir() / "claims.lock").open("a") as file:
-        if sys.platform != "win32":
+        if sys.platform == "win32":
+            import msvcrt
+
+            msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
+        else:
             import fcntl
 
             fcntl.flock(file, fcntl.LOCK_EX)
@@ -121,6 +133,8 @@ class StateFile:
 
     def close(self) -> None:
         """Give the claim up."""
+        if sys.platform == "win32":  # where an open file cannot be removed
+            self._lock.close()
         for path in (self._path, self._lock_path):
             path.unlink(missing_ok=True)
         self._lock.close()

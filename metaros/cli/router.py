@@ -50,7 +50,7 @@ def router(
             with hosted:
                 running.write_status(running.status_file(status_file), zenoh_port=port, endpoint=hosted.endpoint)
                 typer.echo(f"Zenoh router on {hosted.endpoint}  (Ctrl-C stops it)")
-                stop.wait()
+                running.wait_for_stop(stop)
     typer.echo("stopped")
 
 

@@ -11,12 +11,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
-__all__ = ["status_file", "stop_on_signals", "write_status"]
+from metaros.signals import stop_signals
+
+__all__ = ["status_file", "stop_on_signals", "wait_for_stop", "write_status"]
+
+_SLICE_S = 0.5
 
 
 @contextmanager
 def stop_on_signals() -> Iterator[threading.Event]:
-    """An event that SIGINT and SIGTERM set; a second one ends the process at once, in case the end hangs."""
+    """An event that SIGINT, SIGTERM and Ctrl-Break set; a second one ends the process at once: the end may hang."""
     stop = threading.Event()
 
     def ask(number: int, frame: FrameType | None) -> None:
@@ -24,12 +28,18 @@ def stop_on_signals() -> Iterator[threading.Event]:
             os._exit(130)
         stop.set()
 
-    before = {number: signal.signal(number, ask) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, ask) for number in stop_signals()}
     try:
         yield stop
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def wait_for_stop(stop: threading.Event) -> None:
+    """Wait in slices: on Windows a wait without an end never lets a signal's handler run."""
+    while not stop.wait(_SLICE_S):
+        pass
 
 
 def status_file(name: str) -> Path | None:

@@ -7,7 +7,6 @@ or when a process cannot be kept alive.
 from __future__ import annotations
 
 import asyncio
-import signal
 from collections import Counter
 from collections.abc import Callable, Coroutine
 from dataclasses import replace
@@ -19,6 +18,7 @@ from metaros.cli.up_decide import UpOptions, claim, decide
 from metaros.cli.up_plan import GATEWAY, Plan, launches
 from metaros.clock import Clock
 from metaros.errors import PeerError, UnavailableError
+from metaros.signals import on_stop
 from metaros.supervise import Event, EventKind, Supervisor
 
 if TYPE_CHECKING:
@@ -77,9 +77,7 @@ class _Up:
 
     async def run(self) -> None:
         """The whole life."""
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # the last: its terminal was closed
-            loop.add_signal_handler(number, self._ask_stop)
+        on_stop(asyncio.get_running_loop(), self._ask_stop, hangup=True)
         began = self._clock.monotonic_s()
         try:
             await self._start()

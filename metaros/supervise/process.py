@@ -9,20 +9,18 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from metaros.supervise import guard
+from metaros.supervise import groups, guard
 from metaros.supervise.logs import RotatingLog
+from metaros.supervise.output import follow
 from metaros.supervise.policy import Exit, RestartPolicy
 
 __all__ = ["Launch", "Process"]
-
-_READ_BYTES = 64 * 1024
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +38,7 @@ class Launch:
 
 
 class Process:
-    """A running child. `await wait()` gives how it ended; `signal` reaches its whole group."""
+    """A running child. `await wait()` gives how it ended; `ask_to_end` and `kill` reach its whole group."""
 
     def __init__(self, launch: Launch) -> None:
         self.launch = launch
@@ -48,7 +46,8 @@ class Process:
         self._loop = asyncio.get_running_loop()
         self._ended: asyncio.Future[Exit] = self._loop.create_future()
         self._popen = self._spawn()
-        self._watch_output()
+        assert self._popen.stdout is not None
+        self._output = follow(self._loop, self._popen.stdout, self.log.write)
         self._watch_death()
 
     @property
@@ -65,13 +64,13 @@ class Process:
         """Wait for the end; safe to cancel and to call again."""
         return await asyncio.shield(self._ended)
 
-    def signal(self, number: int) -> None:
-        """Send to the process's group, if any of it is left."""
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            if sys.platform == "win32":
-                self._popen.send_signal(number)
-            else:
-                os.killpg(self.pid, number)
+    def ask_to_end(self) -> None:
+        """SIGINT (Windows: Ctrl-Break) to all of its group that is left."""
+        groups.ask_to_end(self._popen)
+
+    def kill(self) -> None:
+        """End its whole group at once."""
+        groups.kill(self._popen)
 
     def _spawn(self) -> subprocess.Popen[bytes]:
         launch = self.launch
@@ -86,32 +85,12 @@ class Process:
             env={**os.environ, **launch.env},
             cwd=launch.cwd,
             bufsize=0,
-            process_group=None if sys.platform == "win32" else 0,  # Ctrl-C is the supervisor's to pass on
+            **groups.spawn_options(),
         )
-
-    def _watch_output(self) -> None:
-        os.set_blocking(self._pipe, False)
-        self._loop.add_reader(self._pipe, self._read_output)
-
-    @property
-    def _pipe(self) -> int:
-        assert self._popen.stdout is not None
-        return self._popen.stdout.fileno()
-
-    def _read_output(self) -> None:
-        """Take one piece; at the end of the output stop listening, or the loop would turn for nothing."""
-        try:
-            data = os.read(self._pipe, _READ_BYTES)
-        except BlockingIOError:
-            return
-        if data:
-            self.log.write(data)
-        else:
-            self._loop.remove_reader(self._pipe)
 
     def _watch_death(self) -> None:
         if sys.platform == "linux":
-            with contextlib.suppress(OSError):
+            with contextlib.suppress(OSError, AttributeError):  # an old kernel, or a Python built without it
                 descriptor = os.pidfd_open(self.pid)
                 self._loop.add_reader(descriptor, self._died, descriptor)
                 return
@@ -122,18 +101,9 @@ class Process:
         if descriptor is not None:
             self._loop.remove_reader(descriptor)
             os.close(descriptor)
-        self.signal(signal.SIGKILL if sys.platform != "win32" else signal.SIGTERM)  # what it left in its group
+        self.kill()  # what it left in its group
         returncode = self._popen.wait()  # it is dead: this only reaps it, and only now may its number be used again
-        self._drain()
+        self._output.finish()
+        self.log.close()
         if not self._ended.done():
             self._ended.set_result(Exit.from_returncode(returncode))
-
-    def _drain(self) -> None:
-        """Read what is left in the pipe; a grandchild that still holds it must not keep us waiting."""
-        self._loop.remove_reader(self._pipe)
-        with contextlib.suppress(BlockingIOError):
-            while data := os.read(self._pipe, _READ_BYTES):
-                self.log.write(data)
-        assert self._popen.stdout is not None
-        self._popen.stdout.close()
-        self.log.close()

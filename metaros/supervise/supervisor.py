@@ -1,15 +1,14 @@
 """Keeps a table of processes running, and stops them in order.
 
 Single-threaded, on one event loop. Each process has one task that starts it, waits for its death, asks the policy and
-waits again. Nothing here blocks: output is read without blocking, deaths arrive through a pidfd. No queue: events go
-straight to `on_event`.
+waits again. Nothing here blocks: on Linux output is read without blocking and deaths arrive through a pidfd, elsewhere
+a thread waits for either. No queue: events go straight to `on_event`.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import signal
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -90,7 +89,7 @@ class Supervisor:
         return process.log.tail() if process else []
 
     async def stop(self, *, grace_s: float = 5.0) -> None:
-        """Stop all, last stage first: SIGINT, and SIGKILL to whoever still runs when the grace time is over."""
+        """Stop all, last stage first: ask each to end, and kill who still runs when the grace time is over."""
         await self._end_tasks()
         deadline = self._clock.monotonic_s() + grace_s
         stages = sorted({child.launch.stage for child in self._children.values()}, reverse=True)
@@ -101,10 +100,10 @@ class Supervisor:
             await asyncio.gather(*(self._stop_one(child, share_s) for child in children))
 
     def kill(self) -> None:
-        """SIGKILL to all at once: for an owner whose user has no patience. `stop` then ends quickly."""
+        """Kill all at once: for an owner whose user has no patience. `stop` then ends quickly."""
         for child in self._children.values():
             if child.process is not None and child.process.running:
-                child.process.signal(signal.SIGKILL)
+                child.process.kill()
 
     async def _end_tasks(self) -> None:
         tasks = [child.task for child in self._children.values() if child.task]
@@ -117,12 +116,12 @@ class Supervisor:
         if process is None or not process.running:
             child.state = "stopped"
             return
-        process.signal(signal.SIGINT)
+        process.ask_to_end()
         kind = EventKind.STOPPED
         with contextlib.suppress(TimeoutError):
             child.last_exit = (await asyncio.wait_for(process.wait(), grace_s)).reason
         if process.running:
-            process.signal(signal.SIGKILL)
+            process.kill()
             child.last_exit = (await process.wait()).reason
             kind = EventKind.KILLED
         child.state = "stopped"

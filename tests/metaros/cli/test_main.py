@@ -24,10 +24,18 @@ def test_help_names_every_noun() -> None:
     assert "\x1b" not in page
 
 
-def test_help_loads_neither_numpy_nor_rich_nor_zenoh() -> None:
+@pytest.mark.parametrize(
+    ("arguments", "heavy"),
+    [
+        (["--help"], {"numpy", "rich", "zenoh", "grpc", "fastapi"}),
+        (["agent", "--help"], {"numpy", "zenoh", "grpc"}),
+        (["gateway", "--help"], {"numpy", "zenoh", "grpc", "fastapi"}),
+    ],
+)
+def test_help_loads_nothing_heavy(arguments: list[str], heavy: set[str]) -> None:
     code = (
-        "import sys\ntry:\n from metaros.cli.main import main; main(['--help'])\nexcept SystemExit: pass\n"
-        "print({'numpy', 'rich', 'zenoh', 'grpc', 'fastapi'} & set(sys.modules))"
+        f"import sys\ntry:\n from metaros.cli.main import main; main({arguments})\nexcept SystemExit: pass\n"
+        f"print({heavy} & set(sys.modules))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "set()"

@@ -1,0 +1,57 @@
+"""Being asked to end: by the loop's own handlers, and where it has none."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from metaros.signals import on_stop, stop_signals
+
+
+class LoopWithoutHandlers(asyncio.SelectorEventLoop):
+    """As on Windows."""
+
+    def add_signal_handler(self, sig: int, callback: Callable[..., object], *args: object) -> None:
+        """Refuse."""
+        raise NotImplementedError
+
+
+@pytest.fixture(autouse=True)
+def own_handlers() -> Iterator[None]:
+    """Put back what a test replaces."""
+    before = {number: signal.getsignal(number) for number in stop_signals(hangup=True)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize("loop_class", [asyncio.SelectorEventLoop, LoopWithoutHandlers])
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_each_signal_stops(loop_class: type[asyncio.AbstractEventLoop], name: str) -> None:
+    async def main() -> None:
+        stop = asyncio.Event()
+        on_stop(asyncio.get_running_loop(), stop.set, hangup=True)
+        os.kill(os.getpid(), getattr(signal, name))
+        await asyncio.wait_for(stop.wait(), 5.0)
+
+    with asyncio.Runner(loop_factory=loop_class) as runner:
+        runner.run(main())
+
+
+def test_a_late_signal_after_the_loop_is_nobody_s() -> None:
+    with asyncio.Runner(loop_factory=LoopWithoutHandlers) as runner:
+
+        async def main() -> None:
+            on_stop(asyncio.get_running_loop(), lambda: None)
+
+        runner.run(main())
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def test_a_closed_terminal_counts_only_when_asked_for() -> None:
+    assert signal.SIGHUP not in stop_signals()
+    assert signal.SIGHUP in stop_signals(hangup=True)
