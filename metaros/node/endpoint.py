@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import zenoh
 
+from metaros.node.events.observer import Observer
 from metaros.wire import DataKey, EndpointToken, QoSProfile
 from metaros.wire.tokens import EndpointKind
 
@@ -37,13 +38,18 @@ class Endpoint:
         self.type_hash = type_hash
         self.qos = qos
         self.closed = False
-        self.mismatched = 0  # peers on this name with another type or hash: nothing passes between us
         session = node.context.session
         session.check_open()
         self.key = str(DataKey(session.domain, self.topic, type_name, type_hash))
         self.token = EndpointToken(node.token, session.next_id(), kind, self.topic, type_name, type_hash, qos.encode())
         self.gid = self.token.gid
+        self.events: Observer = Observer(self)
         self._closers: list[Callable[[], object]] = []
+
+    @property
+    def mismatched(self) -> int:
+        """Peers that came to this name with another type or hash: nothing passes between us."""
+        return self.events.type_hash_mismatch
 
     def on_close(self, closer: Callable[[], object]) -> None:
         """Call this on close; the last one registered is called first."""
@@ -56,9 +62,10 @@ class Endpoint:
         graph = self.node.context.graph
         graph.add_own(self.token)
         self.on_close(lambda: graph.discard_own(self.token))
-        watch = self.node.context.watch
-        watch.add(self)
-        self.on_close(lambda: watch.discard(self))
+        watch, events = self.node.context.watch, self.events
+        self.on_close(events.close)
+        watch.add(self.topic, events)
+        self.on_close(lambda: watch.discard(self.topic, events))
         self.node.adopt(self)
 
     def close(self) -> None:
@@ -77,6 +84,11 @@ class Endpoint:
         if first:
             _log.warning("%s %s: %s", self.node.full_name, self.topic, text)
         return first
+
+    def warn_once(self, about: Any, text: str) -> None:
+        """Have the node warn, here and on /rosout, once for each `about`."""
+        if self.node.first_report((self.token.eid, about)):
+            self.node.get_logger().warn(text)
 
     def __enter__(self) -> Any:
         return self

@@ -25,6 +25,10 @@ class Logger:
         self._publish = publish
         self._stream = stream
 
+    def publish_with(self, publish: Callable[..., None]) -> None:
+        """Send messages to /rosout, too, from now on."""
+        self._publish = publish
+
     def set_level(self, level: str) -> None:
         """Show `level` (DEBUG, INFO, WARN, ERROR, FATAL) and what is graver."""
         self.level = LEVELS[level.upper()]

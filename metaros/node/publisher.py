@@ -16,6 +16,8 @@ from metaros.clock import Clock
 from metaros.errors import ClosedError, FieldError, TooLargeError
 from metaros.limits import LIMITS
 from metaros.node.endpoint import Endpoint
+from metaros.node.events.callbacks import PublisherEvents
+from metaros.node.events.publishing import PublisherObserver
 from metaros.wire import Durability, QoSProfile, Reliability
 from metaros.wire.attachment import NEW
 
@@ -40,6 +42,7 @@ class RawPublisher(Endpoint):
     """Publishes CDR bytes under a type that need not be known."""
 
     publish: Publish
+    events: PublisherObserver
 
     def __init__(
         self,
@@ -51,21 +54,41 @@ class RawPublisher(Endpoint):
         *,
         message_type: type[Any] | None = None,
         encode: Callable[[Any], bytes] = bytes,
+        events: PublisherEvents | None = None,
     ) -> None:
         super().__init__(node, "MP", topic, type_name, type_hash, qos)
+        self.events = PublisherObserver(self, events)
         publisher = _declare(node.context.session.check_open(), self.key, qos)
         self.on_close(lambda: _undeclare(publisher))
-        self.publish, retire = _publish(self, node.clock, publisher.put, message_type=message_type, encode=encode)
+        publish, retire = _publish(self, node.clock, publisher.put, message_type=message_type, encode=encode)
+        self.publish = publish if self.events.sent is None else _promising(publish, self.events.sent)
         self.on_close(retire)
         self.announce()
+
+    def assert_liveliness(self) -> None:
+        """Say that the publisher lives, without a sample: for manual liveliness with a lease; else needless."""
+        if self.closed:
+            raise ClosedError(f"assert_liveliness on {self.topic}: the publisher was closed")
+        self.events.assert_alive()
 
 
 class Publisher(RawPublisher):
     """Publishes messages of one class; bytes are taken for CDR of that class and go out unread."""
 
-    def __init__(self, node: Node, message_type: type[Any], topic: str, codec: Codec, qos: QoSProfile) -> None:
+    def __init__(
+        self,
+        node: Node,
+        message_type: type[Any],
+        topic: str,
+        codec: Codec,
+        qos: QoSProfile,
+        events: PublisherEvents | None = None,
+    ) -> None:
         self.message_type = message_type
-        super().__init__(node, topic, codec.name, codec.hash, qos, message_type=message_type, encode=codec.encode)
+        encode = codec.encode
+        super().__init__(
+            node, topic, codec.name, codec.hash, qos, message_type=message_type, encode=encode, events=events
+        )
 
 
 def _declare(session: zenoh.Session, key: str, qos: QoSProfile) -> zenoh.Publisher | zenoh.ext.AdvancedPublisher:
@@ -83,6 +106,16 @@ def _declare(session: zenoh.Session, key: str, qos: QoSProfile) -> zenoh.Publish
         )
     cache = zenoh.ext.CacheConfig(max_samples=qos.depth)
     return zenoh.ext.declare_advanced_publisher(session, key, cache=cache, publisher_detection=True, **options)
+
+
+def _promising(publish: Publish, sent: Callable[[], None]) -> Publish:
+    """The same `publish` for a publisher with a deadline or a lease to keep."""
+
+    def publish_and_note(message: Any, *, stamp_ns: int | None = None) -> None:
+        publish(message, stamp_ns=stamp_ns)
+        sent()
+
+    return publish_and_note
 
 
 def _undeclare(publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher) -> None:

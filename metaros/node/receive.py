@@ -24,7 +24,8 @@ class Receiver:
     """Checks, decodes and hands over samples; counts what was lost on the way and what could not be read.
 
     `handle(sample)` never raises: a peer's faults are counted in `malformed` and reported through
-    `report(about, text)`, the callback's own exceptions are logged.
+    `report(about, text)`, the callback's own exceptions are logged. `dropped()` is how many samples were pushed out
+    before they came here; a gap that they do not explain is told to `on_lost(total, change, gid)`.
     """
 
     def __init__(
@@ -36,18 +37,39 @@ class Receiver:
         clock: Clock,
         name: str,
         report: Callable[[str, str], object],
+        on_lost: Callable[[int, int, bytes], object],
+        dropped: Callable[[], int],
     ) -> None:
         self.lost = 0
         self.malformed = 0
+        self._on_lost = on_lost
+        self._dropped = dropped
+        self._dropped_seen = 0  # of what the mailbox dropped: gaps that are explained
         self._next: dict[bytes, int] = {}  # by publisher: the sequence number that comes next
         self._name = name
         self._report = report
-        self.handle = self._handler(decode, callback, clock if with_info else None)
+        self._callback = callback
+        self._with_info = with_info
+        self._clock = clock
+        self.handle, self._call_instead = self._handler(decode, callback, clock if with_info else None)
+
+    def inspect(self, accept: Callable[[MessageInfo], bool]) -> None:
+        """From now on let the callback have only what `accept(info)` takes. Without it nothing is asked."""
+        callback, with_info = self._callback, self._with_info
+
+        def inspected(message: Any, info: MessageInfo | None = None) -> Any:
+            if info is None:
+                return callback(message)
+            if not accept(info):
+                return None
+            return callback(message, info) if with_info else callback(message)
+
+        self._call_instead(inspected, self._clock)
 
     def _handler(
         self, decode: Callable[[bytes], Any], callback: Callable[..., Any], clock: Clock | None
-    ) -> Callable[[zenoh.Sample], Any]:
-        """The hot path as a closure; everything unusual is left to methods."""
+    ) -> tuple[Callable[[zenoh.Sample], Any], Callable[[Callable[..., Any], Clock], None]]:
+        """The hot path as a closure, and how to give it another callback; everything unusual is left to methods."""
         expected, unpack, size, limit = self._next, NEW.unpack, NEW.size, LIMITS.sample_bytes
 
         def handle(sample: zenoh.Sample) -> Any:
@@ -74,7 +96,12 @@ class Receiver:
                 _log.exception("the callback of %s failed", self._name)
                 return None
 
-        return handle
+        def call_instead(new_callback: Callable[..., Any], new_clock: Clock) -> None:
+            nonlocal callback, clock
+            callback = new_callback  # first: it does without the info that samples under way do not bring yet
+            clock = new_clock
+
+        return handle, call_instead
 
     def _follow(self, seq: int, gid: bytes, data: bytes) -> None:
         """A first sample, or one that is not the next: check it fully, count the gap."""
@@ -83,11 +110,20 @@ class Receiver:
         if expected is None:
             if len(self._next) >= _PUBLISHERS:
                 del self._next[next(iter(self._next))]
+            self._dropped_seen = self._dropped()
         elif seq > expected:
-            self.lost += seq - expected
+            self._gap(seq - expected, gid)
         elif seq < expected:  # late or repeated: it was counted as lost, or seen before
             return
         self._next[gid] = seq + 1
+
+    def _gap(self, count: int, gid: bytes) -> None:
+        """So many samples are missing; those that our own history pushed out are not lost."""
+        own = min(count, self._dropped() - self._dropped_seen)
+        self._dropped_seen += own
+        if count > own:
+            self.lost += count - own
+            self._on_lost(self.lost, count - own, gid)
 
     def _reject(self, gid: bytes, error: PeerError) -> None:
         self.malformed += 1

@@ -13,6 +13,8 @@ from metaros.executor import Mailbox
 from metaros.limits import LIMITS
 from metaros.node.arrivals import declare_with_history
 from metaros.node.endpoint import Endpoint
+from metaros.node.events.callbacks import SubscriptionEvents
+from metaros.node.events.receiving import SubscriptionObserver
 from metaros.node.info import takes
 from metaros.node.lanes import ChannelLane, RingLane, feed, one_by_one
 from metaros.node.receive import Receiver
@@ -36,8 +38,11 @@ class Subscription(Endpoint):
     """Calls `callback(message)` or `callback(message, info)` for each sample.
 
     `lost` counts samples that the publishers sent and that never arrived, `dropped` those that arrived and were
-    pushed out by newer ones while callbacks were busy, `malformed` those that could not be read.
+    pushed out by newer ones while callbacks were busy, `expired` those that outlived their lifespan, `malformed` those
+    that could not be read. `events` counts the rest.
     """
+
+    events: SubscriptionObserver
 
     def __init__(
         self,
@@ -50,6 +55,7 @@ class Subscription(Endpoint):
         *,
         decode: Callable[[bytes], Any],
         dedicated: bool,
+        events: SubscriptionEvents | None = None,
     ) -> None:
         super().__init__(node, "MS", topic, type_name, type_hash, qos)
         self.callback = callback
@@ -63,6 +69,8 @@ class Subscription(Endpoint):
             clock=node.clock,
             name=self.topic,
             report=self.report_once,
+            on_lost=self._tell_lost,
+            dropped=lambda: self.dropped,
         )
         self._mailbox = Mailbox(
             self._receiver.handle,
@@ -70,6 +78,10 @@ class Subscription(Endpoint):
             depth=None if qos.history is History.KEEP_ALL else qos.depth,
             limit_bytes=LIMITS.ingress_bytes,
             size_of=sample_bytes,
+        )
+        pending = self._mailbox.pending
+        self.events = SubscriptionObserver(
+            self, events, on_inspect=self._receiver.inspect, waiting=lambda: bool(pending)
         )
         self.on_close(self._mailbox.clear)
         if is_async:
@@ -96,6 +108,14 @@ class Subscription(Endpoint):
     def dropped(self) -> int:
         """Samples that arrived and were pushed out of the history by newer ones."""
         return self._mailbox.dropped
+
+    @property
+    def expired(self) -> int:
+        """Samples that came, or came to their turn, after their lifespan."""
+        return self.events.expired
+
+    def _tell_lost(self, total: int, change: int, gid: bytes) -> None:
+        self.events.missing(total, change, gid)
 
     def _listen(self) -> None:
         """Through the ingress to the executor."""

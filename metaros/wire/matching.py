@@ -8,7 +8,7 @@ from metaros.errors import TypeHashError
 from metaros.wire.qos import incompatibilities
 from metaros.wire.tokens import ENDPOINT_KINDS, EndpointKind, EndpointToken
 
-__all__ = ["Obstacle", "obstacle"]
+__all__ = ["Obstacle", "meets", "obstacle"]
 
 _COUNTERPART: Final[dict[EndpointKind, EndpointKind]] = {"MP": "MS", "MS": "MP", "SS": "SC", "SC": "SS"}
 
@@ -26,9 +26,14 @@ class Obstacle(NamedTuple):
     policies: tuple[str, ...] = ()
 
 
+def meets(own: EndpointToken, peer: EndpointToken) -> bool:
+    """Whether the two are counterparts on one name, be they compatible or not."""
+    return own.topic == peer.topic and _COUNTERPART[own.kind] == peer.kind and own.node.domain == peer.node.domain
+
+
 def obstacle(own: EndpointToken, peer: EndpointToken) -> Obstacle | None:
     """What keeps `own` and `peer` apart; None when they match, or were never meant to meet."""
-    if own.topic != peer.topic or _COUNTERPART[own.kind] != peer.kind or own.node.domain != peer.node.domain:
+    if not meets(own, peer):
         return None
     where = f"{own.topic}: {_who(own)} and {_who(peer)}"
     if own.type_name != peer.type_name:

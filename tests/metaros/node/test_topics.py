@@ -179,13 +179,14 @@ def test_gaps_in_the_sequence_are_lost_samples(here, there):
     assert sub.lost - lost == 2
 
 
-def test_another_hash_of_the_same_type_is_reported(here, there, caplog):
+def test_another_hash_of_the_same_type_is_reported(here, there, capsys):
     with metaros.Node("a", context=here) as a, metaros.Node("b", context=there) as b:
         sub = a.create_subscription(String, "/chatter", lambda message: None)
         b.create_raw_publisher("/chatter", "std_msgs/msg/String", "RIHS01_" + "0" * 64)
         wait_until(lambda: sub.mismatched)
-        wait_until(lambda: "type_hash_mismatch" in caplog.text)
+        wait_until(lambda: sub.events.type_hash_mismatch)
     assert sub.mismatched == 1
+    assert "type_hash_mismatch: /chatter: subscription /a and publisher /b" in capsys.readouterr().err
 
 
 def test_what_does_not_fit_is_refused_before_it_is_sent(here):

@@ -1,0 +1,42 @@
+"""Who is told of which event. Callbacks run on the executor, plain or `async def`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from metaros.node.events.kinds import (
+    DeadlineMissed,
+    LivelinessChanged,
+    LivelinessLost,
+    Matched,
+    MessageLost,
+    QoSIncompatible,
+    TypeMismatch,
+)
+
+__all__ = ["PublisherEvents", "SubscriptionEvents"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SubscriptionEvents:
+    """What a subscription tells. Without `incompatible_qos` or `type_hash_mismatch` the node logs a warning instead."""
+
+    incompatible_qos: Callable[[QoSIncompatible], Any] | None = None
+    type_hash_mismatch: Callable[[TypeMismatch], Any] | None = None
+    matched: Callable[[Matched], Any] | None = None
+    message_lost: Callable[[MessageLost], Any] | None = None
+    deadline_missed: Callable[[DeadlineMissed], Any] | None = None
+    liveliness_changed: Callable[[LivelinessChanged], Any] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PublisherEvents:
+    """What a publisher tells. Without `incompatible_qos` or `type_hash_mismatch` the node logs a warning instead."""
+
+    incompatible_qos: Callable[[QoSIncompatible], Any] | None = None
+    type_hash_mismatch: Callable[[TypeMismatch], Any] | None = None
+    matched: Callable[[Matched], Any] | None = None
+    deadline_missed: Callable[[DeadlineMissed], Any] | None = None
+    liveliness_lost: Callable[[LivelinessLost], Any] | None = None
