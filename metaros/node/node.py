@@ -19,6 +19,7 @@ from metaros.limits import LIMITS
 from metaros.node.client import Client, RawClient
 from metaros.node.context import Context, shared_context
 from metaros.node.endpoint import Endpoint, as_qos
+from metaros.node.events import PublisherEvents, SubscriptionEvents
 from metaros.node.logger import Logger
 from metaros.node.publisher import Publisher, RawPublisher
 from metaros.node.service import Service
@@ -63,11 +64,9 @@ class Node:
         self.token = NodeToken(session.domain, session.zid, session.next_id(), self.name, self.namespace)
         self._liveliness = session.check_open().liveliness().declare_token(str(self.token))
         self.graph.add_own(self.token)
-        self._logger = Logger(
-            self.full_name.lstrip("/").replace("/", "."),
-            self.clock,
-            publish=self._rosout() if enable_rosout else None,
-        )
+        self._logger = Logger(self.full_name.lstrip("/").replace("/", "."), self.clock)
+        if enable_rosout:
+            self._logger.publish_with(self._rosout())
 
     @property
     def graph(self) -> Graph:
@@ -84,9 +83,16 @@ class Node:
 
     # -- topics ----------------------------------------------------------------------------------------------------
 
-    def create_publisher(self, message_type: type[Any], topic: str, qos: QoSProfile | int = qos_default) -> Publisher:
+    def create_publisher(
+        self,
+        message_type: type[Any],
+        topic: str,
+        qos: QoSProfile | int = qos_default,
+        *,
+        events: PublisherEvents | None = None,
+    ) -> Publisher:
         """Publish messages of `message_type` on `topic`; a number for `qos` is the depth of the default profile."""
-        return Publisher(self, message_type, topic, codec(message_type), as_qos(qos))
+        return Publisher(self, message_type, topic, codec(message_type), as_qos(qos), events)
 
     def create_subscription(
         self,
@@ -97,6 +103,7 @@ class Node:
         *,
         raw: bool = False,
         dedicated: bool = False,
+        events: SubscriptionEvents | None = None,
     ) -> Subscription:
         """Call `callback(message)` or `callback(message, info)` for each message on `topic`.
 
@@ -112,6 +119,7 @@ class Node:
             callback,
             decode=bytes if raw else code.decode,
             dedicated=dedicated,
+            events=events,
         )
 
     def create_raw_publisher(
@@ -178,11 +186,12 @@ class Node:
         qos: QoSProfile | int = qos_default,
         raw: bool = False,
         dedicated: bool = False,
+        events: SubscriptionEvents | None = None,
     ) -> Callable[[F], F]:
         """`create_subscription` as a decorator of the callback."""
 
         def decorate(callback: F) -> F:
-            self.create_subscription(message_type, topic, callback, qos, raw=raw, dedicated=dedicated)
+            self.create_subscription(message_type, topic, callback, qos, raw=raw, dedicated=dedicated, events=events)
             return callback
 
         return decorate
