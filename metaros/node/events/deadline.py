@@ -27,6 +27,11 @@ class DeadlineMonitor:
             self._untold += self._ended(due_s, now_s)
         self._due_s = now_s + self._period_s
 
+    def excuse(self, now_s: float) -> None:
+        """A sample is here whose time nobody noted: nothing that ended until now counts, a period begins."""
+        if self._due_s is not None:
+            self._due_s = max(self._due_s, now_s + self._period_s)
+
     def check(self, now_s: float) -> int:
         """The misses since the last check."""
         due_s = self._due_s

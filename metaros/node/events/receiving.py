@@ -170,7 +170,7 @@ class SubscriptionObserver(Observer):
         with self._lock:
             if self._deadline is not None:
                 if self._waiting():  # what came while callbacks were busy came in time
-                    self._deadline.mark(now_s)
+                    self._deadline.excuse(now_s)
                 missed = self._deadline.check(now_s)
                 if missed:
                     event: Any = DeadlineMissed(

@@ -52,6 +52,17 @@ def test_a_sample_exactly_on_time_is_in_time_and_a_late_one_is_counted_without_a
     assert monitor.check(4.6) == 1
 
 
+def test_an_excused_period_does_not_count():
+    monitor = DeadlineMonitor(1.0)
+    monitor.excuse(5.0)
+    assert monitor.check(100.0) == 0
+    monitor.mark(100.0)
+    monitor.excuse(103.5)
+    assert monitor.check(103.5) == 0
+    assert monitor.next_check_s(103.5) == 104.5
+    assert monitor.check(104.5) == 1
+
+
 @given(st.floats(0.001, 100.0), st.lists(st.floats(0.0, 1000.0), min_size=1, max_size=30))
 def test_looking_more_often_never_changes_how_many_were_missed(period_s, gaps):
     lazy, keen = DeadlineMonitor(period_s), DeadlineMonitor(period_s)
