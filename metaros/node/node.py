@@ -16,6 +16,7 @@ from metaros.errors import ClosedError, UsageError
 from metaros.executor import Ingress, Timer, TimerHeap
 from metaros.idl import message_class, names
 from metaros.limits import LIMITS
+from metaros.node.action import ActionClient, ActionServer, ServerGoal
 from metaros.node.client import Client, RawClient
 from metaros.node.context import Context, shared_context
 from metaros.node.endpoint import Endpoint, as_qos
@@ -167,6 +168,18 @@ class Node:
     ) -> RawClient:
         """Call a service in CDR bytes."""
         return RawClient(self, service, type_name, type_hash, as_qos(qos))
+
+    # -- actions ---------------------------------------------------------------------------------------------------
+
+    def create_action_server(
+        self, action: type[Any], name: str, execute: Callable[[ServerGoal], Any], **options: Any
+    ) -> ActionServer:
+        """Run `execute(goal)` for the goals of `name`; `ActionServer` tells the options, such as `cancel=`."""
+        return ActionServer(self, action, name, execute, **options)
+
+    def create_action_client(self, action: type[Any], name: str) -> ActionClient:
+        """Send goals to the action server `name`."""
+        return ActionClient(self, action, name)
 
     # -- timers and decorators -------------------------------------------------------------------------------------
 

@@ -48,8 +48,8 @@ class Waiting:
         return self._call.gid, self._call.seq
 
     def answer(self, response: Any) -> None:
-        """Send the response; a FieldError when its fields do not fit, which leaves the client waiting."""
-        data = self._responder.encode(response)
+        """Send the response, or its CDR; FieldError when its fields do not fit, which leaves the client waiting."""
+        data = response if isinstance(response, bytes) else self._responder.encode(response)
         query = self._take()
         if query is not None:
             self._responder.reply(query, self._call, data)

@@ -1,0 +1,55 @@
+"""A goal as the client that sent it sees it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from metaros.node.action.goal import TERMINAL, GoalState
+from metaros.node.call import Reply
+
+if TYPE_CHECKING:
+    from metaros.node.action.client import ActionClient
+
+__all__ = ["ActionResult", "ClientGoal"]
+
+
+class ActionResult(NamedTuple):
+    """How a goal ended, and the Result message it gave."""
+
+    status: GoalState
+    result: Any
+
+
+class ClientGoal:
+    """A goal that was sent. Whether it was taken is in `accepted`; the rest makes sense only then."""
+
+    def __init__(self, client: ActionClient, goal_id: bytes, *, accepted: bool, stamp_ns: int) -> None:
+        self._client = client
+        self.goal_id = goal_id
+        self.accepted = accepted
+        self.stamp_ns = stamp_ns  # when the server accepted it
+        self._status = GoalState.ACCEPTED if accepted else GoalState.UNKNOWN
+
+    @property
+    def status(self) -> GoalState:
+        """What the server last said, while the client's node spins; the end also by `result`."""
+        return self._status
+
+    def result(self, timeout_s: float | None = None) -> Reply[ActionResult]:
+        """Its end, to `await` or `.wait()` for; None as the timeout waits as long as the server lives.
+
+        UnavailableError at once when the server dies, or when it does not know the goal (any more).
+        """
+        return self._client.get_result(self, timeout_s)
+
+    def cancel(self, timeout_s: float = 10.0) -> Reply[bool]:
+        """Ask the server to stop it; gives whether the server will. The goal's end is still told by `result`."""
+        return self._client.cancel_goal(self, timeout_s)
+
+    def learn(self, status: GoalState) -> None:
+        """The server says so; an end is never taken back."""
+        if self._status not in TERMINAL:
+            self._status = status
+
+    def __repr__(self) -> str:
+        return f"<goal {self.goal_id.hex()} of {self._client.name}: {self.status.name}>"
