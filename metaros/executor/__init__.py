@@ -1,5 +1,6 @@
 """Executors: which thread runs a node's callbacks, and what waits meanwhile."""
 
+from metaros.executor.fair import FairExecutor, NodeShare
 from metaros.executor.groups import CallbackGroup, MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
 from metaros.executor.ingress import Ingress
 from metaros.executor.mailbox import Mailbox
@@ -10,9 +11,11 @@ from metaros.executor.timers import Timer, TimerHeap, TimerStatistics
 __all__ = [
     "CallbackGroup",
     "Executor",
+    "FairExecutor",
     "Ingress",
     "Mailbox",
     "MutuallyExclusiveCallbackGroup",
+    "NodeShare",
     "ReentrantCallbackGroup",
     "SingleThreadedExecutor",
     "Spinnable",

@@ -34,6 +34,9 @@ class SingleThreadedExecutor:
     """Runs the callbacks of the nodes of one context on one thread."""
 
     switch_interval_s = SWITCH_INTERVAL_S
+    eager_loop = (
+        True  # whether an `async def` of another executor's node in the context makes this one take a loop, too
+    )
 
     def __init__(self) -> None:
         self._desk = Desk()
@@ -50,8 +53,7 @@ class SingleThreadedExecutor:
 
     def add_node(self, node: Spinnable) -> None:
         """Run this node's callbacks, too; UsageError when it belongs to another context than the others."""
-        if self._nodes and node.ingress is not self._nodes[0].ingress:
-            raise UsageError("the nodes of one executor must share a context; use one executor a context")
+        self._check_context(node)
         if node not in self._nodes:
             if self._serving is not None:
                 self._serving.claim(self._desk, [node])
@@ -63,6 +65,13 @@ class SingleThreadedExecutor:
         if node in self._nodes:
             self._nodes.remove(node)
             node.ingress.release(self._desk, [node])
+
+    def _members(self) -> list[Spinnable]:
+        return self._nodes
+
+    def _check_context(self, node: Spinnable) -> None:
+        if any(node.ingress is not member.ingress for member in self._members()):
+            raise UsageError("the nodes of one executor must share a context; use one executor a context")
 
     # -- spinning --------------------------------------------------------------------------------------------------
 
@@ -86,7 +95,7 @@ class SingleThreadedExecutor:
     def shutdown(self) -> None:
         """Make `spin` return after the callback that runs; cancels what awaits. Safe from any thread."""
         self._stopped.set()
-        for node in self._nodes[:1]:
+        for node in self._members()[:1]:
             node.ingress.wake()
         loop, arrived = self._loop, self._arrived
         if loop is not None and arrived is not None:
@@ -97,9 +106,10 @@ class SingleThreadedExecutor:
     def _begin(self) -> Ingress:
         if self._stopped.is_set():
             raise ClosedError("the executor was shut down")
-        if not self._nodes:
+        members = self._members()
+        if not members:
             raise UsageError("the executor has no node to spin")
-        ingress = self._nodes[0].ingress
+        ingress = members[0].ingress
         if not self._spinning.acquire(blocking=False):
             raise UsageError("another thread is spinning this executor")
         try:
@@ -108,9 +118,12 @@ class SingleThreadedExecutor:
             self._spinning.release()
             raise
         self._serving = ingress
+        self._shorten_switch_interval()
+        return ingress
+
+    def _shorten_switch_interval(self) -> None:
         if sys.getswitchinterval() > self.switch_interval_s:
             sys.setswitchinterval(self.switch_interval_s)
-        return ingress
 
     def _end(self, ingress: Ingress) -> None:
         self._serving = None
@@ -128,10 +141,18 @@ class SingleThreadedExecutor:
                 self._spinning.release()
 
     def _alive(self) -> bool:
-        return any(not node.closed for node in self._nodes)
+        return any(not node.closed for node in self._members())
+
+    @property
+    def stopped(self) -> bool:
+        """Whether `shutdown` was called."""
+        return self._stopped.is_set()
+
+    def _wants_loop(self, ingress: Ingress) -> bool:
+        return self._loop is not None or (self.eager_loop and ingress.async_work)
 
     def _turn(self, ingress: Ingress, timeout_s: float | None, *, forever: bool = False) -> bool:
-        if self._loop is None and not ingress.async_work:
+        if not self._wants_loop(ingress):
             return self._turn_plain(ingress, timeout_s)
         loop = self._loop = self._loop or asyncio.new_event_loop()
         return loop.run_until_complete(self._turn_async(ingress, timeout_s, forever=forever))
@@ -145,7 +166,7 @@ class SingleThreadedExecutor:
             if wait_s is not None and wait_s <= 0 and deadline_s is not None and time.monotonic() >= deadline_s:
                 return False
             ingress.wait(self._desk, wait_s)
-            if self._stopped.is_set() or not self._alive() or ingress.async_work:
+            if self._stopped.is_set() or not self._alive() or self._wants_loop(ingress):
                 return True
         return True
 
@@ -192,10 +213,10 @@ class SingleThreadedExecutor:
         if asyncio.iscoroutine(result):
             self._start(result, timer)
 
-    def _run_mailbox(self, mailbox: Mailbox) -> bool:
+    def _run_mailbox(self, mailbox: Mailbox, limit: int = _SLICE) -> bool:
         """Handle a slice of its backlog; handlers log what user callbacks raise."""
         pending, handle, worked = mailbox.pending, mailbox.handle, False
-        for _ in range(min(len(pending), _SLICE)):
+        for _ in range(min(len(pending), limit)):
             if mailbox.busy:
                 break
             try:
@@ -208,7 +229,7 @@ class SingleThreadedExecutor:
             except Exception:
                 _log.exception("the handler of a sample failed")
                 continue
-            if result is not None:
+            if result is not None and asyncio.iscoroutine(result):
                 self._start(result, mailbox)
         return worked
 

@@ -9,37 +9,11 @@ from typing import Any
 
 import pytest
 
-from metaros.clock import Clock, ManualClock, SystemClock
+from metaros.clock import ManualClock, SystemClock
 from metaros.errors import ClosedError, UsageError
-from metaros.executor import Ingress, Mailbox, SingleThreadedExecutor, TimerHeap
+from metaros.executor import Ingress, SingleThreadedExecutor
+from tests.support.small_node import Item, SmallNode
 from tests.support.waiting import wait_until
-
-
-class Item:
-    """What arrives: like a sample, it knows its key."""
-
-    def __init__(self, key_expr: str, value: Any = None, size_bytes: int = 10) -> None:
-        self.key_expr = key_expr
-        self.value = value
-        self.size_bytes = size_bytes
-
-
-class SmallNode:
-    """The least that an executor spins."""
-
-    def __init__(self, ingress: Ingress, clock: Clock) -> None:
-        self.ingress = ingress
-        self.clock = clock
-        self.timers = TimerHeap(clock.monotonic_s, ingress.wake)
-        self.closed = False
-
-    def listen(self, key: str, handle: Any, *, depth: int | None = 10, limit_bytes: int = 10_000) -> Mailbox:
-        box = Mailbox(
-            handle, owner=self, depth=depth, limit_bytes=limit_bytes, size_of=lambda item: int(item.size_bytes)
-        )
-        self.ingress.route(key, box)
-        self.ingress.async_work |= asyncio.iscoroutinefunction(handle)
-        return box
 
 
 @pytest.fixture
@@ -315,3 +289,11 @@ def test_a_timer_slower_than_its_period_leaves_room_for_others(ingress):
     for _ in range(3):
         assert executor.spin_once(0) is True
     assert calls == ["slow", "quick"] * 3
+
+
+def test_what_a_plain_callback_returns_does_not_matter(node, executor, caplog):
+    node.listen("a", lambda item: (1, 2))
+    node.ingress.put(Item("a"))
+    assert executor.spin_once(1) is True
+    executor.spin_once(0)
+    assert caplog.text == ""
