@@ -54,11 +54,19 @@ async def run_agent(settings: Settings, *, clock: Clock | None = None) -> None:
     clock = clock or SystemClock()
     with Context(connect=[f"tcp/127.0.0.1:{settings.zenoh_port}"], clock=clock) as context:
         with contextlib.ExitStack() as stack:
-            node = stack.enter_context(Node(NODE_NAME, namespace=settings.namespace, context=context))
+            node = stack.enter_context(
+                Node(NODE_NAME, namespace=settings.namespace, context=context, enable_parameters=False)
+            )
             host = None
             if settings.host_metrics:
                 host = stack.enter_context(
-                    Node(HOST_NODE_NAME, namespace=settings.namespace, context=context, enable_rosout=False)
+                    Node(
+                        HOST_NODE_NAME,
+                        namespace=settings.namespace,
+                        context=context,
+                        enable_rosout=False,
+                        enable_parameters=False,
+                    )
                 )
             await run_parts(settings, node, host, clock)
 

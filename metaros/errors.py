@@ -7,6 +7,8 @@
     │   ├── UnknownTypeError      no such interface in the catalogue                    unknown_type
     │   ├── FieldError            a value does not fit its field                        invalid_field
     │   ├── ConfigError           a setting or an option is wrong                       invalid_config
+    │   ├── ParameterError        a parameter's value or declaration is refused         invalid_parameter
+    │   │   └── UnknownParameterError   no parameter of that name was declared          unknown_parameter
     │   └── ClosedError           the node, session or publisher was closed             closed
     └── PeerError                 the other side's fault
         ├── DecodeError           bytes that are no valid CDR of the type               malformed_cdr
@@ -35,12 +37,14 @@ __all__ = [
     "FrameError",
     "MetarosError",
     "NameError_",
+    "ParameterError",
     "PeerError",
     "TimeoutError_",
     "TokenError",
     "TooLargeError",
     "TypeHashError",
     "UnavailableError",
+    "UnknownParameterError",
     "UnknownTypeError",
     "UsageError",
 ]
@@ -86,6 +90,18 @@ class ConfigError(UsageError):
     """A setting or a command-line option is wrong."""
 
     code = "invalid_config"
+
+
+class ParameterError(UsageError):
+    """A parameter's value or declaration is refused; the message says why."""
+
+    code = "invalid_parameter"
+
+
+class UnknownParameterError(ParameterError):
+    """No parameter of that name was declared."""
+
+    code = "unknown_parameter"
 
 
 class ClosedError(UsageError):

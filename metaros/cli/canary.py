@@ -28,8 +28,8 @@ def round_trips(context: Context, *, zenoh_port: int, domain: int, rounds: int) 
     message = message_class(type_name)
     topic = f"/metaros_canary_{context.zid[:8]}"
     with connect(zenoh_port, domain) as other:
-        reader = Node("metaros_canary_reader", context=other, enable_rosout=False)
-        writer = Node("metaros_canary_writer", context=context, enable_rosout=False)
+        reader = Node("metaros_canary_reader", context=other, enable_rosout=False, enable_parameters=False)
+        writer = Node("metaros_canary_writer", context=context, enable_rosout=False, enable_parameters=False)
         with reader, writer:
             reader.create_raw_subscription(
                 topic, type_name, type_hash(type_name), qos_default, lambda _: arrived.put(clock.monotonic_s())

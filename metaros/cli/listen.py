@@ -62,7 +62,9 @@ class Listener:
         with ExitStack() as stack:
             context = stack.enter_context(connect(*self._where))
             self.found = find_topic(context, *self._ask, spin_time=self._spin_time, raw=self._raw)
-            node = stack.enter_context(Node("metaros_cli", context=context, enable_rosout=False))
+            node = stack.enter_context(
+                Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False)
+            )
             found = self.found
             reader = node.create_raw_subscription(found.name, found.type_name, found.type_hash, found.qos, self._take)
             stack.callback(reader.close)

@@ -151,7 +151,7 @@ def call(
         full = _type_of(context.graph, name, full_type(type_or_values, "srv") if type_or_values else "")
         kind: Any = message_class(full)
         request = from_json(kind.Request, parse_values(values, f"{full}_Request"))
-        with Node("metaros_cli", context=context, enable_rosout=False) as node:
+        with Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False) as node:
             client = node.create_client(kind, name)
             if not client.wait_for_service(min(timeout, max(spin_time, 0.1))):
                 raise TimeoutError_(f"{name} does not answer: its node may have stopped")

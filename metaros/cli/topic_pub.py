@@ -50,7 +50,10 @@ def pub(
     out = Output()
     name, full = absolute(topic), full_type(type_name)
     message = from_json(message_class(full), parse_values(values, full))
-    with connect(zenoh_port, domain) as context, Node("metaros_cli", context=context, enable_rosout=False) as node:
+    with (
+        connect(zenoh_port, domain) as context,
+        Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False) as node,
+    ):
         publisher = node.create_publisher(message_class(full), name, 10)
         needed = wait if wait is not None else int(once or times > 0)
         if needed and not wait_for(lambda: _subscribers(context, name, full) >= needed, timeout_s=wait_timeout):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import inspect
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from pathlib import Path
 from typing import Any, TypeVar
 
 import zenoh
@@ -21,7 +22,9 @@ from metaros.node.client import Client, RawClient
 from metaros.node.context import Context, shared_context
 from metaros.node.endpoint import Endpoint, as_qos
 from metaros.node.events import PublisherEvents, SubscriptionEvents
+from metaros.node.introspection import offer_logger_levels, offer_type_description
 from metaros.node.logger import Logger
+from metaros.node.parameters import NodeParameters, ParameterClient, make_parameters, offer_parameters
 from metaros.node.publisher import Publisher, RawPublisher
 from metaros.node.service import Service
 from metaros.node.subscription import RawSubscription, Subscription
@@ -37,7 +40,8 @@ class Node:
     """A node of the ROS graph. Use it as a context manager, or `close` it; its context closes it too.
 
     `context` defaults to one that all such nodes of the process share. `enable_rosout` publishes what the node logs
-    on /rosout.
+    on /rosout. `enable_parameters` offers the services of every ROS 2 node: parameters, events of them and type
+    descriptions. `parameter_overrides`, and those that a ROS 2 `parameter_file` has for this node, replace defaults.
     """
 
     def __init__(
@@ -47,11 +51,22 @@ class Node:
         namespace: str = "/",
         context: Context | None = None,
         enable_rosout: bool = True,
+        enable_parameters: bool = True,
+        enable_logger_service: bool = False,
+        parameter_overrides: Mapping[str, Any] | None = None,
+        parameter_file: str | Path | None = None,
+        allow_undeclared_parameters: bool = False,
     ) -> None:
         namespace = "/" + namespace.strip("/") if namespace else "/"
         self.name = names.validate_node(name)
         self.namespace = names.validate_namespace(namespace)
         self.full_name = f"{namespace.rstrip('/')}/{name}"
+        self.parameters: NodeParameters = make_parameters(
+            self.full_name,
+            overrides=parameter_overrides,
+            file=parameter_file,
+            allow_undeclared=allow_undeclared_parameters,
+        )
         self.context = shared_context() if context is None else context
         self.ingress: Ingress = self.context.ingress
         self.clock: Clock = self.context.clock
@@ -68,6 +83,11 @@ class Node:
         self._logger = Logger(self.full_name.lstrip("/").replace("/", "."), self.clock)
         if enable_rosout:
             self._logger.publish_with(self._rosout())
+        if enable_parameters:
+            offer_parameters(self, self.parameters)
+            offer_type_description(self)
+        if enable_logger_service:
+            offer_logger_levels(self)
 
     @property
     def graph(self) -> Graph:
@@ -168,6 +188,16 @@ class Node:
     ) -> RawClient:
         """Call a service in CDR bytes."""
         return RawClient(self, service, type_name, type_hash, as_qos(qos))
+
+    # -- parameters ------------------------------------------------------------------------------------------------
+
+    def declare_parameter(self, name: str, default: object = None, **rules: Any) -> Any:
+        """Add a parameter, return its value; the rules are those of `NodeParameters.declare`."""
+        return self.parameters.declare(name, default, **rules)
+
+    def create_parameter_client(self, node_name: str) -> ParameterClient:
+        """Read and set the parameters of another node."""
+        return ParameterClient(self, node_name)
 
     # -- actions ---------------------------------------------------------------------------------------------------
 

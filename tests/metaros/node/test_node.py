@@ -64,7 +64,8 @@ def test_entities_are_numbered_as_rmw_zenoh_numbers_them(here):
     with metaros.Node("a", context=here) as node:
         publisher = node.create_publisher(String, "chatter")
         tokens = {end.topic: end for end in here.graph.tokens()}
-        assert (node.token.nid, tokens["/rosout"].eid, publisher.token.eid) == (0, 1, 2)
+        assert (node.token.nid, tokens["/rosout"].eid, tokens["/parameter_events"].eid) == (0, 1, 2)
+        assert publisher.token.eid == 10  # after seven standard services
 
 
 def test_the_logger_writes_to_stderr_and_rosout(here, there, capsys):

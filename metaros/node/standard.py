@@ -1,0 +1,54 @@
+"""Services that every node offers. Their types are compiled at the first request, so that a node is made quickly."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
+
+from metaros.cdr import Codec, codec
+from metaros.idl import message_class
+from metaros.node.service import Service
+from metaros.wire import QoSProfile
+
+if TYPE_CHECKING:
+    from metaros.node.node import Node
+
+__all__ = ["StandardService", "serve"]
+
+
+@dataclass(frozen=True, slots=True)
+class StandardService:
+    """A service below a node's name, with its type's name and hash."""
+
+    name: str
+    type_name: str
+    type_hash: str
+
+
+class _LateCodec:
+    """A codec that is compiled when it is first used."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def encode(self, message: Any) -> bytes:
+        """As `Codec.encode`."""
+        return codec(self._name).encode(message)
+
+    def decode(self, data: bytes) -> Any:
+        """As `Codec.decode`."""
+        return codec(self._name).decode(data)
+
+
+def serve(node: Node, service: StandardService, callback: Callable[[Any, Any], Any], qos: QoSProfile) -> Service:
+    """Offer `<node>/<service>`, answered by `callback(request, response)` on the node's executor."""
+    name = service.type_name
+    service_type: Any = SimpleNamespace(
+        __metaros_name__=name,
+        __metaros_hash__=service.type_hash,
+        Response=lambda: message_class(f"{name}_Response")(),
+    )
+    request, response = (cast("Codec", _LateCodec(f"{name}_{part}")) for part in ("Request", "Response"))
+    return Service(node, service_type, f"~/{service.name}", callback, request=request, response=response, qos=qos)
