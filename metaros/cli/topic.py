@@ -76,18 +76,21 @@ def info(
     from metaros.cli.endpoints import endpoint_facts, print_endpoints
     from metaros.cli.names import no_such
     from metaros.cli.output import Output
+    from metaros.cli.topic_problems import print_problems, problems
 
     out, name = Output(output), absolute(topic)
     with look(zenoh_port, domain, spin_time=spin_time) as graph:
         ends = [item for item in graph.endpoints(topic=name) if item.kind in ("MP", "MS")]
-        known = list(graph.topics())
+        known, found = list(graph.topics()), problems(graph.tokens(), name)
     if not ends:
         raise no_such("topic", name, known)
     if out.json:
         facts = [endpoint_facts(item) for item in ends]
-        out.objects({"topic": name, "types": sorted({item.type_name for item in ends}), "endpoints": facts})
+        types = sorted({item.type_name for item in ends})
+        out.objects({"topic": name, "types": types, "endpoints": facts, "incompatible": found})
         return
     print_endpoints(out, ends, (("MP", "Publisher count"), ("MS", "Subscription count")), verbose=verbose)
+    print_problems(out, found, verbose=verbose)
 
 
 group.command("type")(topic_type.type_)
