@@ -60,7 +60,7 @@ class Autopilot:
         self._blocked_since = None
 
     def steer(self, body: Body, points: Floats, *, sight: float, now_s: float) -> tuple[float, float]:
-        """Speeds for now. `points` is the last scan as (2, n) in the robot's frame, `sight` the part that returned."""
+        """Speeds to drive at: `points` is the last scan as (2, n) in the robot's frame, `sight` what returned."""
         leg = self._leg or self._nearest_leg(body)
         leg = self._next_leg(leg, body)
         self._leg = leg

@@ -10,6 +10,7 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 
 import pytest
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 import metaros
@@ -62,19 +63,22 @@ class Driver:
         self.socket: ClientConnection = self.opened.enter_context(connection)
         self.socket.send(json.dumps({"op": "take", "holder": "test"}))
         self.granted = json.loads(self.socket.recv(timeout=5))
+        self.seq = 0
         self.held = threading.Event()
         self.ended = threading.Event()
         self.thread = threading.Thread(target=self.send_while_held)
         self.thread.start()
 
+    def send(self) -> None:
+        self.seq += 1
+        self.socket.send(json.dumps({"op": "drive", "linear": 0.4, "angular": 0.0, "seq": self.seq}))
+
     def send_while_held(self) -> None:
-        seq = 0
         while not self.ended.wait(0.1):
             if self.held.is_set():
-                seq += 1
                 try:
-                    self.socket.send(json.dumps({"op": "drive", "linear": 0.4, "angular": 0.0, "seq": seq}))
-                except Exception:
+                    self.send()
+                except ConnectionClosed:  # the gateway was killed
                     return
 
     def release(self) -> None:
@@ -114,6 +118,21 @@ def assert_stays_stopped(speedometer: Speedometer, *, since: float, within_s: fl
     wait_until(lambda: time.monotonic() - since > 2.0, timeout_s=5)
     assert speedometer.stopped_after(since) < within_s
     assert len([stamp for stamp, _ in speedometer.log if stamp > since]) > 10
+
+
+def test_odometry_answers_a_command_within_200_ms(driven: tuple[Stack, Driver, Speedometer]) -> None:
+    _stack, driver, speedometer = driven
+    delays_s = []
+    for _ in range(5):
+        sent = time.monotonic()
+        driver.held.set()
+        driver.send()
+        wait_until(lambda: speedometer.speed() > STILL, timeout_s=5, every_s=0.001)
+        delays_s.append(time.monotonic() - sent)
+        driver.release()
+        wait_until(lambda: speedometer.speed() < STILL, timeout_s=5)
+    print("command to odometry, ms:", [round(delay * 1000) for delay in delays_s])
+    assert sorted(delays_s)[2] < 0.2, delays_s
 
 
 def test_release_stops_the_robot(driven: tuple[Stack, Driver, Speedometer]) -> None:
