@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from metaros import errors
     from metaros.executor import SingleThreadedExecutor
-    from metaros.node import Context, MessageInfo, Node, spin
+    from metaros.node import Context, MessageInfo, Node, PublisherEvents, SubscriptionEvents, spin
+    from metaros.node.lifecycle import LifecycleNode
     from metaros.wire import (
         Congestion,
         Durability,
@@ -36,13 +37,16 @@ __all__ = [
     "Context",
     "Durability",
     "History",
+    "LifecycleNode",
     "Liveliness",
     "MessageInfo",
     "Node",
     "Priority",
+    "PublisherEvents",
     "QoSProfile",
     "Reliability",
     "SingleThreadedExecutor",
+    "SubscriptionEvents",
     "errors",
     "qos_command",
     "qos_default",
@@ -57,7 +61,8 @@ __all__ = [
 _HOMES = {
     "metaros.errors": ("errors",),
     "metaros.executor": ("SingleThreadedExecutor",),
-    "metaros.node": ("Context", "MessageInfo", "Node", "spin"),
+    "metaros.node": ("Context", "MessageInfo", "Node", "PublisherEvents", "SubscriptionEvents", "spin"),
+    "metaros.node.lifecycle": ("LifecycleNode",),
     "metaros.wire": (
         "Congestion",
         "Durability",

@@ -2,6 +2,7 @@
 
 from metaros.node.client import Client, RawClient
 from metaros.node.context import Context
+from metaros.node.events import PublisherEvents, SubscriptionEvents
 from metaros.node.info import MessageInfo
 from metaros.node.logger import Logger
 from metaros.node.node import Node
@@ -17,10 +18,12 @@ __all__ = [
     "MessageInfo",
     "Node",
     "Publisher",
+    "PublisherEvents",
     "RawClient",
     "RawPublisher",
     "RawSubscription",
     "Service",
     "Subscription",
+    "SubscriptionEvents",
     "spin",
 ]
