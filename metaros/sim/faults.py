@@ -31,6 +31,7 @@ FAULTS: dict[str, FaultKind] = {
         FaultKind("hot_motor", "the left motor heats far above what its load explains"),
         FaultKind("camera_freeze", "the camera repeats its last picture under fresh stamps"),
         FaultKind("lidar_dropout", "most laser rays return nothing and every second scan is missing"),
+        FaultKind("lidar_slow", "the lidar turns slowly: two scans a second instead of ten"),
         FaultKind("battery_drain", "the charge falls by half a percent a second"),
     )
 }

@@ -114,7 +114,8 @@ class SimRobot:
         )
         self.odometry.step(self.body, dt_s=STEP_S)
         self._watch_battery()
-        self.scanned = due(LIDAR.rate_hz, tick) and self.lidar.scan(
+        scan_hz = LIDAR.slow_hz if "lidar_slow" in self.faults else LIDAR.rate_hz
+        self.scanned = due(scan_hz, tick) and self.lidar.scan(
             self.body, others, dropout="lidar_dropout" in self.faults
         )
         for level, text in self.autopilot.said:

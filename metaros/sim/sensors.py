@@ -28,6 +28,7 @@ class LidarSpec:
     min_m: float = 0.12
     max_m: float = 12.0
     noise_m: float = 0.01
+    slow_hz: float = 2.0  # scans a second under the lidar_slow fault
     dropout_lost: float = 0.7  # part of the rays lost under the lidar_dropout fault
     height_m: float = 0.25
 

@@ -9,7 +9,7 @@ from metaros.sim.faults import FAULTS, ScheduledFault, parse_schedule
 
 
 def test_the_table_names_what_the_issue_names() -> None:
-    assert set(FAULTS) == {"stuck_wheel", "hot_motor", "camera_freeze", "lidar_dropout", "battery_drain"}
+    assert set(FAULTS) == {"stuck_wheel", "hot_motor", "camera_freeze", "lidar_dropout", "lidar_slow", "battery_drain"}
 
 
 @pytest.mark.parametrize(

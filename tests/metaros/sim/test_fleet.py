@@ -189,3 +189,15 @@ def test_due_is_exact_and_even(rate_hz: int, most: int) -> None:
     assert len(ticks) == rate_hz * 10
     gaps = {b - a for a, b in pairwise(ticks)}
     assert max(gaps) - min(gaps) <= most
+
+
+def test_a_slow_lidar_scans_twice_a_second_until_it_is_cleared() -> None:
+    fleet = Fleet(robots=1, seed=1, faults=[parse_schedule("sim_1:lidar_slow@10"), parse_schedule("sim_1:clear@20")])
+    scans = []
+    for _ in range(3):
+        count = 0
+        for _ in range(round(10 / STEP_S)):
+            fleet.step()
+            count += fleet.robots[0].scanned
+        scans.append(count)
+    assert scans == [100, 20, 100]

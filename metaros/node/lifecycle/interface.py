@@ -1,0 +1,115 @@
+"""A node's lifecycle on the wire: the five standard services and `~/transition_event` around the machine."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+from metaros.errors import UsageError
+from metaros.interfaces.lifecycle_msgs import msg, srv
+from metaros.node.lifecycle.hooks import Steps, ask, drive
+from metaros.node.lifecycle.machine import STATES, TRANSITIONS, Machine, Result, State, Transition
+from metaros.node.lifecycle.managed import Gate
+
+if TYPE_CHECKING:
+    from metaros.node.node import Node
+
+__all__ = ["Lifecycle"]
+
+
+class Lifecycle:
+    """Machine, gate and services of one node. `on_transition` functions are told of every transition taken."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._machine = Machine()
+        self._requesting = threading.Lock()
+        self.gate = Gate()
+        self.on_transition: list[Callable[[Transition], object]] = []
+        self._events = node.create_publisher(msg.TransitionEvent, "~/transition_event")
+        for kind, name, callback in (
+            (srv.ChangeState, "change_state", self._on_change_state),
+            (srv.GetState, "get_state", self._on_get_state),
+            (srv.GetAvailableStates, "get_available_states", self._on_states),
+            (srv.GetAvailableTransitions, "get_available_transitions", self._on_transitions),
+            (srv.GetAvailableTransitions, "get_transition_graph", self._on_graph),
+        ):
+            node.create_service(kind, f"~/{name}", callback)
+
+    @property
+    def state(self) -> State:
+        """Where the node is."""
+        return self._machine.state
+
+    def can(self, wanted: int | str) -> bool:
+        """Whether a transition is possible now."""
+        return self._machine.find(wanted) is not None
+
+    def change(self, wanted: int | str) -> Steps[Result]:
+        """Take a transition with its callback; UsageError where it is not possible now."""
+        with self._requesting:
+            taken = self._machine.request(wanted)
+        self._took(taken)
+        result = yield from ask(self._node, f"on_{taken.label}", taken.start)
+        self._took(self._machine.finish(result))
+        if result is Result.ERROR:
+            verdict = yield from ask(self._node, "on_error", taken.start, default=Result.FAILURE)
+            self._took(self._machine.finish(verdict))
+        return result
+
+    def _took(self, transition: Transition) -> None:
+        self.gate.entered(transition.goal)
+        if not self._node.closed:
+            self._events.publish(
+                msg.TransitionEvent(
+                    timestamp=self._node.clock.wall_ns(),
+                    transition=msg.Transition(id=transition.id, label=transition.label),
+                    start_state=_state(transition.start),
+                    goal_state=_state(transition.goal),
+                )
+            )
+        for listener in self.on_transition:
+            listener(transition)
+
+    # -- services --------------------------------------------------------------------------------------------------
+
+    def _on_change_state(self, request: srv.ChangeState_Request, response: srv.ChangeState_Response) -> Any:
+        """The label counts before the number, which is 0 where somebody gives only a label."""
+        return drive(self._changed(request.transition.label or request.transition.id, response))
+
+    def _changed(self, wanted: int | str, response: srv.ChangeState_Response) -> Steps[Any]:
+        try:
+            result = yield from self.change(wanted)
+        except UsageError as error:
+            self._node.get_logger().warn(f"change_state refused: {error}")
+            return response
+        response.success = result is Result.SUCCESS
+        return response
+
+    def _on_get_state(self, _request: Any, response: srv.GetState_Response) -> None:
+        response.current_state = _state(self.state)
+
+    def _on_states(self, _request: Any, response: srv.GetAvailableStates_Response) -> None:
+        response.available_states = [_state(state) for state in STATES]
+
+    def _on_transitions(self, _request: Any, response: srv.GetAvailableTransitions_Response) -> None:
+        response.available_transitions = _descriptions(self._machine.available())
+
+    def _on_graph(self, _request: Any, response: srv.GetAvailableTransitions_Response) -> None:
+        response.available_transitions = _descriptions(TRANSITIONS)
+
+
+def _state(state: State) -> msg.State:
+    return msg.State(id=state.id, label=state.label)
+
+
+def _descriptions(transitions: Iterable[Transition]) -> list[msg.TransitionDescription]:
+    return [
+        msg.TransitionDescription(
+            transition=msg.Transition(id=transition.id, label=transition.label),
+            start_state=_state(transition.start),
+            goal_state=_state(transition.goal),
+        )
+        for transition in transitions
+    ]
