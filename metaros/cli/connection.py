@@ -13,9 +13,9 @@ from metaros.errors import UnavailableError
 
 if TYPE_CHECKING:
     from metaros.node import Context
-    from metaros.wire import Graph
+    from metaros.wire import Graph, WireSession
 
-__all__ = ["absolute", "closest", "connect", "look", "settle", "wait_for"]
+__all__ = ["absolute", "closest", "connect", "look", "look_with_session", "settle", "wait_for"]
 
 _SETTLED_S = 0.25  # the graph is complete once nothing was added for so long; a busy machine has gaps of 0.12 s
 _STEP_S = 0.02
@@ -24,6 +24,13 @@ _STEP_S = 0.02
 @contextmanager
 def look(zenoh_port: int, domain: int, *, spin_time: float) -> Iterator[Graph]:
     """The graph alone, settled: for commands that only look. It loads no codec, so it is there sooner."""
+    with look_with_session(zenoh_port, domain, spin_time=spin_time) as (_, graph):
+        yield graph
+
+
+@contextmanager
+def look_with_session(zenoh_port: int, domain: int, *, spin_time: float) -> Iterator[tuple[WireSession, Graph]]:
+    """The same, with the session to look further."""
     from metaros.wire import Graph, WireSession
 
     _check_port(zenoh_port)
@@ -33,7 +40,7 @@ def look(zenoh_port: int, domain: int, *, spin_time: float) -> Iterator[Graph]:
         graph = Graph(session)
         try:
             settle(graph, timeout_s=spin_time)
-            yield graph
+            yield session, graph
         finally:
             graph.close()
     finally:

@@ -47,6 +47,8 @@ NOUNS = (
     Noun("node", "metaros.cli.node", GRAPH, "list, info"),
     Noun("service", "metaros.cli.service", GRAPH, "list, info, type, find, call"),
     Noun("interface", "metaros.cli.interface", GRAPH, "list, show, proto, hash: message, service and action types"),
+    Noun("top", "metaros.cli.top", GRAPH, "Nodes and topics with their rates, live"),
+    Noun("graph", "metaros.cli.graph", GRAPH, "Who talks to whom, and who cannot: a tree, or a drawing"),
     Noun("sim", "metaros.cli.sim", ROBOTS, "Simulated robots in a small warehouse"),
     Noun("play", "metaros.cli.play", ROBOTS, "Replay a real robot's log as live topics"),
     Noun("driver", "metaros.cli.driver", ROBOTS, "list, run: cameras and other devices", "drivers"),

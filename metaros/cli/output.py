@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Container, Iterable, Mapping, Sequence
+from typing import Any, Literal
 
 from metaros.cli.options import Format
 
@@ -21,15 +21,25 @@ class Output:
         self.tty = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
         self.colour = self.tty and "NO_COLOR" not in os.environ
 
-    def table(self, columns: Sequence[str], rows: Iterable[Sequence[object]], *, empty: str = "") -> None:
-        """Rows under headings; the first column is the one people look for. `empty` is said when there is none."""
+    def table(
+        self,
+        columns: Sequence[str],
+        rows: Iterable[Sequence[object]],
+        *,
+        empty: str = "",
+        right: Container[int] = (),
+    ) -> None:
+        """Rows under headings; the first column is the one people look for, those in `right` are numbers.
+
+        `empty` is said when there is none.
+        """
         texts = [[str(cell) for cell in row] for row in rows]
         if not texts:
             if self.tty and empty:
                 self.note(empty)
             return
         if self.tty:
-            self._rich_table(columns, texts)
+            self._rich_table(columns, texts, right)
         else:
             self._columns(texts)
 
@@ -70,7 +80,7 @@ class Output:
         for row in rows:
             self.line("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
 
-    def _rich_table(self, columns: Sequence[str], rows: list[list[str]]) -> None:
+    def _rich_table(self, columns: Sequence[str], rows: list[list[str]], right: Container[int]) -> None:
         from rich import box
         from rich.console import Console
         from rich.table import Table
@@ -78,7 +88,8 @@ class Output:
 
         table = Table(box=box.SIMPLE_HEAD, header_style="bold", pad_edge=False, show_edge=False)
         for number, column in enumerate(columns):
-            table.add_column(column, style="cyan" if number == 0 else None, overflow="fold")
+            justify: Literal["left", "right"] = "right" if number in right else "left"
+            table.add_column(column, style="cyan" if number == 0 else None, overflow="fold", justify=justify)
         for row in rows:
             table.add_row(*(Text(cell) for cell in row))
         Console().print(table)

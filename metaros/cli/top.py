@@ -1,0 +1,115 @@
+"""`metaros top`: nodes and topics with their rates, live."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import asdict
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from metaros.cli.output import Output
+    from metaros.cli.top_rows import Screenful
+
+__all__ = ["register"]
+
+
+class Sort(StrEnum):
+    """What comes first."""
+
+    NAME = "name"
+    RATE = "rate"
+    BANDWIDTH = "bandwidth"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the noun."""
+    app.command("top")(top)
+
+
+def top(
+    word: Annotated[str, typer.Argument(metavar="WORD", help="Only names that contain this.")] = "",
+    once: Annotated[bool, typer.Option("--once", help="Measure for one interval, print, end.")] = False,
+    interval: Annotated[
+        float, typer.Option("--interval", min=0.1, max=60.0, metavar="SECONDS", help="Between two looks.")
+    ] = 1.0,
+    sort: Annotated[
+        Sort, typer.Option("--sort", "-s", metavar="name|rate|bandwidth", help="Order of the topics.")
+    ] = Sort.NAME,
+    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
+    domain: Domain = 0,
+    spin_time: SpinTime = 1.0,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Show topics with rate, bandwidth, publishers and subscribers, and nodes with the CPU of their process.
+
+    It receives what is published in the domain while it runs, and counts it.
+    """
+    from metaros.cli.output import Output
+
+    out = Output(output)
+    with suppress(KeyboardInterrupt), _watch(zenoh_port, domain, spin_time, word, sort) as look:
+        if once:
+            _pause(interval)
+            screenful = look()
+            out.objects(asdict(screenful)) if out.json else _print(out, screenful)
+        elif out.json or not out.tty:
+            while True:
+                _pause(interval)
+                screenful = look()
+                out.object_line(asdict(screenful)) if out.json else _print(out, screenful)
+        else:
+            from metaros.cli.top_screen import live
+
+            live(look, lambda: _pause(interval))
+
+
+def _pause(seconds: float) -> None:
+    threading.Event().wait(seconds)
+
+
+def _print(out: Output, screenful: Screenful) -> None:
+    from metaros.cli.top_screen import TOPIC_COLUMNS, node_cells, node_columns, summary, topic_cells
+
+    out.table(TOPIC_COLUMNS, [topic_cells(row) for row in screenful.topics], right=(2, 3, 4, 5))
+    out.line()
+    columns = node_columns(screenful)
+    out.table(columns, [node_cells(row)[: len(columns)] for row in screenful.nodes], right=range(1, len(columns)))
+    out.note(f"\n{summary(screenful)}")
+
+
+@contextmanager
+def _watch(zenoh_port: int, domain: int, spin_time: float, word: str, sort: Sort) -> Iterator[Callable[[], Screenful]]:
+    """A function that measures since it was last called."""
+    from metaros.cli.connection import look_with_session
+    from metaros.cli.graph_model import draw
+    from metaros.cli.top_meter import Counts, Meter
+    from metaros.cli.top_processes import Processes
+    from metaros.cli.top_rows import Screenful, node_rows, topic_rows
+    from metaros.clock import SystemClock
+
+    with ExitStack() as stack:
+        session, graph = stack.enter_context(look_with_session(zenoh_port, domain, spin_time=spin_time))
+        counts, meter, clock, processes = Counts(session), Meter(), SystemClock(), Processes(session)
+        stack.callback(counts.close)
+        processes.look()  # the first look only starts the clocks of the CPU shares
+        meter.look(clock.monotonic_s(), counts.by_topic())
+
+        def look() -> Screenful:
+            rates = meter.look(clock.monotonic_s(), counts.by_topic())
+            ends, nodes = graph.endpoints(), graph.nodes()
+            return Screenful(
+                topic_rows(ends, rates, word=word, sort=sort.value),
+                node_rows(nodes, ends, processes.look(), word=word),
+                len(draw([], graph.tokens()).faults),
+            )
+
+        yield look

@@ -1,0 +1,134 @@
+"""`metaros top`: rates and rows, pure; then beside a real node, and on a terminal."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from rich.console import Console
+
+import metaros
+from metaros.cli.top_meter import Meter, Rates
+from metaros.cli.top_rows import NodeRow, Screenful, TopicRow, node_rows, topic_rows
+from metaros.cli.top_screen import node_columns, render, summary, topic_cells
+from metaros.interfaces.std_msgs.msg import String
+from metaros.wire import EndpointToken, NodeToken, qos_default
+from metaros.wire.graph import GraphState
+from tests.metaros.cli.conftest import Run
+
+
+def test_rates_are_means_over_five_looks() -> None:
+    meter = Meter()
+    assert meter.look(0.0, {}) == {}
+    assert meter.look(1.0, {"/a": (10, 1000)}) == {"/a": Rates(10.0, 1000.0)}
+    for second in range(2, 11):
+        rates = meter.look(float(second), {"/a": (10, 1000), "/b": (second, second)})
+    assert rates == {"/a": Rates(0.0, 0.0), "/b": Rates(1.0, 1.0)}
+
+
+def state() -> GraphState:
+    """/talker publishes /a and /b, /ear reads /a."""
+    graph = GraphState()
+    for name, ends in (("talker", (("MP", "/a"), ("MP", "/b"))), ("ear", (("MS", "/a"),))):
+        node = NodeToken(0, "a1" if name == "ear" else "b2", 0, name)
+        graph.add(str(node))
+        for number, (kind, topic) in enumerate(ends, start=1):
+            text = qos_default.encode()
+            graph.add(str(EndpointToken(node, number, kind, topic, "std_msgs/msg/String", "RIHS01_ab", text)))  # type: ignore[arg-type]
+    return graph
+
+
+def test_rows_and_their_order() -> None:
+    ends = state().endpoints()
+    rates = {"/b": Rates(5.0, 50.0), "/a": Rates(2.0, 100.0)}
+    first = TopicRow("/a", "std_msgs/msg/String", 2.0, 100.0, 1, 1)
+    second = TopicRow("/b", "std_msgs/msg/String", 5.0, 50.0, 1, 0)
+    assert topic_rows(ends, rates) == (first, second)
+    assert topic_rows(ends, rates, sort="rate") == (second, first)
+    assert topic_rows(ends, rates, sort="bandwidth") == (first, second)
+    assert topic_rows(ends, rates, word="b") == (second,)
+
+
+def test_a_node_s_process_is_shown_where_it_is_known() -> None:
+    from metaros.cli.top_processes import Usage
+
+    graph = state()
+    rows = node_rows(graph.nodes(), graph.endpoints(), {"b2": Usage(42, 12.5)})
+    assert rows == (NodeRow("/ear", 0, 1, 0), NodeRow("/talker", 2, 0, 0, 42, 12.5))
+    assert node_columns(Screenful((), rows, 0))[-1] == "CPU"
+    assert node_columns(Screenful((), rows[:1], 0))[-1] == "Srv"
+
+
+def test_silence_is_a_dash() -> None:
+    assert topic_cells(TopicRow("/a", "t", 0.0, 0.0, 1, 0)) == ("/a", "t", "–", "–", "1", "0")
+
+
+@pytest.mark.parametrize("height", [12, 24, 50])
+def test_the_live_screen_fits_the_terminal(height: int) -> None:
+    topics = tuple(TopicRow(f"/topic_{n}", "std_msgs/msg/String", n, n * 10, 1, 0) for n in range(40))
+    nodes = tuple(NodeRow(f"/node_{n}", 1, 0, 0, n, 1.0) for n in range(20))
+    console = Console(width=100, height=height, file=io.StringIO(), force_terminal=False)
+    text = "".join(segment.text for segment in console.render(render(Screenful(topics, nodes, 1), height)))
+    assert text.count("\n") <= max(height, 15)
+    assert "more" in text
+    assert "✗ 1 mismatched" in text
+
+
+def test_summary() -> None:
+    rows = (TopicRow("/a", "t", 10.0, 1500.0, 1, 0), TopicRow("/b", "t", 5.0, 500.0, 1, 0))
+    assert summary(Screenful(rows, (), 0)) == "0 nodes, 2 topics, 15 messages/s, 2 kB/s"
+
+
+@pytest.mark.usefixtures("talker")
+def test_once(run: Run) -> None:
+    facts = json.loads(run("top", "--once", "-o", "json").stdout)
+    (chatter,) = (row for row in facts["topics"] if row["topic"] == "/chatter")
+    assert 10 < chatter["rate_hz"] < 40
+    assert chatter["bytes_per_s"] > 100
+    assert (chatter["publishers"], chatter["subscribers"]) == (1, 0)
+    (node,) = (row for row in facts["nodes"] if row["node"] == "/demo/talker")
+    assert node["pid"] in (None, os.getpid())
+    done = run("top", "chatter", "--once", "--interval", "0.5")
+    assert done.stdout.startswith("/chatter  std_msgs/msg/String  ")
+    assert "1 topics" in done.stderr
+
+
+@pytest.mark.usefixtures("talker")
+def test_a_stream_of_objects(zenoh_router: str) -> None:
+    port = zenoh_router.rsplit(":", 1)[1]
+    command = [sys.executable, "-m", "metaros", "top", "-o", "json", "--interval", "0.2", "--zenoh-port", port]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as top:
+        assert top.stdout is not None
+        seen = [json.loads(top.stdout.readline()) for _ in range(3)]
+        top.send_signal(2)
+        _, err = top.communicate(timeout=10)
+    assert (top.returncode, err) == (0, "")
+    assert all("topics" in item for item in seen)
+
+
+@pytest.mark.usefixtures("talker")
+def test_graph_as_tree_json_and_dot(run: Run, talker: metaros.Node) -> None:
+    talker.create_raw_subscription(
+        "/chatter", "std_msgs/msg/String", "RIHS01_" + "ab" * 32, qos_default, lambda _: None
+    )
+    done = run("graph")
+    assert "├─ /chatter  std_msgs/msg/String" in done.stdout
+    assert "✗ /demo/talker  type hash RIHS01_df668c74… meets RIHS01_abababab…" in done.stdout
+    assert "/rosout" not in done.stdout
+    assert "/rosout" in run("graph", "--all").stdout
+    facts = json.loads(run("graph", "-o", "json").stdout)
+    assert facts["nodes"] == ["/demo/talker"]
+    (link,) = (link for link in facts["links"] if link["name"] == "/chatter")
+    assert [fault["code"] for fault in link["faults"]] == ["type_hash_mismatch"]
+    assert run("graph", "-o", "dot").stdout.startswith("digraph metaros {")
+
+
+def test_graph_of_a_name_that_is_not_there(run: Run, talker: metaros.Node) -> None:
+    talker.create_subscription(String, "/chatter", lambda _: None)
+    done = run("graph", "chater")
+    assert done.returncode == 1
+    assert "no name in the graph contains 'chater'" in done.stderr
