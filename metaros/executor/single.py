@@ -43,6 +43,7 @@ class SingleThreadedExecutor:
         self._serving: Ingress | None = None  # while it spins
         self._nodes: list[Spinnable] = []
         self._stopped = threading.Event()
+        self._counting = threading.Lock()
         self._spinning = threading.Lock()  # held by the thread that spins: only it may touch the loop
         self._loop: asyncio.AbstractEventLoop | None = None
         self._arrived: asyncio.Event | None = None
@@ -205,13 +206,18 @@ class SingleThreadedExecutor:
         return worked
 
     def _run_timer(self, timer: Timer) -> None:
+        coroutine = self._call_timer(timer)
+        if coroutine is not None:
+            self._start(coroutine, timer)
+
+    @staticmethod
+    def _call_timer(timer: Timer) -> Coroutine[Any, Any, Any] | None:
         try:
             result = timer.callback()
         except Exception:
             _log.exception("a timer's callback failed")
-            return
-        if asyncio.iscoroutine(result):
-            self._start(result, timer)
+            return None
+        return result if asyncio.iscoroutine(result) else None
 
     def _run_mailbox(self, mailbox: Mailbox, limit: int = _SLICE) -> bool:
         """Handle a slice of its backlog; handlers log what user callbacks raise."""
@@ -238,11 +244,16 @@ class SingleThreadedExecutor:
     def _start(self, coroutine: Coroutine[Any, Any, Any], owner: Mailbox | Timer) -> None:
         """Let a coroutine run on the loop; its owner gets no other call until it is done."""
         loop = self._loop = self._loop or asyncio.new_event_loop()
-        owner.running += 1
-        owner.busy = owner.running >= (1 if owner.group is None else owner.group.overlap)
+        self._count(owner, 1)
         task = loop.create_task(self._finish(coroutine, owner))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+
+    def _count(self, owner: Mailbox | Timer, step: int) -> None:
+        """So many more calls of it are not done."""
+        with self._counting:
+            owner.running += step
+            owner.busy = owner.running >= (1 if owner.group is None else owner.group.overlap)
 
     async def _finish(self, coroutine: Awaitable[Any], owner: Mailbox | Timer) -> None:
         try:
@@ -250,8 +261,7 @@ class SingleThreadedExecutor:
         except Exception:
             _log.exception("an async callback failed")
         finally:
-            owner.running -= 1
-            owner.busy = False
+            self._count(owner, -1)
             ingress = self._nodes[0].ingress if self._nodes else None
             if isinstance(owner, Mailbox) and ingress is not None and not owner.queued:
                 ingress.requeue(owner)
