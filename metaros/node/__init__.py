@@ -1,5 +1,6 @@
 """Nodes: publishers, subscriptions, services, clients and timers on the ROS 2 wire."""
 
+from metaros.node.action import ActionClient, ActionResult, ActionServer, ClientGoal, GoalState, ServerGoal
 from metaros.node.client import Client, RawClient
 from metaros.node.context import Context
 from metaros.node.events import PublisherEvents, SubscriptionEvents
@@ -12,8 +13,13 @@ from metaros.node.spin import spin
 from metaros.node.subscription import RawSubscription, Subscription
 
 __all__ = [
+    "ActionClient",
+    "ActionResult",
+    "ActionServer",
     "Client",
+    "ClientGoal",
     "Context",
+    "GoalState",
     "Logger",
     "MessageInfo",
     "Node",
@@ -22,6 +28,7 @@ __all__ = [
     "RawClient",
     "RawPublisher",
     "RawSubscription",
+    "ServerGoal",
     "Service",
     "Subscription",
     "SubscriptionEvents",

@@ -121,7 +121,7 @@ class ActionServer:
     async def _serve_goal(self, request: Any, waiting: Waiting) -> None:
         goal_id = id_of(request.goal_id)
         with self._lock:
-            wanted = self._goals.get(goal_id) is None and self._goals.has_room()
+            wanted = not self.closed and self._goals.get(goal_id) is None and self._goals.has_room()
         wanted = wanted and await self._agrees(self._on_goal, request.goal)
         handle: ServerGoal | None = None
         stamp_ns = self.node.clock.wall_ns()
@@ -129,6 +129,9 @@ class ActionServer:
             if wanted and not self.closed and self._goals.get(goal_id) is None and self._goals.has_room():
                 goal = self._goals.accept(goal_id, stamp_ns)
                 handle = goal.payload = ServerGoal(self, goal, request.goal)
+        if self.closed and handle is None:
+            waiting.drop()
+            return
         stamp = self._types.stamp(stamp_ns if handle is not None else 0)
         waiting.answer(self._types.send_goal.Response(accepted=handle is not None, stamp=stamp))
         if handle is None:
