@@ -25,11 +25,11 @@ class Watch:
         """Tell a new endpoint's observer who is there, and later who comes and goes."""
         with self._lock:
             self._observers.setdefault(topic, []).append(observer)
-        for token in self._graph.tokens():
-            if token.topic == topic:
-                observer.came(token)
-        there = set(self._graph.tokens())
-        for token in observer.known():  # who left while we told of it: that news came first, and meant nothing yet
+        for token in self._tokens(topic):
+            observer.came(token)
+        known = observer.known()
+        there = set(self._tokens(topic)) if known else set()
+        for token in known:  # who left while we told of it: that news came first, and meant nothing yet
             if token not in there:
                 observer.went(token)
 
@@ -39,6 +39,9 @@ class Watch:
             rest = [other for other in self._observers.pop(topic, []) if other is not observer]
             if rest:
                 self._observers[topic] = rest
+
+    def _tokens(self, topic: str) -> list[EndpointToken]:
+        return [token for token in self._graph.tokens() if token.topic == topic]
 
     def _on_token(self, token: Token, alive: bool) -> None:
         if not isinstance(token, EndpointToken):

@@ -23,6 +23,7 @@ class Observer:
     def __init__(self, endpoint: Endpoint, callbacks: PublisherEvents | SubscriptionEvents | None = None) -> None:
         self._endpoint = endpoint
         self._lock = threading.Lock()
+        self._closed = False
         self._peers = Peers(endpoint.token)
         self._post = Post(endpoint.node, endpoint.topic, callbacks)
 
@@ -48,7 +49,7 @@ class Observer:
     def came(self, token: EndpointToken) -> None:
         """A token is in the graph."""
         with self._lock:
-            found = self._peers.add(token)
+            found = None if self._closed else self._peers.add(token)
             if found is None:
                 return
             peer, event = found
@@ -75,6 +76,8 @@ class Observer:
 
     def close(self) -> None:
         """Tell nothing more."""
+        with self._lock:
+            self._closed = True
         self._post.close()
 
     def _peer_came(self, peer: Peer) -> None:
