@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import signal
 import subprocess
 import sys
@@ -380,3 +381,36 @@ def test_plain_endpoints_carry_no_monitors(listener, talker):
     pub.close()
     with pytest.raises(metaros.errors.ClosedError):
         pub.assert_liveliness()
+
+
+@pytest.mark.parametrize("qos", [metaros.qos_default, metaros.qos_reliable_all, KEPT])
+@pytest.mark.parametrize("dedicated", [False, True])
+def test_policies_hold_on_every_path_to_the_callback(listener, talker, qos, dedicated):
+    got: list[Any] = []
+    until = spinning(listener, talker)
+    strict = dataclasses.replace(qos, deadline_ns=10**8, lifespan_ns=60 * 10**9)
+    sub = listener.create_subscription(
+        String, "/t", lambda message, info: got.append((message.data, info.seq)), strict, dedicated=dedicated
+    )
+    pub = talker.create_publisher(String, "/t", strict)
+    until(lambda: sub.events.matched and pub.events.matched)
+    pub.publish(String(data="stale"), stamp_ns=talker.clock.wall_ns() - 61 * 10**9)
+    pub.publish(String(data="fresh"))
+    until(lambda: got and sub.events.deadline_missed and pub.events.deadline_missed)
+    assert (got, sub.expired, sub.lost) == ([("fresh", 2)], 1, 0)
+
+
+def test_an_async_callback_gets_only_what_is_fresh(listener, talker):
+    got: list[str] = []
+
+    async def on_message(message: String) -> None:
+        got.append(message.data)
+
+    until = spinning(listener)
+    sub = listener.create_subscription(String, "/t", on_message, QoSProfile(lifespan_ns=60 * 10**9))
+    pub = talker.create_publisher(String, "/t")
+    wait_until(lambda: sub.events.matched and pub.events.matched)
+    pub.publish(String(data="stale"), stamp_ns=talker.clock.wall_ns() - 61 * 10**9)
+    pub.publish(String(data="fresh"))
+    until(lambda: got)
+    assert (got, sub.expired) == (["fresh"], 1)
