@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from metaros import errors
-    from metaros.executor import SingleThreadedExecutor
+    from metaros.executor import (
+        AsyncioExecutor,
+        FairExecutor,
+        MultiThreadedExecutor,
+        MutuallyExclusiveCallbackGroup,
+        ReentrantCallbackGroup,
+        SingleThreadedExecutor,
+    )
     from metaros.node import Context, MessageInfo, Node, PublisherEvents, SubscriptionEvents, spin
     from metaros.node.lifecycle import LifecycleNode
     from metaros.wire import (
@@ -33,17 +40,22 @@ if TYPE_CHECKING:
 __version__ = "2.0.0.dev1"
 
 __all__ = [
+    "AsyncioExecutor",
     "Congestion",
     "Context",
     "Durability",
+    "FairExecutor",
     "History",
     "LifecycleNode",
     "Liveliness",
     "MessageInfo",
+    "MultiThreadedExecutor",
+    "MutuallyExclusiveCallbackGroup",
     "Node",
     "Priority",
     "PublisherEvents",
     "QoSProfile",
+    "ReentrantCallbackGroup",
     "Reliability",
     "SingleThreadedExecutor",
     "SubscriptionEvents",
@@ -60,7 +72,14 @@ __all__ = [
 
 _HOMES = {
     "metaros.errors": ("errors",),
-    "metaros.executor": ("SingleThreadedExecutor",),
+    "metaros.executor": (
+        "AsyncioExecutor",
+        "FairExecutor",
+        "MultiThreadedExecutor",
+        "MutuallyExclusiveCallbackGroup",
+        "ReentrantCallbackGroup",
+        "SingleThreadedExecutor",
+    ),
     "metaros.node": ("Context", "MessageInfo", "Node", "PublisherEvents", "SubscriptionEvents", "spin"),
     "metaros.node.lifecycle": ("LifecycleNode",),
     "metaros.wire": (

@@ -14,7 +14,7 @@ import zenoh
 from metaros.cdr import codec
 from metaros.clock import Clock
 from metaros.errors import ClosedError, UsageError
-from metaros.executor import Ingress, Timer, TimerHeap
+from metaros.executor import CallbackGroup, Ingress, Timer, TimerHeap
 from metaros.idl import message_class, names
 from metaros.limits import LIMITS
 from metaros.node.action import ActionClient, ActionServer, ServerGoal
@@ -42,6 +42,7 @@ class Node:
     `context` defaults to one that all such nodes of the process share. `enable_rosout` publishes what the node logs
     on /rosout. `enable_parameters` offers the services of every ROS 2 node: parameters, events of them and type
     descriptions. `parameter_overrides`, and those that a ROS 2 `parameter_file` has for this node, replace defaults.
+    `nice`, -20 to 19, and `critical` say what a `FairExecutor` gives the node; other executors do not ask.
     """
 
     def __init__(
@@ -56,6 +57,8 @@ class Node:
         parameter_overrides: Mapping[str, Any] | None = None,
         parameter_file: str | Path | None = None,
         allow_undeclared_parameters: bool = False,
+        nice: int = 0,
+        critical: bool = False,
     ) -> None:
         namespace = "/" + namespace.strip("/") if namespace else "/"
         self.name = names.validate_node(name)
@@ -71,6 +74,7 @@ class Node:
         self.ingress: Ingress = self.context.ingress
         self.clock: Clock = self.context.clock
         self.timers = TimerHeap(self.clock.monotonic_s, self.ingress.wake)
+        self.nice, self.critical = nice, critical
         self.closed = False
         self._endpoints: list[Endpoint] = []
         self._reported: dict[object, None] = {}
@@ -125,10 +129,12 @@ class Node:
         raw: bool = False,
         dedicated: bool = False,
         events: SubscriptionEvents | None = None,
+        group: CallbackGroup | None = None,
     ) -> Subscription:
         """Call `callback(message)` or `callback(message, info)` for each message on `topic`.
 
         `raw` gives the CDR bytes instead of a message; `dedicated` a thread of its own instead of the executor's.
+        `group` says what the callback may overlap with on an executor of several threads.
         """
         code = codec(message_type)
         return Subscription(
@@ -141,6 +147,7 @@ class Node:
             decode=bytes if raw else code.decode,
             dedicated=dedicated,
             events=events,
+            group=group,
         )
 
     def create_raw_publisher(
@@ -170,13 +177,14 @@ class Node:
         qos: QoSProfile | int = qos_services,
         *,
         backlog: int = LIMITS.service_backlog,
+        group: CallbackGroup | None = None,
     ) -> Service:
         """Serve `name` with `callback(request, response)`, which fills in or returns the response.
 
         At most `backlog` requests wait for the executor; the depth of `qos` is only told to others.
         """
         coders = {"request": codec(service_type.Request), "response": codec(service_type.Response)}
-        return Service(self, service_type, name, callback, qos=as_qos(qos), backlog=backlog, **coders)
+        return Service(self, service_type, name, callback, qos=as_qos(qos), backlog=backlog, group=group, **coders)
 
     def create_client(self, service_type: type[Any], name: str, qos: QoSProfile | int = qos_services) -> Client:
         """Call the service `name`."""
@@ -213,13 +221,15 @@ class Node:
 
     # -- timers and decorators -------------------------------------------------------------------------------------
 
-    def create_timer(self, period_s: float, callback: Callable[[], Any]) -> Timer:
-        """Call `callback()` every `period_s` on the executor, by the context's clock."""
+    def create_timer(
+        self, period_s: float, callback: Callable[[], Any], *, group: CallbackGroup | None = None
+    ) -> Timer:
+        """Call `callback()` every `period_s` on the executor, by the node's clock."""
         if self.closed:
             raise ClosedError(f"{self.full_name} was closed")
         if inspect.iscoroutinefunction(callback):
             self.ingress.async_work = True
-        return self.timers.add(period_s, callback)
+        return self.timers.add(period_s, callback, group)
 
     def subscription(
         self,
@@ -230,29 +240,38 @@ class Node:
         raw: bool = False,
         dedicated: bool = False,
         events: SubscriptionEvents | None = None,
+        group: CallbackGroup | None = None,
     ) -> Callable[[F], F]:
         """`create_subscription` as a decorator of the callback."""
 
         def decorate(callback: F) -> F:
-            self.create_subscription(message_type, topic, callback, qos, raw=raw, dedicated=dedicated, events=events)
+            options: Any = {"raw": raw, "dedicated": dedicated, "events": events, "group": group}
+            self.create_subscription(message_type, topic, callback, qos, **options)
             return callback
 
         return decorate
 
-    def timer(self, period_s: float) -> Callable[[F], F]:
+    def timer(self, period_s: float, *, group: CallbackGroup | None = None) -> Callable[[F], F]:
         """`create_timer` as a decorator of the callback."""
 
         def decorate(callback: F) -> F:
-            self.create_timer(period_s, callback)
+            self.create_timer(period_s, callback, group=group)
             return callback
 
         return decorate
 
-    def service(self, service_type: type[Any], name: str, *, qos: QoSProfile | int = qos_services) -> Callable[[F], F]:
+    def service(
+        self,
+        service_type: type[Any],
+        name: str,
+        *,
+        qos: QoSProfile | int = qos_services,
+        group: CallbackGroup | None = None,
+    ) -> Callable[[F], F]:
         """`create_service` as a decorator of the callback."""
 
         def decorate(callback: F) -> F:
-            self.create_service(service_type, name, callback, qos)
+            self.create_service(service_type, name, callback, qos, group=group)
             return callback
 
         return decorate

@@ -12,7 +12,7 @@ import zenoh
 
 from metaros.cdr import Codec
 from metaros.errors import MetarosError, PeerError
-from metaros.executor import Mailbox
+from metaros.executor import CallbackGroup, Mailbox
 from metaros.limits import LIMITS
 from metaros.node.endpoint import Endpoint
 from metaros.node.info import takes
@@ -100,6 +100,7 @@ class Responder(Endpoint):
         response: Codec,
         qos: QoSProfile,
         backlog: int = LIMITS.service_backlog,
+        group: CallbackGroup | None = None,
     ) -> None:
         super().__init__(node, "SS", name, service.__metaros_name__, service.__metaros_hash__, qos)
         self._serve = serve
@@ -107,7 +108,12 @@ class Responder(Endpoint):
         self._waiting: dict[tuple[bytes, int], Waiting] = {}
         self.malformed = 0
         self._mailbox = Mailbox(
-            self._handle, owner=node, depth=backlog, limit_bytes=LIMITS.ingress_bytes, size_of=query_bytes
+            self._handle,
+            owner=node,
+            depth=backlog,
+            limit_bytes=LIMITS.ingress_bytes,
+            size_of=query_bytes,
+            group=group,
         )
         sink = zenoh.handlers.Callback(node.ingress.put_to(self._mailbox), indirect=False)
         queryable = node.context.session.check_open().declare_queryable(self.key, sink, complete=True)
@@ -172,15 +178,15 @@ class Service(Responder):
         response: Codec,
         qos: QoSProfile,
         backlog: int = LIMITS.service_backlog,
+        group: CallbackGroup | None = None,
     ) -> None:
         self.callback = callback
         self._response_type = service.Response
         takes(callback, 2)
         if inspect.iscoroutinefunction(callback):
             node.ingress.async_work = True
-        super().__init__(
-            node, service, name, self._call_back, request=request, response=response, qos=qos, backlog=backlog
-        )
+        options: Any = {"request": request, "response": response, "qos": qos, "backlog": backlog, "group": group}
+        super().__init__(node, service, name, self._call_back, **options)
 
     def _call_back(self, request: Any, waiting: Waiting) -> Awaitable[None] | None:
         response = self._response_type()

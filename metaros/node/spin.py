@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from metaros.errors import UsageError
-from metaros.executor import SingleThreadedExecutor
+from metaros.executor import Executor, SingleThreadedExecutor
 from metaros.node.node import Node
 
 __all__ = ["spin"]
 
 
-def spin(nodes: Node | Iterable[Node]) -> None:
-    """Run the callbacks of one node or several of one context until Ctrl-C, or until they are closed."""
-    executor = SingleThreadedExecutor()
+def spin(nodes: Node | Iterable[Node], *, executor: Executor | None = None) -> None:
+    """Run the callbacks of one node or several of one context until Ctrl-C, or until they are closed.
+
+    On `executor` where one is given, with the nodes it has already; it is shut down at the end.
+    """
+    executor = SingleThreadedExecutor() if executor is None else executor
     chosen = [nodes] if isinstance(nodes, Node) else list(nodes)
     if not chosen:
         raise UsageError("spin needs a node")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import zenoh
 
 from metaros.errors import UsageError
-from metaros.executor import Mailbox
+from metaros.executor import CallbackGroup, Mailbox
 from metaros.limits import LIMITS
 from metaros.node.arrivals import declare_with_history
 from metaros.node.endpoint import Endpoint
@@ -56,6 +56,7 @@ class Subscription(Endpoint):
         decode: Callable[[bytes], Any],
         dedicated: bool,
         events: SubscriptionEvents | None = None,
+        group: CallbackGroup | None = None,
     ) -> None:
         super().__init__(node, "MS", topic, type_name, type_hash, qos)
         self.callback = callback
@@ -78,6 +79,7 @@ class Subscription(Endpoint):
             depth=None if qos.history is History.KEEP_ALL else qos.depth,
             limit_bytes=LIMITS.ingress_bytes,
             size_of=sample_bytes,
+            group=group,
         )
         pending = self._mailbox.pending
         self.events = SubscriptionObserver(
@@ -134,7 +136,12 @@ class Subscription(Endpoint):
             run = one_by_one(handle)
         else:
             executors = Mailbox(
-                handle, owner=self.node, depth=None, limit_bytes=LIMITS.ingress_bytes, size_of=sample_bytes
+                handle,
+                owner=self.node,
+                depth=None,
+                limit_bytes=LIMITS.ingress_bytes,
+                size_of=sample_bytes,
+                group=self._mailbox.group,
             )
             run = feed(self.node.ingress, executors, lambda: self.closed)
             self.on_close(executors.clear)
