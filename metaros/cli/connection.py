@@ -19,6 +19,7 @@ __all__ = ["absolute", "closest", "connect", "look", "look_with_session", "settl
 
 _SETTLED_S = 0.25  # the graph is complete once nothing was added for so long; a busy machine has gaps of 0.12 s
 _STEP_S = 0.02
+_MUCH_WORSE = 0.15  # names of one node are all alike: only those nearly as close as the closest are hints
 
 
 @contextmanager
@@ -111,5 +112,10 @@ def closest(word: str, known: Iterable[str]) -> str:
     """ "did you mean …" in words, or nothing."""
     choices = sorted(known)
     near = difflib.get_close_matches(word, choices, n=3, cutoff=0.6)
+    near = [name for name in near if _ratio(word, name) > _ratio(word, near[0]) - _MUCH_WORSE]
     near += [name for name in choices if name.rsplit("/", 1)[-1] == word.rsplit("/", 1)[-1] and name not in near]
     return f"did you mean {' or '.join(near[:3])}?" if near else ""
+
+
+def _ratio(word: str, name: str) -> float:
+    return difflib.SequenceMatcher(None, name, word).ratio()

@@ -46,6 +46,7 @@ NOUNS = (
     Noun("topic", "metaros.cli.topic", GRAPH, "list, info, type, find, echo, hz, bw, delay, pub"),
     Noun("node", "metaros.cli.node", GRAPH, "list, info"),
     Noun("service", "metaros.cli.service", GRAPH, "list, info, type, find, call"),
+    Noun("param", "metaros.cli.param", GRAPH, "list, get, set, describe, dump, load, delete"),
     Noun("interface", "metaros.cli.interface", GRAPH, "list, show, proto, hash: message, service and action types"),
     Noun("top", "metaros.cli.top", GRAPH, "Nodes and topics with their rates, live"),
     Noun("graph", "metaros.cli.graph", GRAPH, "Who talks to whom, and who cannot: a tree, or a drawing"),

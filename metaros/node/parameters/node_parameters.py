@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from metaros.errors import ParameterError
 from metaros.node.parameters.descriptor import ParameterDescriptor, Range, Validate
-from metaros.node.parameters.store import Change, OnSet, Outcome, ParameterStore, PreSet
+from metaros.node.parameters.store import Change, Outcome, ParameterStore
 from metaros.node.parameters.values import ParameterType, Value, as_parameter_type, infer, kind_of
 
 __all__ = ["NodeParameters"]
@@ -153,17 +153,20 @@ class NodeParameters:
 
         return decorate
 
-    def add_pre_set_callback(self, callback: PreSet) -> None:
+    def add_pre_set_callback(self, callback: F) -> F:
         """Call `callback(values)` before a set; what it returns, unless None, is set instead."""
         self.store.pre_set.append(callback)
+        return callback
 
-    def add_on_set_callback(self, callback: OnSet) -> None:
+    def add_on_set_callback(self, callback: F) -> F:
         """Call `callback(values)` with values that fit: to refuse them it raises, or returns False or the reason."""
         self.store.on_set.append(callback)
+        return callback
 
-    def add_post_set_callback(self, callback: PostSet) -> None:
+    def add_post_set_callback(self, callback: F) -> F:
         """Call `callback(values)` after a set, with what has another value now."""
         self._post_set.append(callback)
+        return callback
 
     def _announce(self, changes: Sequence[Change]) -> None:
         changed = {c.name: c.value for c in changes if c.what != "deleted" and c.value != c.before}
