@@ -7,8 +7,10 @@ import sys
 
 BENCHMARKS = {
     "cdr": "CDR encode and decode against rosbags",
+    "executor": "shares of the fair executor and a critical node's timer beside them",
     "ingest": "metric rows and samples through a real gateway",
     "pubsub": "typed publish and receive against raw eclipse-zenoh",
+    "timer": "how late timers are called, per executor",
 }
 
 
