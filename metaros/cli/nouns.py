@@ -48,6 +48,7 @@ NOUNS = (
     Noun("service", "metaros.cli.service", GRAPH, "list, info, type, find, call"),
     Noun("param", "metaros.cli.param", GRAPH, "list, get, set, describe, dump, load, delete"),
     Noun("action", "metaros.cli.action", GRAPH, "list, info, type, find, send_goal"),
+    Noun("lifecycle", "metaros.cli.lifecycle", GRAPH, "nodes, get, list, set: managed nodes and their states"),
     Noun("interface", "metaros.cli.interface", GRAPH, "list, show, proto, hash: message, service and action types"),
     Noun("top", "metaros.cli.top", GRAPH, "Nodes and topics with their rates, live"),
     Noun("graph", "metaros.cli.graph", GRAPH, "Who talks to whom, and who cannot: a tree, or a drawing"),

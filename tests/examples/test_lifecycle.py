@@ -54,5 +54,5 @@ def test_a_slow_lidar_degrades_the_consumer_which_recovers_by_itself(zenoh_route
         robot.join()
         context.close()
     said = log.read_text()
-    assert said.count("degraded by lidar: /sim_1/scan comes at") == 1
-    assert said.count("recovered by lidar: /sim_1/scan comes at") == 1
+    assert said.count("degraded (lidar): /sim_1/scan comes at") == 1
+    assert said.count("recovered (lidar): /sim_1/scan comes at") == 1

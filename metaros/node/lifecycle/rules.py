@@ -57,8 +57,8 @@ class Step(Enum):
 
     DEGRADE = "degraded"
     RESTORE = "recovered"
-    DEACTIVATE = "deactivated"
-    REACTIVATE = "reactivated"
+    DEACTIVATE = "deactivating"
+    REACTIVATE = "reactivating"
     RECOVER = "recovering"
     RESTART = "restarting"
 
@@ -73,4 +73,4 @@ class Decision:
     facts: dict[str, str]
 
     def __str__(self) -> str:
-        return f"{self.step.value} by {self.rule}: {self.reason}"
+        return f"{self.step.value} ({self.rule}): {self.reason}"

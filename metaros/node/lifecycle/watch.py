@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from metaros.node.lifecycle.health import Health, Mode
 from metaros.node.lifecycle.hooks import Steps, ask, drive
-from metaros.node.lifecycle.machine import ACTIVE, INACTIVE, UNCONFIGURED, Result, Transition
+from metaros.node.lifecycle.machine import ACTIVE, FINALIZED, INACTIVE, UNCONFIGURED, Result, Transition
 from metaros.node.lifecycle.meters import GapMeter, RateMeter, WindowMax
 from metaros.node.lifecycle.probes import Probe
 from metaros.node.lifecycle.report import HealthReport
@@ -108,8 +108,8 @@ class HealthWatch:
 
     def _tick(self) -> Any:
         node, now_s = self._node, self._node.clock.monotonic_s()
-        if not node.state.primary:
-            return None  # a callback of the lifecycle is under way
+        if not node.state.primary or node.state == FINALIZED:
+            return None  # a callback of the lifecycle is under way, or none will ever be
         with node.probes.lock:
             readings = {key: read(now_s) for key, read in self._readings.items()}
         decisions = self.health.step(now_s, readings, active=node.state == ACTIVE)
@@ -130,7 +130,10 @@ class HealthWatch:
             finally:
                 self._moving = False
             now_s = self._node.clock.monotonic_s()
-            self.health.carried_out(now_s, decision, active=self._node.state == ACTIVE)
+            state = self._node.state
+            self.health.carried_out(now_s, decision, active=state == ACTIVE)
+            if (state == ACTIVE) is (decision.step is Step.DEACTIVATE):
+                self._node.get_logger().error(f"{decision.step.value} ({decision.rule}) failed: {state.label} now")
         self._report.publish(self.health, self.decisions[-1] if self.decisions else None)
         self._report_at_s = now_s + _REPORT_S
 

@@ -67,8 +67,8 @@ def test_degrades_after_so_long_and_recovers_after_so_long() -> None:
     assert bench.runs(0.2, 10.0) == [Step.RESTORE]
     assert bench.health.mode is Mode.HEALTHY
     texts = [str(decision) for _, decision in bench.log]
-    assert texts[0] == "degraded by lidar: /scan comes at 2.0 Hz (wanted: 5 Hz) for 1 s"
-    assert texts[1].startswith("recovered by lidar: /scan comes at 10.0 Hz (wanted: 5 Hz) for 2 s; it lasted 12.")
+    assert texts[0] == "degraded (lidar): /scan comes at 2.0 Hz (wanted: 5 Hz) for 1 s"
+    assert texts[1].startswith("recovered (lidar): /scan comes at 10.0 Hz (wanted: 5 Hz) for 2 s; it lasted 12.")
     assert bench.log[0][1].facts == {"signal": RATE.key, "value": "2", "for_s": "1", "relapses": "0"}
 
 
@@ -131,8 +131,8 @@ def test_deactivates_until_it_is_good_again() -> None:
     assert bench.runs(10.0, 78.0) == []
     assert bench.runs(3.0, 70.0) == [Step.REACTIVATE]
     assert (bench.health.mode, bench.active) == (Mode.HEALTHY, True)
-    assert str(bench.log[0][1]) == "deactivated by motor: motor is at 85.0 °C (allowed: 80 °C) for 1 s"
-    assert str(bench.log[1][1]) == "reactivated by motor: motor is at 70.0 °C (allowed: 80 °C)"
+    assert str(bench.log[0][1]) == "deactivating (motor): motor is at 85.0 °C (allowed: 80 °C) for 1 s"
+    assert str(bench.log[1][1]) == "reactivating (motor): motor is at 70.0 °C (allowed: 80 °C)"
 
 
 def test_a_node_that_will_not_come_up_is_asked_less_and_less_often() -> None:

@@ -105,7 +105,7 @@ def test_degrades_at_2_hz_says_why_and_recovers_by_itself(consumer, here, capsys
     assert call.startswith("degrade: scan comes at ")
     assert call.endswith(" Hz (wanted: 5 Hz) for 1 s")
     assert f"[WARN] [{consumer.manual.wall_ns() // 10**12}" in (err := capsys.readouterr().err)
-    assert "degraded by lidar: scan comes at" in err
+    assert "degraded (lidar): scan comes at" in err
     with metaros.Node("late", context=here) as late:  # a late subscription learns of it all the same
         late.create_subscription(DiagnosticArray, "/consumer/health", seen.append, metaros.qos_transient_local)
         ears = metaros.SingleThreadedExecutor()
@@ -124,7 +124,7 @@ def test_degrades_at_2_hz_says_why_and_recovers_by_itself(consumer, here, capsys
     assert not consumer.degraded
     assert consumer.calls[1].startswith("recover: scan comes at 10.0 Hz")
     assert len(watch.decisions) == 2
-    assert "recovered by lidar" in capsys.readouterr().err
+    assert "recovered (lidar)" in capsys.readouterr().err
 
 
 def test_deactivates_and_reactivates(consumer):
@@ -254,3 +254,13 @@ def test_one_watch_a_node_and_unsubscribed_topics(consumer):
     consumer.runs(5.0, 0.0)
     assert watch.health.rules[0].describe() == "not measured"
     assert watch.mode is Mode.HEALTHY
+
+
+def test_a_finalized_node_stays_finalized(consumer, capsys):
+    watch = consumer.watch_health(HealthRule("lidar", RATE, action=Action.RESTART))
+    consumer.start()
+    consumer.on_configure = lambda: 1 / 0  # and there is no on_error
+    consumer.runs(60.0, 1.0)
+    assert consumer.state.label == "finalized"
+    assert len(watch.decisions) == 1
+    assert "restarting (lidar) failed: finalized now" in capsys.readouterr().err
