@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
@@ -85,8 +86,10 @@ def shown(value: Value) -> str:
 
 
 def json_value(value: Value) -> Any:
-    """The value for a JSON document; bytes become numbers."""
-    return list(value) if isinstance(value, bytes) else value
+    """The value for a JSON document: bytes become numbers, and what is no finite number null."""
+    if isinstance(value, bytes | list):
+        return [json_value(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def require(client: ParameterClient, name: str, *, timeout_s: float) -> ParameterDescriptor | None:
@@ -149,12 +152,13 @@ def rule_lines(rules: ParameterDescriptor) -> Iterator[str]:
 def rule_object(rules: ParameterDescriptor) -> dict[str, Any]:
     """The same for JSON."""
     bounds = rules.range
+    ends = None if bounds is None else {"from": bounds.low, "to": bounds.high, "step": bounds.step}
     return {
         "name": rules.name,
         "type": rules.kind.label,
         "description": rules.description,
         "read_only": rules.read_only,
         "dynamic_typing": rules.dynamic_typing,
-        "range": None if bounds is None else {"from": bounds.low, "to": bounds.high, "step": bounds.step},
+        "range": ends and {name: json_value(value) for name, value in ends.items()},
         "constraints": rules.words,
     }

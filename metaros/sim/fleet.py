@@ -45,7 +45,11 @@ def due(rate_hz: float, tick: int) -> bool:
 
 
 class SimRobot:
-    """One robot: body, sensors, who drives, what is broken. `events` are drained by the reader."""
+    """One robot: body, sensors, who drives, what is broken. `events` are drained by the reader.
+
+    `max_speed_m_s` (of whoever drives), `drain_per_s` (of the battery, beside what is used) and `scan_rate_hz` may be
+    changed at any time.
+    """
 
     def __init__(
         self, number: int, *, place: tuple[float, float], rng: np.random.Generator, resume_after_s: float
@@ -62,6 +66,9 @@ class SimRobot:
         self.lidar = Lidar(senses)
         self.imu = Imu(self.body, senses)
         self.faults: set[str] = set()
+        self.max_speed_m_s = DRIVE.max_linear_m_s
+        self.drain_per_s = 0.0
+        self.scan_rate_hz = LIDAR.rate_hz
         self.events: deque[Event] = deque(maxlen=_KEPT_EVENTS)
         self.scanned = False
         self._low = False
@@ -105,8 +112,10 @@ class SimRobot:
         target = self.gate.target()
         if target is None:
             target = self.autopilot.steer(self.body, self.lidar.points, sight=self.lidar.sight, now_s=tick * STEP_S)
+        linear, angular = target
         self.body.step(
-            *target,
+            min(max(linear, -self.max_speed_m_s), self.max_speed_m_s),
+            angular,
             dt_s=STEP_S,
             others=others,
             stuck_wheel="stuck_wheel" in self.faults,
@@ -114,18 +123,17 @@ class SimRobot:
         )
         self.odometry.step(self.body, dt_s=STEP_S)
         self._watch_battery()
-        scan_hz = LIDAR.slow_hz if "lidar_slow" in self.faults else LIDAR.rate_hz
-        self.scanned = due(scan_hz, tick) and self.lidar.scan(
-            self.body, others, dropout="lidar_dropout" in self.faults
-        )
+        scan_hz = min(LIDAR.slow_hz, self.scan_rate_hz) if "lidar_slow" in self.faults else self.scan_rate_hz
+        self.scanned = due(scan_hz, tick) and self.lidar.scan(self.body, others, dropout="lidar_dropout" in self.faults)
         for level, text in self.autopilot.said:
             self._say(level, text)
         self.autopilot.said.clear()
 
     def _watch_battery(self) -> None:
         battery = self.body.battery
-        if "battery_drain" in self.faults:
-            battery.drain(0.005 * STEP_S)
+        drain_per_s = self.drain_per_s + (0.005 if "battery_drain" in self.faults else 0.0)
+        if drain_per_s:
+            battery.drain(drain_per_s * STEP_S)
         if battery.charge < _LOW_CHARGE and not self._low:
             self._low = True
             self._say("warn", f"battery low: {battery.charge:.0%}")

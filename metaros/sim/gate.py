@@ -23,12 +23,15 @@ class Mode(Enum):
 
 
 class CommandGate:
-    """Takes commands and the time, says what the wheels shall do. `linear`/`angular` are m/s and rad/s."""
+    """Takes commands and the time, says what the wheels shall do. `linear`/`angular` are m/s and rad/s.
+
+    `resume_after_s` may be changed at any time.
+    """
 
     def __init__(self, *, resume_after_s: float = 10.0, watchdog_s: float = LIMITS.teleop_fresh_s) -> None:
         self.mode = Mode.AUTONOMOUS
         self.rejected = 0
-        self._resume_after_s = resume_after_s
+        self.resume_after_s = resume_after_s
         self._watchdog_s = watchdog_s
         self._command = (0.0, 0.0)
         self._commanded_at = -math.inf
@@ -63,9 +66,9 @@ class CommandGate:
             self._standing_since = now_s
             self._command = (0.0, 0.0)
             return f"no cmd_vel for {self._watchdog_s * 1000:.0f} ms: stopped by the watchdog"
-        if self.mode is Mode.STANDING and now_s - self._standing_since >= self._resume_after_s:
+        if self.mode is Mode.STANDING and now_s - self._standing_since >= self.resume_after_s:
             self.mode = Mode.AUTONOMOUS
-            return f"resumed autonomy after {self._resume_after_s:g} s without a command"
+            return f"resumed autonomy after {self.resume_after_s:g} s without a command"
         return None
 
     def target(self) -> tuple[float, float] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -16,8 +17,10 @@ from metaros.node import Context, Node
 from metaros.sim import messages
 from metaros.sim.camera import CAMERA, Renderer
 from metaros.sim.fleet import RATE_HZ, Fleet, SimRobot, due
+from metaros.sim.robot import DRIVE
+from metaros.sim.sensors import LIDAR
 
-__all__ = ["TOPICS", "RobotNode", "SimTopic"]
+__all__ = ["PARAMETERS", "TOPICS", "RobotNode", "SimParameter", "SimTopic"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +40,29 @@ _IMU = SimTopic("imu", Imu, 50.0)
 _BATTERY = SimTopic("battery_state", BatteryState, 1.0)
 _MOTOR = SimTopic("motor_temperature", Temperature, 1.0)
 TOPICS = (_ODOM, _SCAN, _BATTERY, _IMU, _CAMERA, _TF, _MOTOR)
+
+
+@dataclass(frozen=True, slots=True)
+class SimParameter:
+    """A parameter of `/sim_N/base`, its bounds, and the attribute of the robot that it sets."""
+
+    name: str
+    low: float
+    high: float
+    attribute: str
+    description: str
+
+
+PARAMETERS = (
+    SimParameter(
+        "max_speed", 0.0, DRIVE.max_linear_m_s, "max_speed_m_s", "m/s; the robot drives no faster, whoever drives"
+    ),
+    SimParameter(
+        "resume_after_s", 0.0, math.inf, "gate.resume_after_s", "s without a command until it drives itself again"
+    ),
+    SimParameter("battery_drain", 0.0, 0.1, "drain_per_s", "part of the charge lost a second, beside what is used"),
+    SimParameter("scan_rate", 0.5, LIDAR.rate_hz, "scan_rate_hz", "Hz; laser scans"),
+)
 
 
 class RobotNode:
@@ -59,6 +85,23 @@ class RobotNode:
         node.create_subscription(Twist, "cmd_vel", self._on_command, 10)
         node.create_subscription(String, "~/fault", self._on_fault, 10)
         node.create_service(Trigger, "~/resume", self._on_resume)
+        for parameter in PARAMETERS:
+            self._declare(parameter)
+
+    def _declare(self, parameter: SimParameter) -> None:
+        """The robot's present value is the default; what is set later the robot has at its next step."""
+        part, _, attribute = parameter.attribute.rpartition(".")
+        owner = getattr(self._robot, part) if part else self._robot
+
+        def obey(value: float) -> None:
+            setattr(owner, attribute, value)
+            self._log["info"](f"{parameter.name} is {value:g} now")
+
+        bounds = {"minimum": parameter.low, "maximum": parameter.high}
+        default = getattr(owner, attribute)
+        value = self.node.declare_parameter(parameter.name, default, description=parameter.description, **bounds)
+        setattr(owner, attribute, value)
+        self.node.parameters.on_change(parameter.name)(obey)
 
     def publish(self, tick: int, *, stamp_ns: int) -> None:
         """Send what is due after step `tick`, and the robot's events as log lines."""

@@ -25,7 +25,7 @@ def arm(zenoh_router: str) -> Iterator[metaros.Node]:
         node.declare_parameter("motor.id", 7, read_only=True)
         node.declare_parameter("raw", b"\x01\xff")
         node.declare_parameter("any", 1, dynamic_typing=True)
-        node.declare_parameter("late", parameter_type=float)
+        node.declare_parameter("late", parameter_type=float, minimum=0.0)
         executor = metaros.SingleThreadedExecutor()
         executor.add_node(node)
         thread = threading.Thread(target=executor.spin)
@@ -93,6 +93,8 @@ def test_describe(run, arm):
     assert "    Additional constraints: one of auto, manual\n" in text
     (found,) = json.loads(run("param", "describe", "/demo/arm", "speed", "-o", "json").stdout)
     assert found["range"] == {"from": 0.0, "to": 1.0, "step": 0.1}
+    (found,) = json.loads(run("param", "describe", "/demo/arm", "late", "-o", "json").stdout)
+    assert found["range"] == {"from": 0.0, "to": None, "step": 0.0}
 
 
 def test_dump_and_load_and_delete(run, arm, tmp_path):
