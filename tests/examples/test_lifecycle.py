@@ -6,6 +6,8 @@ import threading
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 import metaros
 from metaros.interfaces.diagnostic_msgs.msg import DiagnosticArray
 from metaros.interfaces.std_msgs.msg import Float64, String
@@ -14,6 +16,7 @@ from tests.examples.test_examples import finish, start
 from tests.support.waiting import wait_until
 
 
+@pytest.mark.slow
 def test_a_slow_lidar_degrades_the_consumer_which_recovers_by_itself(zenoh_router: str, tmp_path: Path) -> None:
     log, stop = tmp_path / "log", threading.Event()
     speeds: list[float] = []

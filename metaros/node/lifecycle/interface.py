@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from metaros.errors import UsageError
+from metaros.errors import ClosedError, UsageError
 from metaros.interfaces.lifecycle_msgs import msg, srv
 from metaros.node.lifecycle.hooks import Steps, ask, drive
 from metaros.node.lifecycle.machine import STATES, TRANSITIONS, Machine, Result, State, Transition
@@ -60,7 +61,7 @@ class Lifecycle:
 
     def _took(self, transition: Transition) -> None:
         self.gate.entered(transition.goal)
-        if not self._node.closed:
+        with suppress(ClosedError):  # a callback closed its node
             self._events.publish(
                 msg.TransitionEvent(
                     timestamp=self._node.clock.wall_ns(),

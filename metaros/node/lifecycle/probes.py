@@ -46,7 +46,7 @@ class Probes:
 
     def around(self, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:
         """The callback with its probe: the same arguments, results and exceptions."""
-        probe, now = self.named(name), self._now
+        probe, every, now = self.named(name), self._by_name[ANY], self._now
         probe.callbacks += 1
 
         if inspect.iscoroutinefunction(callback):
@@ -67,6 +67,8 @@ class Probes:
 
         @functools.wraps(callback)
         def measured(*arguments: Any) -> Any:
+            if not (probe.starts or probe.durations or every.durations or self.errors):
+                return callback(*arguments)
             begun_s = now()
             self._begin(probe, begun_s)
             try:

@@ -9,6 +9,7 @@ import importlib
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
+from metaros.errors import UsageError
 from metaros.node.lifecycle.health import Health, Mode
 from metaros.node.lifecycle.hooks import Steps, ask, drive
 from metaros.node.lifecycle.machine import ACTIVE, FINALIZED, INACTIVE, UNCONFIGURED, Result, Transition
@@ -60,6 +61,8 @@ class HealthWatch:
 
     def feed(self, key: str, value: float) -> None:
         """A reading that the node took itself, by the signal's key, such as `temperature motor`."""
+        if key not in self._readings:
+            raise UsageError(f"no health rule reads {key!r}; there are {', '.join(map(repr, self._readings))}")
         self._fed[key] = (self._node.clock.monotonic_s(), value)
 
     # -- measuring -------------------------------------------------------------------------------------------------
@@ -108,7 +111,7 @@ class HealthWatch:
 
     def _tick(self) -> Any:
         node, now_s = self._node, self._node.clock.monotonic_s()
-        if not node.state.primary or node.state == FINALIZED:
+        if node.closed or not node.state.primary or node.state == FINALIZED:
             return None  # a callback of the lifecycle is under way, or none will ever be
         with node.probes.lock:
             readings = {key: read(now_s) for key, read in self._readings.items()}

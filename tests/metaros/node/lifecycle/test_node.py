@@ -259,3 +259,36 @@ def test_publishers_are_silent_and_timers_rest_unless_active(still, manual, ther
         ears.shutdown()
         mouth.shutdown()
     assert heard == ["active", "last words"]
+
+
+def test_a_callback_may_close_its_node(here):
+    with LifecycleNode("brief", context=here) as node:
+        node.on_configure(node.close)
+        assert node.trigger("configure")
+        assert node.closed
+        assert node.state.label == "inactive"
+
+
+def test_an_async_shutdown_cannot_be_awaited_by_close(here, caplog):
+    with LifecycleNode("late", context=here) as node:
+
+        @node.on_shutdown
+        async def shut() -> None:
+            await asyncio.sleep(60)
+
+    assert node.closed
+    assert node.state.label == "finalized"
+    assert "an async def cannot be awaited here" in caplog.text
+
+
+def test_the_same_node_without_a_lifecycle_of_its_own_is_whole(here):
+    """Callbacks are probed for rules, which must change nothing: arguments, results, exceptions, builtins."""
+    got: list[Any] = []
+    with LifecycleNode("probed", context=here) as node:
+        subscription = node.create_subscription(String, "words", got.append)
+        assert subscription.callback(String(data="one")) is None
+        pair = node.create_subscription(String, "words", lambda message, info: (message, info))
+        assert pair.callback(1, 2) == (1, 2)
+        with pytest.raises(ZeroDivisionError):
+            node.create_timer(1.0, lambda: 1 / 0).callback()
+    assert got == [String(data="one")]

@@ -141,6 +141,8 @@ def test_what_is_no_longer_fed_is_not_judged(consumer):
     watch = consumer.watch_health(HealthRule("motor", Temperature("motor", above_c=80), for_s=7.0))
     consumer.start()
     watch.feed("temperature motor", 90.0)
+    with pytest.raises(UsageError, match="no health rule reads 'motor'; there are 'temperature motor'"):
+        watch.feed("motor", 90.0)
     consumer.runs(20.0, 0.0)
     assert consumer.calls == []
 
