@@ -114,6 +114,7 @@ class TimerHeap:
         self._changed = changed
         self._heap: list[tuple[float, int, Timer]] = []
         self._order = itertools.count()
+        self._jumped = False
 
     def add(self, period_s: float, callback: Callable[[], Any], group: CallbackGroup | None = None) -> Timer:
         """A timer first due one period from now; UsageError unless the period is positive and finite."""
@@ -135,8 +136,16 @@ class TimerHeap:
             if not timer.cancelled:
                 self.restart(timer)
 
+    def jump(self) -> None:
+        """The clock jumped: `restart_all`, done by the executor, which alone may touch the heap. For any thread."""
+        self._jumped = True
+        self._changed()
+
     def next_due_s(self) -> float | None:
         """When the next timer is due; None without timers."""
+        if self._jumped:
+            self._jumped = False
+            self.restart_all()
         while self._heap:
             due_s, _, timer = self._heap[0]
             if not timer.cancelled and due_s == timer.due_s:

@@ -8,7 +8,9 @@ from metaros.node.info import MessageInfo
 from metaros.node.logger import Logger
 from metaros.node.node import Node
 from metaros.node.publisher import Publisher, RawPublisher
+from metaros.node.rate import Rate
 from metaros.node.service import Service
+from metaros.node.sim_time import SimClock
 from metaros.node.spin import spin
 from metaros.node.subscription import RawSubscription, Subscription
 
@@ -25,11 +27,13 @@ __all__ = [
     "Node",
     "Publisher",
     "PublisherEvents",
+    "Rate",
     "RawClient",
     "RawPublisher",
     "RawSubscription",
     "ServerGoal",
     "Service",
+    "SimClock",
     "Subscription",
     "SubscriptionEvents",
     "spin",

@@ -153,7 +153,7 @@ class RawClient(Endpoint):
                 consolidation=zenoh.ConsolidationMode.NONE,
                 timeout=timeout_s,
                 payload=payload,
-                attachment=pack_attachment(seq, self.node.clock.wall_ns(), self.gid),
+                attachment=pack_attachment(seq, self.node.context.clock.wall_ns(), self.gid),
                 cancellation_token=call.token,
             )
         except zenoh.ZError as error:

@@ -26,7 +26,9 @@ from metaros.node.introspection import offer_logger_levels, offer_type_descripti
 from metaros.node.logger import Logger
 from metaros.node.parameters import NodeParameters, ParameterClient, make_parameters, offer_parameters
 from metaros.node.publisher import Publisher, RawPublisher
+from metaros.node.rate import Rate
 from metaros.node.service import Service
+from metaros.node.sim_time import SimClock, follow_clock
 from metaros.node.subscription import RawSubscription, Subscription
 from metaros.wire import Graph, NodeToken, QoSProfile, qos_default, qos_rosout, qos_services
 
@@ -43,6 +45,7 @@ class Node:
     on /rosout. `enable_parameters` offers the services of every ROS 2 node: parameters, events of them and type
     descriptions. `parameter_overrides`, and those that a ROS 2 `parameter_file` has for this node, replace defaults.
     `nice`, -20 to 19, and `critical` say what a `FairExecutor` gives the node; other executors do not ask.
+    With `use_sim_time` the node's clock, timers and rates follow /clock.
     """
 
     def __init__(
@@ -59,6 +62,7 @@ class Node:
         allow_undeclared_parameters: bool = False,
         nice: int = 0,
         critical: bool = False,
+        use_sim_time: bool = False,
     ) -> None:
         namespace = "/" + namespace.strip("/") if namespace else "/"
         self.name = names.validate_node(name)
@@ -72,11 +76,12 @@ class Node:
         )
         self.context = shared_context() if context is None else context
         self.ingress: Ingress = self.context.ingress
-        self.clock: Clock = self.context.clock
-        self.timers = TimerHeap(self.clock.monotonic_s, self.ingress.wake)
+        self.clock: Clock = SimClock() if use_sim_time else self.context.clock
+        self.timers = TimerHeap(self.clock.monotonic_s, self.ingress.wake, paused=use_sim_time)
         self.nice, self.critical = nice, critical
         self.closed = False
         self._endpoints: list[Endpoint] = []
+        self._rates: list[Rate] = []
         self._reported: dict[object, None] = {}
         self._lock = threading.Lock()
         session = self.context.session
@@ -92,6 +97,8 @@ class Node:
             offer_type_description(self)
         if enable_logger_service:
             offer_logger_levels(self)
+        if isinstance(self.clock, SimClock):
+            follow_clock(self, self.clock)
 
     @property
     def graph(self) -> Graph:
@@ -231,6 +238,14 @@ class Node:
             self.ingress.async_work = True
         return self.timers.add(period_s, callback, group)
 
+    def create_rate(self, hz: float) -> Rate:
+        """For loops that run `hz` times a second: `rate.sleep()` on a thread of your own, or `await sleep_async()`."""
+        if self.closed:
+            raise ClosedError(f"{self.full_name} was closed")
+        rate = Rate(self.clock, hz)
+        self._rates.append(rate)
+        return rate
+
     def subscription(
         self,
         message_type: type[Any],
@@ -308,6 +323,8 @@ class Node:
                 return
             self.closed = True
             endpoints = list(self._endpoints)
+        for rate in self._rates:
+            rate.close()
         for endpoint in reversed(endpoints):
             endpoint.close()
         with suppress(zenoh.ZError):

@@ -60,7 +60,7 @@ class RawPublisher(Endpoint):
         self.events = PublisherObserver(self, events)
         publisher = _declare(node.context.session.check_open(), self.key, qos)
         self.on_close(lambda: _undeclare(publisher))
-        publish, retire = _publish(self, node.clock, publisher.put, message_type=message_type, encode=encode)
+        publish, retire = _publish(self, node.context.clock, publisher.put, message_type=message_type, encode=encode)
         self.publish = publish if self.events.sent is None else _promising(publish, self.events.sent)
         self.on_close(retire)
         self.announce()

@@ -139,7 +139,9 @@ class Responder(Endpoint):
     def reply(self, query: zenoh.Query, call: Attachment, data: bytes) -> None:
         """Reply on the declared key with the request's sequence number and GID, and the time of now."""
         with suppress(zenoh.ZError):  # the client or the session is gone
-            query.reply(self.key, data, attachment=pack_attachment(call.seq, self.node.clock.wall_ns(), call.gid))
+            query.reply(
+                self.key, data, attachment=pack_attachment(call.seq, self.node.context.clock.wall_ns(), call.gid)
+            )
         query.drop()  # type: ignore[no-untyped-call]
 
     def _handle(self, query: zenoh.Query) -> Awaitable[None] | None:

@@ -67,7 +67,7 @@ class Subscription(Endpoint):
             decode=decode,
             callback=callback,
             with_info=takes(callback, 1, 2) == 2,
-            clock=node.clock,
+            clock=node.context.clock,
             name=self.topic,
             report=self.report_once,
             on_lost=self._tell_lost,
