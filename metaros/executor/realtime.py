@@ -24,11 +24,12 @@ def make_realtime() -> str:
         kernel = ctypes.windll.kernel32
         done = kernel.SetThreadPriority(kernel.GetCurrentThread(), _TIME_CRITICAL)
         return "" if done else "SetThreadPriority failed"
-    if not hasattr(os, "sched_setscheduler"):
-        return f"{sys.platform} has no SCHED_FIFO for threads of Python"
-    try:
-        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-        os.sched_setscheduler(0, policy, os.sched_param(_FIFO_PRIORITY))
-    except OSError as error:
-        return f"SCHED_FIFO was refused: {error.strerror}; give the program CAP_SYS_NICE or an rtprio limit"
-    return ""
+    elif sys.platform == "linux":
+        try:
+            policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+            os.sched_setscheduler(0, policy, os.sched_param(_FIFO_PRIORITY))
+        except OSError as error:
+            return f"SCHED_FIFO was refused: {error.strerror}; give the program CAP_SYS_NICE or an rtprio limit"
+        return ""
+    else:
+        return f"{sys.platform} has no real-time class for threads of Python"

@@ -37,7 +37,7 @@ LINUX_OS = words(
     "copy_file_range epoll eventfd eventfd_read eventfd_write fdatasync getrandom getresuid memfd_create pidfd_open "
     "posix_fadvise posix_fallocate sched_getaffinity sched_getparam sched_getscheduler sched_rr_get_interval "
     "sched_setaffinity sched_setparam sched_setscheduler sched_param setns setxattr splice unshare O_DIRECT O_PATH "
-    "O_TMPFILE SCHED_BATCH SCHED_IDLE SCHED_FIFO SCHED_RR"
+    "O_TMPFILE SCHED_BATCH SCHED_IDLE SCHED_RESET_ON_FORK"
 )
 LACKS = {
     "win32": Lacks(
@@ -50,7 +50,7 @@ LACKS = {
                 "mknod nice openpty pathconf pipe2 posix_spawn pread pwrite readv register_at_fork sched_yield "
                 "sendfile set_blocking setegid seteuid setgid setgroups setpgid setpriority setregid setreuid setsid "
                 "setuid statvfs sync sysconf tcgetpgrp tcsetpgrp ttyname uname wait wait3 wait4 waitid writev "
-                "O_CLOEXEC O_DIRECTORY O_NOFOLLOW O_NONBLOCK O_SYNC WNOHANG"
+                "SCHED_FIFO SCHED_OTHER SCHED_RR O_CLOEXEC O_DIRECTORY O_NOFOLLOW O_NONBLOCK O_SYNC WNOHANG"
             ),
             "signal": words(
                 "SIGALRM SIGCHLD SIGCONT SIGHUP SIGKILL SIGPIPE SIGQUIT SIGRTMAX SIGRTMIN SIGSTOP SIGTSTP SIGUSR1 "
