@@ -21,6 +21,7 @@ SECTIONS = (
     ("SS", "Service Servers", "service_servers"),
     ("SC", "Service Clients", "service_clients"),
 )
+ACTION_SECTIONS = (("sources", "Action Servers", "action_servers"), ("sinks", "Action Clients", "action_clients"))
 
 
 def register(app: typer.Typer) -> None:
@@ -65,32 +66,38 @@ def _warn_twins(names: list[str], out: Output) -> None:
 @group.command("info")
 def info(
     node: Annotated[str, typer.Argument(metavar="NODE", help="Such as /sim_1/base.")],
+    hidden: Annotated[bool, typer.Option("--include-hidden", help="Also the topics and services of actions.")] = False,
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
     spin_time: SpinTime = 1.0,
     output: FormatOption = Format.TEXT,
 ) -> None:
-    """Show a node's publishers, subscribers, services and clients."""
-    from metaros.cli.connection import absolute, closest, look
+    """Show a node's publishers, subscribers, services, clients and actions."""
+    from metaros.cli.connection import absolute, look
+    from metaros.cli.graph_model import draw
+    from metaros.cli.names import is_hidden, no_such
     from metaros.cli.output import Output
-    from metaros.errors import UnavailableError
 
     out = Output(output)
     name = absolute(node)
     with look(zenoh_port, domain, spin_time=spin_time) as graph:
         known = {item.full_name for item in graph.nodes()}
         endpoints = graph.endpoints()
+        actions = [link for link in draw([], graph.tokens()).links if link.kind == "action"]
     if name not in known:
-        hint = closest(name, known) or "`metaros node list` shows those there are"
-        raise UnavailableError(f"no node {name!r} in the graph\n{hint}")
-    own = [item for item in endpoints if item.node_full_name == name]
+        raise no_such("node", name, known)
+    own = [item for item in endpoints if item.node_full_name == name and (hidden or not is_hidden(item.topic))]
+    sections = {(title, key): _rows(own, kind) for kind, title, key in SECTIONS}
+    for side, title, key in ACTION_SECTIONS:
+        ours = [link for link in actions if name in getattr(link, side)]
+        sections[title, key] = [{"name": link.name, "type": " or ".join(link.types)} for link in ours]
     if out.json:
-        out.objects({"name": name, **{key: _rows(own, kind) for kind, _, key in SECTIONS}})
+        out.objects({"name": name, **{key: rows for (_, key), rows in sections.items()}})
         return
     out.line(out.style(name, "1"))
-    for kind, title, _ in SECTIONS:
+    for (title, _), rows in sections.items():
         out.line(out.style(f"  {title}:", "1"))
-        for row in _rows(own, kind):
+        for row in rows:
             out.line(f"    {out.style(row['name'], '36')}: {row['type']}")
 
 

@@ -80,6 +80,14 @@ def test_an_action_s_topics_and_services_are_hidden(run: Run) -> None:
     assert "action /math/fibonacci  example_interfaces/action/Fibonacci" in run("graph").stdout
 
 
+def test_a_node_s_actions(run: Run) -> None:
+    facts = json.loads(run("node", "info", "/math/counter", "-o", "json").stdout)
+    assert facts["action_servers"] == [{"name": "/math/fibonacci", "type": "example_interfaces/action/Fibonacci"}]
+    assert facts["action_clients"] == []
+    assert "_action" not in run("node", "info", "/math/counter").stdout
+    assert "/math/fibonacci/_action/send_goal" in run("node", "info", "/math/counter", "--include-hidden").stdout
+
+
 def test_a_goal_from_sending_to_result(run: Run) -> None:
     done = run("action", "send_goal", "/math/fibonacci", "{order: 4}", "--feedback")
     assert done.returncode == 0, done.stderr

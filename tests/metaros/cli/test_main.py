@@ -19,7 +19,8 @@ def metaros(*arguments: str, **options: object) -> subprocess.CompletedProcess[s
 
 def test_help_names_every_noun() -> None:
     page = metaros("--help").stdout
-    for noun in ("up", "status", "doctor", "router", "topic", "node", "service", "interface", "sim", "play", "driver"):
+    nouns = "up status doctor router topic node service action param interface graph top sim play driver"
+    for noun in nouns.split():
         assert f"\n    {noun} " in page
     assert "\x1b" not in page
 
