@@ -41,7 +41,7 @@ class Watch:
                 self._observers[topic] = rest
 
     def _tokens(self, topic: str) -> list[EndpointToken]:
-        return [token for token in self._graph.tokens() if token.topic == topic]
+        return self._graph.tokens(topic)
 
     def _on_token(self, token: Token, alive: bool) -> None:
         if not isinstance(token, EndpointToken):

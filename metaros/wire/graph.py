@@ -70,6 +70,7 @@ class GraphState:
         self._nodes: dict[str, NodeToken] = {}
         self._endpoints: dict[str, EndpointToken] = {}
         self._infos: dict[str, EndpointInfo] = {}
+        self._on_topic: dict[str, dict[str, EndpointToken]] = {}
 
     def add(self, key: str) -> Token | None:
         """A token appeared; returns it when it is new and sound."""
@@ -85,12 +86,20 @@ class GraphState:
         else:
             self._endpoints[key] = token
             self._infos[key] = _info(token)
+            self._on_topic.setdefault(token.topic, {})[key] = token
         return token
 
     def discard(self, key: str) -> Token | None:
         """A token went; returns it when it was known."""
         self._infos.pop(key, None)
-        return self._nodes.pop(key, None) or self._endpoints.pop(key, None)
+        token = self._endpoints.pop(key, None)
+        if token is None:
+            return self._nodes.pop(key, None)
+        on_topic = self._on_topic[token.topic]
+        del on_topic[key]
+        if not on_topic:
+            del self._on_topic[token.topic]
+        return token
 
     def nodes(self) -> list[NodeInfo]:
         """Every node, by name."""
@@ -99,15 +108,12 @@ class GraphState:
 
     def endpoints(self, topic: str | None = None, kind: str | None = None) -> list[EndpointInfo]:
         """Every endpoint, or those of one topic (or service), one kind."""
-        return [
-            info
-            for info in self._infos.values()
-            if (topic is None or info.topic == topic) and (kind is None or info.kind == kind)
-        ]
+        keys = self._infos if topic is None else self._on_topic.get(topic, ())
+        return [info for key in keys if (info := self._infos[key]).kind == kind or kind is None]
 
-    def tokens(self) -> Iterable[EndpointToken]:
-        """Every endpoint's token."""
-        return list(self._endpoints.values())
+    def tokens(self, topic: str | None = None) -> list[EndpointToken]:
+        """Every endpoint's token, or those of one topic (or service)."""
+        return list((self._endpoints if topic is None else self._on_topic.get(topic, {})).values())
 
 
 def _info(token: EndpointToken) -> EndpointInfo:
@@ -223,10 +229,10 @@ class Graph:
         with self._changed:
             return self._state.endpoints(topic, kind)
 
-    def tokens(self) -> list[EndpointToken]:
-        """The tokens of every endpoint."""
+    def tokens(self, topic: str | None = None) -> list[EndpointToken]:
+        """The tokens of every endpoint, or those of one topic (or service)."""
         with self._changed:
-            return list(self._state.tokens())
+            return self._state.tokens(topic)
 
     def topics(self) -> dict[str, set[str]]:
         """The type names on every topic."""

@@ -1,0 +1,50 @@
+"""The pure part of the graph: what it answers after tokens came and went, by topic and in all."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from metaros.wire import EndpointToken, NodeToken
+from metaros.wire.graph import GraphState
+
+NODE = NodeToken(0, "abc123", 0, "n", "/")
+HASH = "RIHS01_" + "0" * 64
+
+
+def endpoint(number: int, topic: str, kind: str) -> EndpointToken:
+    return EndpointToken(NODE, number, kind, topic, "std_msgs/msg/String", HASH, "::,10:,:,:,,")  # type: ignore[arg-type]
+
+
+PLACES = (("/a", "MP"), ("/b", "MS"), ("/a", "SS"), ("/c", "MP"))
+ENDPOINTS = [endpoint(number, topic, kind) for number, (topic, kind) in enumerate(PLACES)]
+
+
+@given(st.lists(st.tuples(st.sampled_from(range(4)), st.booleans()), max_size=30))
+def test_answers_by_topic_are_those_of_a_search(steps):
+    state, there = GraphState(), dict[int, EndpointToken]()
+    for number, alive in steps:
+        key = str(ENDPOINTS[number])
+        changed = state.add(key) if alive else state.discard(key)
+        assert (changed is None) is ((number in there) is alive)
+        if alive:
+            there[number] = ENDPOINTS[number]
+        else:
+            there.pop(number, None)
+        assert set(state.tokens()) == set(there.values())
+        for topic in ("/a", "/b", "/none"):
+            assert set(state.tokens(topic)) == {token for token in there.values() if token.topic == topic}
+            for kind in (None, "MP", "SS"):
+                wanted = {t.gid for t in there.values() if t.topic == topic and kind in (None, t.kind)}
+                assert {info.gid for info in state.endpoints(topic, kind)} == wanted
+
+
+def test_nodes_come_and_go_and_what_is_no_token_is_counted():
+    state = GraphState()
+    assert state.add(str(NODE)) == NODE
+    assert state.add(str(NODE)) is None
+    assert [node.full_name for node in state.nodes()] == ["/n"]
+    assert state.discard(str(NODE)) == NODE
+    assert state.discard(str(NODE)) is None
+    assert state.add("@ros2_lv/0/nonsense") is None
+    assert state.malformed == 1
