@@ -10,6 +10,7 @@ BENCHMARKS = {
     "executor": "shares of the fair executor and a critical node's timer beside them",
     "ingest": "metric rows and samples through a real gateway",
     "pubsub": "typed publish and receive against raw eclipse-zenoh",
+    "service": "service round trips and action goals against raw eclipse-zenoh queries",
     "timer": "how late timers are called, per executor",
 }
 

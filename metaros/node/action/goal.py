@@ -8,8 +8,8 @@ ACCEPTED ──execute──> EXECUTING ──succeed──> SUCCEEDED
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 from typing import Any, Final
@@ -103,33 +103,42 @@ class GoalTable:
             raise UsageError(f"results are kept for zero seconds or more, not {keep_s}")
         self.keep_s = keep_s
         self.limit = limit
-        self._goals: dict[bytes, Goal] = {}
+        self._active: dict[bytes, Goal] = {}  # in the order of acceptance
+        self._done: dict[bytes, Goal] = {}  # in the order of their ends, and so of their expiry
 
     def __len__(self) -> int:
-        return len(self._goals)
-
-    def __iter__(self) -> Iterator[Goal]:
-        return iter(list(self._goals.values()))
+        return len(self._active) + len(self._done)
 
     def get(self, goal_id: bytes) -> Goal | None:
         """The goal of this id."""
-        return self._goals.get(goal_id)
+        return self._active.get(goal_id) or self._done.get(goal_id)
+
+    @property
+    def active(self) -> list[Goal]:
+        """The goals that have not reached their end, oldest first."""
+        return list(self._active.values())
 
     def has_room(self) -> bool:
         """Whether another goal may be accepted: when full, the oldest done one makes room."""
-        return len(self._goals) < self.limit or any(not goal.is_active for goal in self._goals.values())
+        return len(self._active) < self.limit
 
     def accept(self, goal_id: bytes, stamp_ns: int) -> Goal:
         """A new goal, ACCEPTED; UsageError when its id is taken or the table is full of active goals."""
-        if goal_id in self._goals:
+        if self.get(goal_id) is not None:
             raise UsageError(f"goal {goal_id.hex()} exists already")
-        if len(self._goals) >= self.limit:
-            oldest = next((goal for goal in self._goals.values() if not goal.is_active), None)
-            if oldest is None:
-                raise UsageError(f"{self.limit} goals are active: the limit")
-            del self._goals[oldest.goal_id]
-        goal = self._goals[goal_id] = Goal(goal_id, stamp_ns)
+        if not self.has_room():
+            raise UsageError(f"{self.limit} goals are active: the limit")
+        if len(self) >= self.limit:
+            del self._done[next(iter(self._done))]
+        goal = self._active[goal_id] = Goal(goal_id, stamp_ns)
         return goal
+
+    def apply(self, goal: Goal, event: GoalEvent, now_s: float) -> GoalState:
+        """Change the state of one; UsageError where there is no such transition."""
+        after = goal.apply(event, now_s)
+        if after in TERMINAL and self._active.pop(goal.goal_id, None) is not None:
+            self._done[goal.goal_id] = goal
+        return after
 
     def to_cancel(self, goal_id: bytes, stamp_ns: int) -> tuple[CancelCode, list[Goal]]:
         """The goals that a CancelGoal request means, of those that can still be cancelled.
@@ -137,28 +146,29 @@ class GoalTable:
         An id alone means that goal; a stamp alone every goal accepted at or before it; both, either; none, all.
         """
         if goal_id != NO_ID and stamp_ns == 0:
-            goal = self._goals.get(goal_id)
+            goal = self.get(goal_id)
             if goal is None:
                 return CancelCode.UNKNOWN_GOAL, []
             return (CancelCode.NONE, [goal]) if goal.may(GoalEvent.CANCEL) else (CancelCode.TERMINATED, [])
         until_ns = math.inf if goal_id == NO_ID and stamp_ns == 0 else stamp_ns
-        meant = [goal for goal in self if goal.goal_id == goal_id or goal.stamp_ns <= until_ns]
+        meant = [goal for goal in self.active if goal.goal_id == goal_id or goal.stamp_ns <= until_ns]
         return CancelCode.NONE, [goal for goal in meant if goal.may(GoalEvent.CANCEL)]
 
     def expire(self, now_s: float) -> list[Goal]:
         """Forget the goals that were done at least `keep_s` ago, and return them."""
-        gone = [goal for goal in self if goal.done_s is not None and goal.done_s + self.keep_s <= now_s]
-        for goal in gone:
-            del self._goals[goal.goal_id]
+        gone = []
+        while (due_s := self.next_expiry_s()) is not None and due_s <= now_s:
+            gone.append(self._done.pop(next(iter(self._done))))
         return gone
 
     def next_expiry_s(self) -> float | None:
         """When `expire` will next have something to do; None when nothing will."""
-        ends = [goal.done_s for goal in self._goals.values() if goal.done_s is not None]
-        return min(ends) + self.keep_s if ends and self.keep_s != math.inf else None
+        first = next(iter(self._done.values()), None)
+        if first is None or first.done_s is None or self.keep_s == math.inf:
+            return None
+        return first.done_s + self.keep_s
 
     def listed(self, done: int) -> list[Goal]:
-        """What the status topic tells: every active goal and the `done` last finished ones, oldest first."""
-        finished = [goal for goal in self._goals.values() if not goal.is_active]
-        hidden = set(map(id, finished[: max(0, len(finished) - done)]))
-        return [goal for goal in self._goals.values() if id(goal) not in hidden]
+        """What the status topic tells: the `done` last finished goals and every active one, oldest first."""
+        last = list(itertools.islice(reversed(self._done.values()), done))
+        return [*reversed(last), *self._active.values()]

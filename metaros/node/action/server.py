@@ -87,13 +87,14 @@ class ActionServer:
         self._feedback = Publisher(self.node, types.feedback, feedback, codec(types.feedback), qos_default)
         self._status = Publisher(self.node, types.status, status, codec(types.status), qos_transient_local)
         self._status.on_close(self._let_go)
+        self._results = serving["get_result"]
         self._endpoints = (*serving.values(), self._feedback, self._status)
 
     @property
     def active(self) -> list[ServerGoal]:
         """The goals that have not reached their end, oldest first."""
         with self._lock:
-            return [goal.payload for goal in self._goals if goal.is_active]
+            return [goal.payload for goal in self._goals.active]
 
     def close(self) -> None:
         """Leave the graph; running goals are told to stop, clients that wait get an `unavailable` error."""
@@ -128,7 +129,8 @@ class ActionServer:
         with self._lock:
             if wanted and not self.closed and self._goals.get(goal_id) is None and self._goals.has_room():
                 goal = self._goals.accept(goal_id, stamp_ns)
-                handle = goal.payload = ServerGoal(self, goal, request.goal)
+                entry = self._types.goal_status(goal_info=self._types.info(goal_id, stamp_ns), status=int(goal.state))
+                handle = goal.payload = ServerGoal(self, goal, request.goal, entry)
         if self.closed and handle is None:
             waiting.drop()
             return
@@ -249,14 +251,15 @@ class ActionServer:
             if after is not None and (result is not None or not handle.running):
                 handle.response = self._response(after, result)
             if skips:
-                goal.apply(GoalEvent.EXECUTE, self.node.clock.monotonic_s())
+                self._goals.apply(goal, GoalEvent.EXECUTE, self.node.clock.monotonic_s())
             self._apply(handle, event)
             handle.stop()
             self._arm()
         self._deliver(handle)
 
     def _apply(self, handle: ServerGoal, event: GoalEvent) -> None:
-        handle.goal.apply(event, self.node.clock.monotonic_s())
+        self._goals.apply(handle.goal, event, self.node.clock.monotonic_s())
+        handle.entry.status = int(handle.goal.state)
         self._publish_status()
 
     # -- what goes out ---------------------------------------------------------------------------------------------
@@ -271,10 +274,7 @@ class ActionServer:
 
     def _publish_status(self) -> None:
         types = self._types
-        entries = [
-            types.goal_status(goal_info=types.info(goal.goal_id, goal.stamp_ns), status=int(goal.state))
-            for goal in self._goals.listed(_DONE_LISTED)
-        ]
+        entries = [goal.payload.entry for goal in self._goals.listed(_DONE_LISTED)]
         with suppress(UsageError):  # closed: nobody listens any more
             self._status.publish(types.status(status_list=entries))
 
@@ -293,7 +293,7 @@ class ActionServer:
             goal = self._goals.get(id_of(request.goal_id))
             handle: ServerGoal | None = None if goal is None else goal.payload
             if handle is not None and handle.response is None:
-                if sum(len(other.payload.waiters) for other in self._goals) < LIMITS.service_backlog:
+                if self._results.waiting <= LIMITS.service_backlog:
                     handle.waiters.append(waiting)
                     return
                 waiting.refuse(f"too many clients wait for results: {LIMITS.service_backlog}")

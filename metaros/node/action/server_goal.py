@@ -17,12 +17,13 @@ __all__ = ["ServerGoal"]
 class ServerGoal:
     """A goal that was accepted. Thread-safe: `execute` may run on one thread and be cancelled from another."""
 
-    def __init__(self, server: ActionServer, goal: Goal, request: Any) -> None:
+    def __init__(self, server: ActionServer, goal: Goal, request: Any, entry: Any) -> None:
         self._server = server
         self._stop = threading.Event()
         self.goal = goal
         self.request = request  # the Goal message
         # What follows is the server's, under its lock.
+        self.entry = entry  # its line in the status topic
         self.started = False
         self.running = False
         self.response: bytes | None = None  # the CDR of the GetResult response, once the goal and its result are there

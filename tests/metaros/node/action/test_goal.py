@@ -24,9 +24,9 @@ def table(*stamps_ns: int, keep_s: float = 10, limit: int = 8) -> GoalTable:
     return goals
 
 
-def end(goal: Goal, now_s: float) -> None:
-    goal.apply(GoalEvent.EXECUTE, now_s)
-    goal.apply(GoalEvent.SUCCEED, now_s)
+def end(goals: GoalTable, goal: Goal, now_s: float) -> None:
+    goals.apply(goal, GoalEvent.EXECUTE, now_s)
+    goals.apply(goal, GoalEvent.SUCCEED, now_s)
 
 
 @pytest.mark.parametrize(("state", "event"), list(itertools.product(GoalState, GoalEvent)))
@@ -66,7 +66,7 @@ def test_what_a_cancel_means(goal_id, stamp_ns, code, meant):
     goals = table(10, 20, 30, 1)
     done = goals.get(ident(4))
     assert done is not None
-    end(done, 0.0)
+    end(goals, done, 0.0)
     found_code, found = goals.to_cancel(goal_id, stamp_ns)
     assert found_code is code
     assert [goal.goal_id for goal in found] == [ident(number) for number in meant]
@@ -74,18 +74,18 @@ def test_what_a_cancel_means(goal_id, stamp_ns, code, meant):
 
 def test_a_goal_that_is_being_cancelled_cannot_be_cancelled_again():
     goals = table(10)
-    (goal,) = goals
-    goal.apply(GoalEvent.CANCEL, 0.0)
+    (goal,) = goals.active
+    goals.apply(goal, GoalEvent.CANCEL, 0.0)
     assert goals.to_cancel(ident(1), 0) == (CancelCode.TERMINATED, [])
     assert goals.to_cancel(NO_ID, 0) == (CancelCode.NONE, [])
 
 
 def test_done_goals_are_kept_so_long_and_active_ones_for_ever():
     goals = table(1, 2, 3)
-    first, second, _ = goals
+    first, second, _ = goals.active
     assert goals.next_expiry_s() is None
-    end(first, 100.0)
-    end(second, 104.0)
+    end(goals, first, 100.0)
+    end(goals, second, 104.0)
     assert goals.next_expiry_s() == 110.0
     assert goals.expire(109.9) == []
     assert goals.expire(110.0) == [first]
@@ -97,7 +97,7 @@ def test_done_goals_are_kept_so_long_and_active_ones_for_ever():
 def test_results_may_be_kept_for_ever_or_not_at_all():
     for_ever, not_at_all = table(1, keep_s=math.inf), table(1, keep_s=0)
     for goals in (for_ever, not_at_all):
-        end(next(iter(goals)), 5.0)
+        end(goals, goals.active[0], 5.0)
     assert for_ever.next_expiry_s() is None
     assert for_ever.expire(1e12) == []
     assert len(not_at_all.expire(5.0)) == 1
@@ -114,18 +114,20 @@ def test_when_full_the_oldest_done_goal_makes_room_and_active_ones_never():
     for number in (3, 2):
         goal = goals.get(ident(number))
         assert goal is not None
-        end(goal, 0.0)
+        end(goals, goal, 0.0)
     assert goals.has_room()
     goals.accept(ident(4), 4)
-    assert [goal.goal_id for goal in goals] == [ident(1), ident(3), ident(4)]
+    assert [goal.goal_id for goal in goals.active] == [ident(1), ident(4)]
+    assert goals.get(ident(3)) is None
+    assert goals.get(ident(2)) is not None
     with pytest.raises(UsageError, match="exists already"):
         goals.accept(ident(1), 5)
 
 
 def test_the_status_topic_lists_what_is_active_and_the_last_done():
     goals = table(1, 2, 3, 4)
-    for goal in list(goals)[:3]:
-        end(goal, 0.0)
+    for goal in goals.active[:3]:
+        end(goals, goal, 0.0)
     assert [goal.goal_id for goal in goals.listed(1)] == [ident(3), ident(4)]
     assert [goal.goal_id for goal in goals.listed(0)] == [ident(4)]
     assert len(goals.listed(9)) == 4
