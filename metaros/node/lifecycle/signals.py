@@ -81,7 +81,7 @@ class DeadlineMissed:
 
     def describe(self, value: float) -> str:
         """How often."""
-        return f"{self.topic} missed its deadline of {self.deadline_s:g} s {value:.0f} times in {self.window_s:g} s"
+        return f"{self.topic} missed its deadline of {self.deadline_s:g} s {value:.0f}× in {self.window_s:g} s"
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +139,7 @@ class ErrorCount:
 
     def describe(self, value: float) -> str:
         """How many."""
-        return f"{value:.0f} errors in {self.window_s:g} s (allowed: {self.at_least - 1})"
+        return f"errors in {self.window_s:g} s: {value:.0f} (allowed: {self.at_least - 1})"
 
 
 @dataclass(frozen=True, slots=True)

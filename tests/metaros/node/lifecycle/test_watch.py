@@ -208,7 +208,7 @@ def test_errors_deadlines_and_overruns_are_measured(consumer, manual):
     consumer.runs(1.0, 10.0)
     timer.cancel()
     assert [decision.rule for decision in watch.decisions] == ["errors", "deadline", "slow"]
-    assert watch.decisions[0].reason == "4 errors in 5 s (allowed: 3)"
+    assert watch.decisions[0].reason == "errors in 5 s: 4 (allowed: 3)"
     assert watch.decisions[2].reason.startswith("think took up to 60 ms (allowed: 50 ms)")
     consumer.runs(12.0, 10.0)
     assert not consumer.degraded
