@@ -42,6 +42,7 @@ class Limits:
     teleop_fresh_s: float = 0.3  # D13: an actuator without a fresh command for so long is stopped
     lease_s: float = 3.0  # a teleop lease not renewed for so long is free again
     command_timeout_s: float = 10.0
+    counted_keys: int = 16_384  # topics that `metaros top` counts; further ones show no rate
     type_cache: int = 4096  # compiled codecs and classes kept
 
 

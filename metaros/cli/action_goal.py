@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
+from metaros.limits import LIMITS
 
 if TYPE_CHECKING:
     from metaros.cli.output import Output
@@ -22,6 +23,28 @@ __all__ = ["send_goal"]
 
 _SLICE_S = 0.05
 _CANCEL_S = 5.0
+
+
+class _Heard:
+    """Feedback between the executor's thread and the printing one; when it is full new feedback is dropped."""
+
+    def __init__(self) -> None:
+        self._queue: queue.Queue[Any] = queue.Queue(LIMITS.service_backlog)
+        self.dropped = 0
+
+    def put(self, message: Any) -> None:
+        """Never waits: the executor must be able to end."""
+        try:
+            self._queue.put_nowait(message)
+        except queue.Full:
+            self.dropped += 1
+
+    def get(self) -> Any:
+        """The next one within a moment, or None."""
+        try:
+            return self._queue.get(timeout=_SLICE_S)
+        except queue.Empty:
+            return None
 
 
 def send_goal(
@@ -54,7 +77,7 @@ def send_goal(
         kind: Any = message_class(full)
         goal = from_json(kind.Goal, parse_values(values, f"{full}_Goal"))
         with Node("metaros_cli", context=context, enable_rosout=False) as node, _spinning(node):
-            heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
+            heard = _Heard()
             client = node.create_action_client(kind, name)
             if not client.wait_for_server(min(timeout, max(spin_time, 0.1))):
                 raise TimeoutError_(f"{name} is not complete: its server may be starting or stopping; try again")
@@ -94,7 +117,7 @@ def _spinning(node: Node) -> Iterator[None]:
         thread.join()
 
 
-def _follow(out: Output, handle: ClientGoal, heard: queue.SimpleQueue[Any]) -> None:
+def _follow(out: Output, handle: ClientGoal, heard: _Heard) -> None:
     """Print what happens until the goal has ended, and exit by how it did."""
     from metaros.errors import PeerError
 
@@ -124,16 +147,19 @@ def _follow(out: Output, handle: ClientGoal, heard: queue.SimpleQueue[Any]) -> N
         raise typer.Exit(130 if interrupted else 1)
 
 
-def _wait(out: Output, handle: ClientGoal, heard: queue.SimpleQueue[Any]) -> Any:
+def _wait(out: Output, handle: ClientGoal, heard: _Heard) -> Any:
     """The goal's end; feedback that came before it is printed before it."""
     reply = handle.result()
     while True:
         done = reply.done
-        try:
-            _show(out, "Feedback", heard.get(timeout=_SLICE_S))
-        except queue.Empty:
-            if done:
-                return reply.wait()
+        message = heard.get()
+        if message is not None:
+            _show(out, "Feedback", message)
+        elif done:
+            break
+    if heard.dropped:
+        out.note(f"{heard.dropped} feedback messages came faster than they could be printed and are left out")
+    return reply.wait()
 
 
 def _show(out: Output, title: str, message: Any) -> None:

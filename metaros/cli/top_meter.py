@@ -6,6 +6,8 @@ from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
+from metaros.limits import LIMITS
+
 if TYPE_CHECKING:
     import zenoh
 
@@ -57,7 +59,8 @@ class Counts:
         key, size = str(sample.key_expr), len(sample.payload)
         entry = self._by_key.get(key)
         if entry is None:
-            self._by_key[key] = [1, size]
+            if len(self._by_key) < LIMITS.counted_keys:
+                self._by_key[key] = [1, size]
         else:
             entry[0] += 1
             entry[1] += size
