@@ -26,7 +26,7 @@ __all__ = ["FairExecutor", "NodeShare"]
 
 _log = logging.getLogger("metaros.executor")
 _CONTROL_SWITCH_INTERVAL_S: Final = 0.0001  # what a critical thread waits at most for a computing one to yield
-_BLOCKED: Final = 0.5  # who blocks holds everybody up: charged at least so much of the time on the wall
+_BLOCKED: Final = 0.1  # of the time on the wall, charged at least: who blocks is not idle, who was preempted may be
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +67,8 @@ class FairExecutor(SingleThreadedExecutor):
     """Shares its thread among nodes by their nice levels.
 
     `period_s` is T_sched of equation (1). `cpu_s` and `wall_s` measure what callbacks take: the CPU time of the thread,
-    but at least half of the time on the wall, so that a callback which blocks is not taken for idle.
+    but at least a tenth of the time on the wall, so that a callback which blocks is not taken for idle, nor one that
+    other programs preempt for busy.
     """
 
     def __init__(

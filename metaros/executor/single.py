@@ -142,7 +142,10 @@ class SingleThreadedExecutor:
                 self._spinning.release()
 
     def _alive(self) -> bool:
-        return any(not node.closed for node in self._members())
+        for node in self._members():  # a loop: this is asked after every callback
+            if not node.closed:
+                return True
+        return False
 
     @property
     def stopped(self) -> bool:
@@ -198,7 +201,10 @@ class SingleThreadedExecutor:
         """Each timer that is due once: one whose callback takes longer than its period must not keep the rest out."""
         worked = False
         for node in self._nodes:
-            timers, now_s = node.timers, node.clock.monotonic_s()
+            timers = node.timers
+            if timers.next_due_s() is None:
+                continue
+            now_s = timers.now_s()
             while not self._stopped.is_set() and (timer := timers.pop_due(now_s)) is not None:
                 worked = True
                 if not timer.busy:
