@@ -70,13 +70,16 @@ class Post:
 
 
 class Alarm:
-    """Runs `check(now_s)` on the executor; it returns when it wants to run again, None for not until `kick`."""
+    """Runs `check(now_s)` on the executor; it returns when it wants to run again, None for not until `kick`.
+
+    It goes by the context's clock: promises between programs hold in real time, whatever time a simulation shows.
+    """
 
     def __init__(self, node: Node, check: Callable[[float], float | None]) -> None:
         self._node = node
         self._check = check
         self._lock = threading.Lock()
-        self._timer: Timer | None = None
+        self._timer: Timer | threading.Timer | None = None
         self._closed = False
         mailbox = Mailbox(lambda _: self._ring(), owner=node, depth=1, limit_bytes=_EVENT_BYTES, size_of=lambda _: 1)
         self._put = node.ingress.put_to(mailbox)
@@ -100,7 +103,16 @@ class Alarm:
                 self._timer = None
             if self._closed:
                 return
-            now_s = self._node.clock.monotonic_s()
+            now_s = self._node.context.clock.monotonic_s()
             due_s = self._check(now_s)
             if due_s is not None:
-                self._timer = self._node.timers.add(max(due_s - now_s, _SHORTEST_S), self._ring)
+                self._set(max(due_s - now_s, _SHORTEST_S))
+
+    def _set(self, delay_s: float) -> None:
+        node = self._node
+        if node.clock is node.context.clock:
+            self._timer = node.timers.add(delay_s, self._ring)
+            return
+        timer = self._timer = threading.Timer(delay_s, self.kick)  # the node's own timers run by simulated time
+        timer.daemon = True
+        timer.start()

@@ -34,7 +34,7 @@ class PublisherObserver(Observer):
 
     def __init__(self, endpoint: Endpoint, callbacks: PublisherEvents | None = None) -> None:
         super().__init__(endpoint, callbacks)
-        qos, self._clock = endpoint.qos, endpoint.node.clock
+        qos, self._clock = endpoint.qos, endpoint.node.context.clock
         period_s, lease = qos.deadline_ns / 1e9, lease_s(qos)
         self._deadline = DeadlineMonitor(period_s) if qos.deadline_ns != INFINITE_NS else None
         self._lease = None if lease is None else Lease(lease, self._clock.monotonic_s())

@@ -39,7 +39,7 @@ class SubscriptionObserver(Observer):
         waiting: Callable[[], bool],
     ) -> None:
         super().__init__(endpoint, callbacks)
-        qos, self._clock = endpoint.qos, endpoint.node.clock
+        qos, self._clock = endpoint.qos, endpoint.node.context.clock
         self.expired = 0
         self._on_inspect = on_inspect
         self._waiting = waiting

@@ -414,3 +414,21 @@ def test_an_async_callback_gets_only_what_is_fresh(listener, talker):
     pub.publish(String(data="fresh"))
     until(lambda: got)
     assert (got, sub.expired) == (["fresh"], 1)
+
+
+def test_deadlines_go_by_real_time_while_simulated_time_stands(here, there):
+    heard: list[Any] = []
+    qos = QoSProfile(deadline_ns=50_000_000)
+    with (
+        metaros.Node("listener", context=here, use_sim_time=True) as listener,
+        metaros.Node("talker", context=there) as talker,
+    ):
+        until = spinning(listener)
+        events = SubscriptionEvents(deadline_missed=heard.append)
+        sub = listener.create_subscription(String, "/t", lambda message: None, qos, events=events)
+        pub = talker.create_publisher(String, "/t", qos)
+        wait_until(lambda: sub.events.matched and pub.events.matched)
+        pub.publish(String(data="x"))
+        until(lambda: len(heard) >= 2)
+        assert listener.clock.wall_ns() == 0
+    assert heard[1].total >= 2
