@@ -142,10 +142,7 @@ class SingleThreadedExecutor:
                 self._spinning.release()
 
     def _alive(self) -> bool:
-        for node in self._members():  # a loop: this is asked after every callback
-            if not node.closed:
-                return True
-        return False
+        return False in [node.closed for node in self._members()]  # asked after every callback: no generator
 
     @property
     def stopped(self) -> bool:
