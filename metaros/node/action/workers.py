@@ -1,4 +1,4 @@
-"""Threads for plain execute callbacks: at most so many, none while there is nothing to do, none waited for at exit."""
+"""Threads for plain execute callbacks: at most so many, none while there are no goals, none waited for at exit."""
 
 from __future__ import annotations
 
@@ -13,20 +13,28 @@ Job = Callable[[], None]
 
 
 class Workers:
-    """Runs jobs on up to `count` threads; others wait in order. Jobs must not raise. Thread-safe."""
+    """Runs jobs on up to `count` threads; others wait in order. Jobs must not raise. Thread-safe.
 
-    def __init__(self, count: int, *, name: str) -> None:
+    A thread that has nothing to do stays for `idle_s`: starting one costs more than a short goal does.
+    """
+
+    def __init__(self, count: int, *, name: str, idle_s: float = 1.0) -> None:
         self._count = count
         self._name = name
-        self._lock = threading.Lock()
+        self._idle_s = idle_s
+        self._changed = threading.Condition()
         self._jobs: deque[Job] = deque()
         self._numbers = itertools.count(1)
+        self._idle = 0
         self.running = 0
 
     def submit(self, job: Job) -> None:
         """Run it as soon as a thread is free."""
-        with self._lock:
+        with self._changed:
             self._jobs.append(job)
+            if self._idle >= len(self._jobs):
+                self._changed.notify()
+                return
             if self.running >= self._count:
                 return
             self.running += 1
@@ -35,7 +43,7 @@ class Workers:
 
     def withdraw(self, job: Job) -> bool:
         """Take back a job that has not begun; False when it has."""
-        with self._lock:
+        with self._changed:
             if job not in self._jobs:
                 return False
             self._jobs.remove(job)
@@ -43,14 +51,20 @@ class Workers:
 
     def clear(self) -> None:
         """Forget the jobs that have not begun."""
-        with self._lock:
+        with self._changed:
             self._jobs.clear()
 
     def _run(self) -> None:
-        while True:
-            with self._lock:
-                if not self._jobs:
-                    self.running -= 1
-                    return
-                job = self._jobs.popleft()
+        while (job := self._next()) is not None:
             job()
+
+    def _next(self) -> Job | None:
+        """The oldest job; None when none came for so long that the thread may end."""
+        with self._changed:
+            self._idle += 1
+            came = self._changed.wait_for(lambda: self._jobs, self._idle_s)
+            self._idle -= 1
+            if came:
+                return self._jobs.popleft()
+            self.running -= 1
+            return None

@@ -9,7 +9,7 @@ from tests.support.waiting import wait_until
 
 
 def test_jobs_run_beside_each_other_up_to_the_bound_and_in_order():
-    workers = Workers(2, name="test-worker")
+    workers = Workers(2, name="test-worker", idle_s=0.05)
     gates = [threading.Event() for _ in range(4)]
     began: list[int] = []
 
@@ -35,7 +35,7 @@ def test_jobs_run_beside_each_other_up_to_the_bound_and_in_order():
 
 
 def test_what_has_not_begun_can_be_forgotten():
-    workers = Workers(1, name="test-worker")
+    workers = Workers(1, name="test-worker", idle_s=0.05)
     gate, began = threading.Event(), threading.Event()
 
     def first() -> None:
