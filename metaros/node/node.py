@@ -24,7 +24,7 @@ from metaros.node.endpoint import Endpoint, as_qos
 from metaros.node.events import PublisherEvents, SubscriptionEvents
 from metaros.node.introspection import offer_logger_levels, offer_type_description
 from metaros.node.logger import Logger
-from metaros.node.parameters import NodeParameters, ParameterClient, make_parameters, offer_parameters
+from metaros.node.parameters import NodeParameters, ParameterClient, declare_sim_time, make_parameters, offer_parameters
 from metaros.node.publisher import Publisher, RawPublisher
 from metaros.node.rate import Rate
 from metaros.node.service import Service
@@ -45,7 +45,7 @@ class Node:
     on /rosout. `enable_parameters` offers the services of every ROS 2 node: parameters, events of them and type
     descriptions. `parameter_overrides`, and those that a ROS 2 `parameter_file` has for this node, replace defaults.
     `nice`, -20 to 19, and `critical` say what a `FairExecutor` gives the node; other executors do not ask.
-    With `use_sim_time` the node's clock, timers and rates follow /clock.
+    With `use_sim_time`, which is a parameter too, the node's clock, timers and rates follow /clock.
     """
 
     def __init__(
@@ -74,6 +74,7 @@ class Node:
             file=parameter_file,
             allow_undeclared=allow_undeclared_parameters,
         )
+        use_sim_time = declare_sim_time(self.parameters, use_sim_time)
         self.context = shared_context() if context is None else context
         self.ingress: Ingress = self.context.ingress
         self.clock: Clock = SimClock() if use_sim_time else self.context.clock

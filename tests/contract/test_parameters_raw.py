@@ -178,7 +178,7 @@ def test_a_node_offers_what_every_ros2_node_offers_in_its_order(plain, robot):
 
 def test_names_values_and_types_are_listed_byte_for_byte(ask):
     names = ask(service_key("ListParameters"), Cdr().texts().put("Q", 0).data)
-    assert names == Cdr().texts("speed", "motor.id").texts("motor").data
+    assert names == Cdr().texts("use_sim_time", "speed", "motor.id").texts("motor").data
     types = ask(service_key("GetParameterTypes"), Cdr().texts("speed", "motor.id", "none").data)
     assert types == Cdr().put("I", 3).put("B", 3, 2, 0).data
     values = ask(service_key("GetParameters"), Cdr().texts("speed", "motor.id", "none").data)
@@ -215,7 +215,7 @@ def test_a_set_is_refused_with_its_reason(robot, ask):
     integer = Cdr().put("I", 1).text("speed").value(2, integer=1).data
     refused = ask(service_key("SetParametersAtomically"), integer)
     assert refused == Cdr().put("B", 0).text("speed: wrong type: expected double, got integer").data
-    assert robot.parameters.values() == {"speed": 0.5, "motor.id": 7}
+    assert robot.parameters.values() == {"use_sim_time": False, "speed": 0.5, "motor.id": 7}
 
 
 def test_rules_are_described_byte_for_byte(ask):

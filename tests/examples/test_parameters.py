@@ -16,12 +16,13 @@ def test_parameters_example_obeys_and_refuses(zenoh_router: str, tmp_path: Path)
     try:
         with metaros.Context(connect=zenoh_router) as context, metaros.Node("asker", context=context) as node:
             client = node.create_parameter_client("/cruise")
-            wait_until(lambda: "speed" in (client.list() if client.wait(1) else []), timeout_s=15)
+            assert client.wait(15)
+            wait_until(lambda: "gains" in client.list())
             assert client.set({"speed": 0.8})["speed"]
             wait_until(lambda: "speed is 0.8 now" in log.read_text())
             refused = client.set_atomically({"direction": "backward"})
             assert refused == SetResult(False, "backward goes at most at 0.3")
             assert client.set_atomically({"direction": "backward", "speed": 0.2})
-            assert client.dump() == {"speed": 0.2, "direction": "backward", "gains": [1.0, 0.1]}
+            assert client.dump() == {"use_sim_time": False, "speed": 0.2, "direction": "backward", "gains": [1.0, 0.1]}
     finally:
         assert finish(cruise) in (0, 130)

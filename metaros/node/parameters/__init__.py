@@ -4,7 +4,7 @@ from metaros.node.parameters.client import ParameterClient, SetResult
 from metaros.node.parameters.descriptor import ParameterDescriptor, Range
 from metaros.node.parameters.node_parameters import NodeParameters
 from metaros.node.parameters.services import offer_parameters
-from metaros.node.parameters.setup import make_parameters
+from metaros.node.parameters.setup import declare_sim_time, make_parameters
 from metaros.node.parameters.store import ParameterStore
 from metaros.node.parameters.values import ParameterType
 
@@ -16,6 +16,7 @@ __all__ = [
     "ParameterType",
     "Range",
     "SetResult",
+    "declare_sim_time",
     "make_parameters",
     "offer_parameters",
 ]

@@ -11,6 +11,7 @@ from metaros.errors import ParameterError, PeerError
 from metaros.idl import message_class
 from metaros.node.client import Client
 from metaros.node.parameters.descriptor import ParameterDescriptor
+from metaros.node.parameters.services import SERVICES
 from metaros.node.parameters.values import ParameterType, Value, infer
 from metaros.wire import qos_parameters
 
@@ -58,8 +59,9 @@ class ParameterClient:
         self._lock = threading.Lock()
 
     def wait(self, timeout_s: float = DEFAULT_TIMEOUT_S) -> bool:
-        """Wait until the node's parameter services are there; False when they are not in time."""
-        return self._client("GetParameters").wait_for_service(timeout_s)
+        """Wait until all six services of the node are there; False when they are not in time."""
+        graph, names = self._node.graph, [f"{self.target}/{service.name}" for service in SERVICES]
+        return graph.wait_for(lambda: all(graph.endpoints(name, "SS") for name in names), timeout_s)
 
     def get(self, names: Sequence[str], *, timeout_s: float = DEFAULT_TIMEOUT_S) -> dict[str, Value]:
         """Values by name; None for what is not declared or has no value."""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from metaros.node.parameters.node_parameters import NodeParameters
 
-__all__ = ["make_parameters"]
+__all__ = ["SIM_TIME", "declare_sim_time", "make_parameters"]
+
+SIM_TIME: Final = "use_sim_time"
 
 
 def make_parameters(
@@ -26,3 +28,14 @@ def make_parameters(
         given.update(load_file(file, node_name))
     given.update(overrides or {})
     return NodeParameters(node_name, overrides=given, allow_undeclared=allow_undeclared)
+
+
+def declare_sim_time(parameters: NodeParameters, default: bool) -> bool:
+    """Declare the parameter that every ROS 2 node has, return its value: ours keep the clock they were made with."""
+    value: bool = parameters.declare(
+        SIM_TIME,
+        default,
+        description="whether the node's clock follows /clock",
+        validate=lambda wanted: wanted == parameters.get(SIM_TIME, wanted) or "it is chosen when the node is made",
+    )
+    return value

@@ -36,7 +36,9 @@ def arm(zenoh_router: str) -> Iterator[metaros.Node]:
 
 
 def test_list(run, arm):
-    assert run("param", "list").stdout == "/demo/arm:\n  any\n  late\n  mode\n  motor.id\n  raw\n  speed\n"
+    assert (
+        run("param", "list").stdout == "/demo/arm:\n  any\n  late\n  mode\n  motor.id\n  raw\n  speed\n  use_sim_time\n"
+    )
     assert run("param", "list", "/demo/arm", "--filter", "^m", "--param-type").stdout == (
         "mode (type: string)\nmotor.id (type: integer)\n"
     )
@@ -104,7 +106,7 @@ def test_dump_and_load_and_delete(run, arm, tmp_path):
     assert "Set parameter speed successful\n" in done.stdout
     assert "Set parameter motor.id failed: motor.id: it is read-only\n" in done.stdout
     assert done.returncode == 1
-    assert "1 of 5 parameters were refused: motor.id" in done.stderr
+    assert "1 of 6 parameters were refused: motor.id" in done.stderr
     assert arm.parameters["speed"] == 1.0
     path.write_text("/**: {ros__parameters: {mode: manual}}")
     assert json.loads(run("param", "load", "/demo/arm", str(path), "-o", "json").stdout) == [

@@ -65,7 +65,7 @@ def test_the_command_line_slows_a_robot_down(zenoh_router):
         node.create_subscription(Odometry, "/sim_1/odom", lambda m: speeds.append(abs(m.twist.twist.linear.x)), 10)
         client = node.create_parameter_client("/sim_1/base")
         assert client.wait()
-        assert client.list() == [parameter.name for parameter in PARAMETERS]
+        assert client.list() == ["use_sim_time", *(parameter.name for parameter in PARAMETERS)]
         assert client.get(["max_speed", "resume_after_s"]) == {"max_speed": 1.0, "resume_after_s": 7.0}
         executor = metaros.SingleThreadedExecutor()
         executor.add_node(node)

@@ -43,11 +43,12 @@ def robot(there: metaros.Context) -> Iterator[metaros.Node]:
 def client(here: metaros.Context, robot: metaros.Node) -> Iterator[Any]:
     with metaros.Node("asker", context=here) as node:
         client = node.create_parameter_client("/ns/robot")
-        wait_until(lambda: len(node.graph.endpoints(kind="SS")) >= 14)
+        assert client.wait()
         yield client
 
 
 VALUES = {
+    "use_sim_time": False,
     "speed": 0.5,
     "mode": "auto",
     "motor.id": 7,
@@ -66,10 +67,9 @@ def test_the_written_down_hashes_are_those_of_the_types():
 
 
 def test_values_types_and_rules_are_read(client):
-    assert client.wait()
     assert client.list() == list(VALUES)
     assert client.list(["motor"]) == ["motor.id", "motor.gains", "motor.raw"]
-    assert client.list(depth=1) == ["speed", "mode", "tags", "late", "any"]
+    assert client.list(depth=1) == ["use_sim_time", "speed", "mode", "tags", "late", "any"]
     assert client.dump() == VALUES
     assert client.get(["speed", "none"]) == {"speed": 0.5, "none": None}
     kinds = client.types(["tags", "late", "motor.raw", "none"])
@@ -119,6 +119,7 @@ async def test_every_call_has_its_coroutine(client):
 def test_an_absent_node_is_unavailable_at_once(here):
     with metaros.Node("asker", context=here) as node:
         client = node.create_parameter_client("nobody")
+        assert not client.wait(0.05)
         with pytest.raises(UnavailableError, match="/nobody/list_parameters"):
             client.list()
         client.close()
@@ -166,7 +167,7 @@ def test_a_file_and_the_program_override_defaults(here, tmp_path):
 def test_a_node_without_the_services_keeps_parameters_to_itself(here):
     with metaros.Node("quiet", context=here, enable_parameters=False, allow_undeclared_parameters=True) as node:
         node.parameters["a"] = 1
-        assert node.parameters.values() == {"a": 1}
+        assert node.parameters.values() == {"use_sim_time": False, "a": 1}
         assert {endpoint.topic for endpoint in here.graph.endpoints()} == {"/rosout"}
 
 
@@ -195,3 +196,17 @@ def test_sets_from_many_threads_are_checked_one_at_a_time(here):
         for thread in threads:
             thread.join()
         assert node.parameters["low"] == node.parameters["high"]
+
+
+def test_a_file_chooses_the_clock_and_a_running_node_keeps_it(here, tmp_path):
+    path = tmp_path / "all.yaml"
+    path.write_text("/**: {ros__parameters: {use_sim_time: true}}")
+    with metaros.Node("robot", context=here, parameter_file=path) as node:
+        assert node.parameters["use_sim_time"] is True
+        assert node.clock is not here.clock
+        node.parameters["use_sim_time"] = True
+        with pytest.raises(ParameterError, match="chosen when the node is made"):
+            node.parameters["use_sim_time"] = False
+    path.write_text("/**: {ros__parameters: {use_sim_time: 1}}")
+    with pytest.raises(ParameterError, match="use_sim_time: override: wrong type"):
+        metaros.Node("robot", context=here, parameter_file=path)
