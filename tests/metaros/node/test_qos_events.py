@@ -28,6 +28,17 @@ KEPT = QoSProfile(durability=Durability.TRANSIENT_LOCAL, depth=5)
 OTHER_HASH = "RIHS01_" + "0" * 64
 
 
+EXECUTORS: list[metaros.SingleThreadedExecutor] = []
+
+
+@pytest.fixture(autouse=True)
+def shut_down() -> Iterator[None]:
+    """No executor outlives its test."""
+    yield
+    while EXECUTORS:
+        EXECUTORS.pop().shutdown()
+
+
 @pytest.fixture
 def talker(there: metaros.Context) -> Iterator[metaros.Node]:
     """The node of the peer."""
@@ -44,11 +55,10 @@ def listener(here: metaros.Context) -> Iterator[metaros.Node]:
 
 def spinning(*nodes: metaros.Node) -> Callable[[Callable[[], Any]], None]:
     """How to wait for something while the nodes spin."""
-    executors = []
-    for node in nodes:
-        executor = metaros.SingleThreadedExecutor()
+    executors = [metaros.SingleThreadedExecutor() for _ in nodes]
+    EXECUTORS.extend(executors)
+    for executor, node in zip(executors, nodes, strict=True):
         executor.add_node(node)
-        executors.append(executor)
 
     def until(condition: Callable[[], Any]) -> None:
         def turn() -> Any:
