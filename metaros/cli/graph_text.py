@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from metaros.cli.graph_model import Link, Picture
+from metaros.cli.output import counted
 
 __all__ = ["dot", "summary", "tree"]
 
@@ -30,9 +31,9 @@ def tree(picture: Picture, style: Style) -> Iterator[str]:
 def summary(picture: Picture, style: Style) -> str:
     """One line: how much there is, and whether anything is wrong."""
     counts = [len(picture.nodes)] + [sum(link.kind == kind for link in picture.links) for kind in TAGS]
-    words = [_count(n, word) for n, word in zip(counts, ("node", "topic", "service", "action"), strict=True) if n]
+    words = [counted(n, word) for n, word in zip(counts, ("node", "topic", "service", "action"), strict=True) if n]
     text = style(", ".join(words) or "nothing", DIM)
-    return f"{text}  {style('✗ ' + _count(len(picture.faults), 'mismatch'), RED)}" if picture.faults else text
+    return f"{text}  {style('✗ ' + counted(len(picture.faults), 'mismatch'), RED)}" if picture.faults else text
 
 
 def _branch(node: str, link: Link, style: Style, *, ours: bool, last: bool) -> Iterator[str]:
@@ -57,11 +58,6 @@ def _end(link: Link, source: str, sink: str, style: Style) -> str:
     if fault is None:
         return f"{style('▶' if link.kind == 'topic' else '◀', GREEN)} {sink}"
     return f"{style('✗', RED)} {sink}  {style(fault.text, RED)}"
-
-
-def _count(number: int, word: str) -> str:
-    plural = f"{word}es" if word.endswith("ch") else f"{word}s"
-    return f"{number} {word if number == 1 else plural}"
 
 
 def dot(picture: Picture) -> Iterator[str]:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from metaros.cli.options import Format
 
-__all__ = ["Output", "human_bytes", "human_seconds"]
+__all__ = ["Output", "counted", "human_bytes", "human_seconds"]
 
 
 class Output:
@@ -93,6 +93,12 @@ class Output:
         for row in rows:
             table.add_row(*(Text(cell) for cell in row))
         Console().print(table)
+
+
+def counted(number: int, word: str) -> str:
+    """`1 topic`, `2 topics`, `3 mismatches`."""
+    plural = f"{word}es" if word.endswith("ch") else f"{word}s"
+    return f"{number} {word if number == 1 else plural}"
 
 
 def human_bytes(count: float) -> str:

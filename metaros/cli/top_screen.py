@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from metaros.cli.output import human_bytes
+from metaros.cli.output import counted, human_bytes
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -44,8 +44,9 @@ def node_columns(screenful: Screenful) -> tuple[str, ...]:
 def summary(screenful: Screenful) -> str:
     """One line of totals."""
     rate, flow = (sum(getattr(row, name) for row in screenful.topics) for name in ("rate_hz", "bytes_per_s"))
-    text = f"{len(screenful.nodes)} nodes, {len(screenful.topics)} topics, {rate:.0f} messages/s, {human_bytes(flow)}/s"
-    return f"{text}, ✗ {screenful.mismatches} mismatched: see metaros graph" if screenful.mismatches else text
+    counts = f"{counted(len(screenful.nodes), 'node')}, {counted(len(screenful.topics), 'topic')}"
+    text = f"{counts}, {rate:.0f} messages/s, {human_bytes(flow)}/s"
+    return f"{text}, ✗ {counted(screenful.mismatches, 'mismatch')}: see metaros graph" if screenful.mismatches else text
 
 
 def live(look: Callable[[], Screenful], pause: Callable[[], None]) -> None:

@@ -114,6 +114,8 @@ class Supervisor:
     async def _stop_one(self, child: _Child, grace_s: float) -> None:
         process = child.process
         if process is None or not process.running:
+            if process is not None and child.state == "running":  # it died while its task was being ended
+                child.last_exit = (await process.wait()).reason
             child.state = "stopped"
             return
         process.ask_to_end()
