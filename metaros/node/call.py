@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable
 from contextlib import suppress
 from typing import Any, Final, Generic, TypeVar
 
@@ -25,7 +25,8 @@ class Call:
     """The answers to one request. It ends once: answered, refused, out of time, cancelled, or failed by the client."""
 
     def __init__(self, service: str, seq: int, gid: bytes, timeout_s: float) -> None:
-        self._service, self._seq, self._gid, self._timeout_s = service, seq, gid, timeout_s
+        self.seq = seq
+        self._service, self._gid, self._timeout_s = service, gid, timeout_s
         self._lock = threading.Lock()
         self._wakes: list[Callable[[], object]] = []
         self._answer: bytes | None = None
@@ -33,6 +34,7 @@ class Call:
         self._error: MetarosError | None = None
         self.token = zenoh.CancellationToken()
         self.finished = False
+        self._reading = False
 
     # -- Zenoh's side: direct callbacks, so nothing here may block -------------------------------------------------
 
@@ -48,7 +50,7 @@ class Call:
         except PeerError as error:
             self._refusal = f"{error.code}: {error}"
             return
-        if self._answer is None and (sent.seq, sent.gid) == (self._seq, self._gid):
+        if self._answer is None and (sent.seq, sent.gid) == (self.seq, self._gid):
             self._answer = reply.ok.payload.to_bytes()
             self.finish()
 
@@ -69,6 +71,8 @@ class Call:
         if not self.finished:
             self._error = error
             self.finish()
+            if self._reading:
+                self.token.cancel()  # type: ignore[no-untyped-call]  # which ends the reader's wait
 
     def cancel(self) -> None:
         """Nobody waits any more: a later answer is ignored, and Zenoh forgets the query."""
@@ -82,6 +86,22 @@ class Call:
                 self._wakes.append(wake)
                 return
         wake()
+
+    def read(self, replies: Iterable[zenoh.Reply]) -> bytes:
+        """Block on a channel of Zenoh's until the end; the answer's CDR, or an error."""
+        self._reading = True
+        try:
+            if self._error is None:
+                for reply in replies:
+                    self.take(reply)
+                    if self._answer is not None:
+                        break
+        except BaseException:  # Ctrl-C
+            self.token.cancel()  # type: ignore[no-untyped-call]
+            raise
+        finally:
+            self.finish()
+        return self.outcome()
 
     def wait(self) -> bytes:
         """Block until the end; the answer's CDR, or an error."""

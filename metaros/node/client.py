@@ -26,6 +26,7 @@ __all__ = ["Client", "RawClient"]
 
 T = TypeVar("T")
 DEFAULT_TIMEOUT_S: Final = 10.0
+_REPLIES: Final = 16  # of one blocking call that Zenoh keeps until they are read: one a server
 
 
 class RawClient(Endpoint):
@@ -93,7 +94,11 @@ class RawClient(Endpoint):
         PeerError when it refuses; UsageError where the server would have to run on this very thread.
         """
         self.check_can_wait()
-        return self._response(self._send(self._request_bytes(request), timeout_s).wait())
+        payload = self._request_bytes(request)
+        call = self._start(timeout_s)
+        # Straight from Zenoh's channel: a callback on its thread would cost a hand-over more.
+        replies = self._get(call, payload, timeout_s, zenoh.handlers.FifoChannel(_REPLIES))
+        return self._response(call.read(replies))
 
     async def call_async(self, request: Any, timeout_s: float = DEFAULT_TIMEOUT_S) -> Any:
         """The same for coroutines; cancelling the task cancels the call."""
@@ -135,31 +140,38 @@ class RawClient(Endpoint):
         return data
 
     def _send(self, payload: bytes, timeout_s: float) -> Call:
+        call = self._start(timeout_s)
+        self._get(call, payload, timeout_s, zenoh.handlers.Callback(call.take, call.finish, indirect=False))
+        return call
+
+    def _start(self, timeout_s: float) -> Call:
+        """A new call; an error at once where it makes no sense."""
         if self.closed:
             raise ClosedError(f"the client of {self.topic} was closed")
         if not 0 < timeout_s <= FOREVER_S:
             raise UsageError(f"a call needs a timeout of more than 0 and at most {FOREVER_S:g} s, not {timeout_s}")
         if not self._servers and not self.service_is_ready():
             raise UnavailableError(f"no server of {self.topic} with type {self.type_name} is in the graph")
-        seq = self._next_seq()
-        call = Call(self.topic, seq, self.gid, timeout_s)
+        return Call(self.topic, self._next_seq(), self.gid, timeout_s)
+
+    def _get(self, call: Call, payload: bytes, timeout_s: float, handler: Any) -> Any:
+        """Send the query; what Zenoh makes of the handler."""
         self._calls.add(call)
         call.when_finished(lambda: self._calls.discard(call))
         try:
-            self.node.context.session.check_open().get(
+            return self.node.context.session.check_open().get(
                 self._expression,
-                zenoh.handlers.Callback(call.take, call.finish, indirect=False),
+                handler,
                 target=zenoh.QueryTarget.ALL_COMPLETE,
                 consolidation=zenoh.ConsolidationMode.NONE,
                 timeout=timeout_s,
                 payload=payload,
-                attachment=pack_attachment(seq, self.node.context.clock.wall_ns(), self.gid),
+                attachment=pack_attachment(call.seq, self.node.clock.wall_ns(), self.gid),
                 cancellation_token=call.token,
             )
         except zenoh.ZError as error:
             self._calls.discard(call)
             raise ClosedError(f"call of {self.topic}: {error}") from None
-        return call
 
 
 class Client(RawClient):
