@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from metaros.wire import EndpointToken, NodeToken
 from metaros.wire.graph import GraphState
+
+# a busy machine is no fault of the code
+unhurried = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 NODE = NodeToken(0, "abc123", 0, "n", "/")
 HASH = "RIHS01_" + "0" * 64
@@ -20,6 +23,7 @@ PLACES = (("/a", "MP"), ("/b", "MS"), ("/a", "SS"), ("/c", "MP"))
 ENDPOINTS = [endpoint(number, topic, kind) for number, (topic, kind) in enumerate(PLACES)]
 
 
+@unhurried
 @given(st.lists(st.tuples(st.sampled_from(range(4)), st.booleans()), max_size=30))
 def test_answers_by_topic_are_those_of_a_search(steps):
     state, there = GraphState(), dict[int, EndpointToken]()

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from metaros.errors import ConfigError
 from metaros.node.parameters import NodeParameters
 from metaros.node.parameters.files import dump_yaml, load_file, load_text, parse_value
+
+# a busy machine is no fault of the code
+unhurried = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 FILE = """
 /**:
@@ -106,6 +109,7 @@ name = st.one_of(
 )
 
 
+@unhurried
 @given(st.dictionaries(name, value, max_size=8))
 def test_every_dump_loads_again(values):
     np.testing.assert_equal(load_text(dump_yaml("/ns/node", values), "/ns/node"), values)

@@ -6,13 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from metaros.errors import ParameterError, UnknownParameterError
 from metaros.limits import LIMITS
 from metaros.node.parameters import NodeParameters, ParameterDescriptor, ParameterStore, ParameterType, Range
 from metaros.node.parameters.values import as_parameter_type, convert, fit, infer, kind_of
+
+# a busy machine is no fault of the code
+unhurried = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 SCALARS = {
     ParameterType.BOOL: st.booleans(),
@@ -36,6 +39,7 @@ def parameters():
     return NodeParameters("/robot")
 
 
+@unhurried
 @given(typed)
 def test_every_value_keeps_its_type_and_no_other_type_takes_it(pair):
     kind, value = pair
@@ -144,6 +148,7 @@ def test_steps_count_from_the_low_end_and_the_high_end_is_always_allowed():
     assert Range(0.0, 1.0, 0.1).fault(0.35)
 
 
+@unhurried
 @given(st.integers(0, 50), st.integers(1, 50), st.integers(0, 9), st.integers(-10, 110))
 def test_an_integer_range_allows_exactly_its_steps(low, span, step, value):
     high = low + span
@@ -286,6 +291,7 @@ def test_listing_follows_prefixes_and_depth(parameters):
 names = st.sampled_from(["a", "b", "c", "r", "z"])
 
 
+@unhurried
 @given(st.lists(st.dictionaries(names, st.one_of(st.integers(-9, 9), st.floats(), st.text(), st.none())), max_size=20))
 def test_no_sequence_of_sets_breaks_the_rules(sets):
     store = ParameterStore()
