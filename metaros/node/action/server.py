@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import inspect
 import logging
 import threading
@@ -10,7 +11,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from metaros.cdr import codec
-from metaros.errors import FieldError, UsageError
+from metaros.errors import ClosedError, FieldError, UsageError
 from metaros.executor import Mailbox, Timer
 from metaros.limits import LIMITS
 from metaros.node.action.goal import TRANSITIONS, CancelCode, Goal, GoalEvent, GoalState, GoalTable
@@ -31,6 +32,7 @@ _log = logging.getLogger("metaros.node")
 RESULT_TIMEOUT_S: Final = 900.0  # rclpy's figure
 _DONE_LISTED: Final = 32  # finished goals that the status topic still tells
 _SOON_S: Final = 0.001
+_EXIT_S: Final = 0.2  # so long the interpreter's exit waits for `execute` callbacks to notice
 
 
 class ActionServer:
@@ -87,6 +89,7 @@ class ActionServer:
         self._feedback = Publisher(self.node, types.feedback, feedback, codec(types.feedback), qos_default)
         self._status = Publisher(self.node, types.status, status, codec(types.status), qos_transient_local)
         self._status.on_close(self._let_go)
+        atexit.register(self._leave)  # a thread that ends with the interpreter must not be inside a Zenoh call
         self._results = serving["get_result"]
         self._endpoints = (*serving.values(), self._feedback, self._status)
 
@@ -101,7 +104,12 @@ class ActionServer:
         for endpoint in reversed(self._endpoints):
             endpoint.close()
 
+    def _leave(self) -> None:
+        self._let_go()
+        self._workers.settle(_EXIT_S)
+
     def _let_go(self) -> None:
+        atexit.unregister(self._leave)
         with self._lock:
             self.closed = True
             active = self.active
@@ -268,12 +276,16 @@ class ActionServer:
         """Publish feedback: what `publish_feedback` does."""
         if not isinstance(feedback, self.action.Feedback):
             raise FieldError(f"the feedback of {self.name} is a Feedback, not {type(feedback).__name__}")
+        if self.closed:
+            raise ClosedError(f"the action server {self.name} was closed")
         if handle.is_active:
             goal_id = self._types.goal_id(handle.goal_id)
             self._feedback.publish(self._types.feedback(goal_id=goal_id, feedback=feedback))
 
     def _publish_status(self) -> None:
         types = self._types
+        if self.closed:
+            return
         entries = [goal.payload.entry for goal in self._goals.listed(_DONE_LISTED)]
         with suppress(UsageError):  # closed: nobody listens any more
             self._status.publish(types.status(status_list=entries))

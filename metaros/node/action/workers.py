@@ -6,10 +6,12 @@ import itertools
 import threading
 from collections import deque
 from collections.abc import Callable
+from typing import Final
 
 __all__ = ["Workers"]
 
 Job = Callable[[], None]
+_LOOK_S: Final = 0.005
 
 
 class Workers:
@@ -53,6 +55,15 @@ class Workers:
         """Forget the jobs that have not begun."""
         with self._changed:
             self._jobs.clear()
+
+    def settle(self, timeout_s: float) -> bool:
+        """Wait until no job runs; False when some still does."""
+        pause = threading.Event()
+        for _ in range(max(1, round(timeout_s / _LOOK_S))):
+            if self.running == self._idle:
+                return True
+            pause.wait(_LOOK_S)
+        return self.running == self._idle
 
     def _run(self) -> None:
         while (job := self._next()) is not None:
