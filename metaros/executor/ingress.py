@@ -141,8 +141,10 @@ class Ingress:
     def requeue(self, mailbox: Mailbox) -> None:
         """Give a mailbox back: it stays on the list while it has work that may run."""
         with self._lock:
-            mailbox.queued = bool(mailbox.pending) and not mailbox.busy
-            if mailbox.queued:
+            # First the flag, then the look; whoever appends looks at the flag afterwards, so one of the two sees the other.
+            mailbox.queued = False
+            if mailbox.pending and not mailbox.busy:
+                mailbox.queued = True
                 self._ready.append(mailbox)
 
     @property
