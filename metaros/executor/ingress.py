@@ -141,7 +141,7 @@ class Ingress:
     def requeue(self, mailbox: Mailbox) -> None:
         """Give a mailbox back: it stays on the list while it has work that may run."""
         with self._lock:
-            # First the flag, then the look; whoever appends looks at the flag afterwards, so one of the two sees the other.
+            # First the flag, then the look: whoever appends then looks at the flag, and one of the two sees the other.
             mailbox.queued = False
             if mailbox.pending and not mailbox.busy:
                 mailbox.queued = True
