@@ -282,8 +282,10 @@ class Ingress:
     def requeue(self, mailbox: Mailbox, *, nudge: bool = False) -> None:
         """Give a mailbox back: it stays on its desk while it has work that may run. `nudge` ends the desk's wait."""
         with self._lock:
-            mailbox.queued = bool(mailbox.pending) and not mailbox.busy
-            if mailbox.queued:
+            # First the flag, then the look: whoever appends then looks at the flag, and one of the two sees the other.
+            mailbox.queued = False
+            if mailbox.pending and not mailbox.busy:
+                mailbox.queued = True
                 desk = self._desks.get(mailbox.owner, self._unclaimed)
                 desk.ready.append(mailbox)
                 if nudge:
