@@ -201,13 +201,14 @@ def test_an_async_callback_may_call_its_own_executor(client_node):
     assert sums[0] == 22
 
 
-def test_a_callback_that_blocks_delays_calls_and_loses_none(server, client_node):
+@pytest.mark.parametrize("held_s", [0.3, pytest.param(10.0, marks=pytest.mark.slow)])
+def test_a_callback_that_blocks_delays_calls_and_loses_none(server, client_node, held_s):
     gate, blocked = threading.Event(), threading.Event()
 
     @server.timer(0.01)
     def block() -> None:
         blocked.set()
-        gate.wait(10)
+        gate.wait(2 * held_s)
 
     server.create_service(AddTwoInts, "/add", add)
     client = client_node.create_client(AddTwoInts, "/add")
@@ -216,6 +217,6 @@ def test_a_callback_that_blocks_delays_calls_and_loses_none(server, client_node)
         assert blocked.wait(10)
         futures = [client.call_future(AddTwoInts.Request(a=n), timeout_s=30) for n in range(100)]
         with pytest.raises(TimeoutError_):
-            client.call(AddTwoInts.Request(), timeout_s=0.3)
+            client.call(AddTwoInts.Request(), timeout_s=held_s)
         gate.set()
         assert [future.result(10).sum for future in futures] == list(range(100))
