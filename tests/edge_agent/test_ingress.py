@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -14,6 +13,7 @@ from edge_agent.pipeline import Arrival
 from edge_agent.topics import TopicTable
 from metaros.clock import ManualClock
 from metaros.wire.attachment import pack_attachment
+from tests.support.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
 
 GID = bytes(range(16))
@@ -61,10 +61,11 @@ class Rig:
 
 @pytest.fixture
 def rig() -> Iterator[Rig]:
+    before = threads_now()
     rig = Rig()
     yield rig
     rig.ingress.close()
-    assert all(thread.name != "tap-drain" for thread in threading.enumerate())
+    assert left_behind(before, "tap-drain") == []
 
 
 def test_samples_cross_with_stamp_and_size(rig: Rig) -> None:

@@ -16,6 +16,7 @@ from metaros.errors import UsageError
 from metaros.executor import FairExecutor, Ingress
 from metaros.executor.fair_schedule import weight_of
 from tests.support.small_node import Item, SmallNode
+from tests.support.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
 
 LEVELS = (-5, 0, 5)
@@ -211,6 +212,7 @@ def test_real_callbacks_share_the_thread(ingress):
 
 
 def test_a_critical_node_runs_beside_a_blocked_callback(ingress, caplog):
+    before = threads_now()
     executor = FairExecutor()
     blocker, critical = SmallNode(ingress, SystemClock()), SmallNode(ingress, SystemClock())
     blocked, leave = threading.Event(), threading.Event()
@@ -244,7 +246,7 @@ def test_a_critical_node_runs_beside_a_blocked_callback(ingress, caplog):
     thread.join(10)
     assert not thread.is_alive()
     ticks.clear()
-    assert "metaros-critical" not in [thread.name for thread in threading.enumerate()]
+    assert left_behind(before, "metaros-critical") == []
 
 
 def test_nodes_come_and_go_while_it_spins(ingress):

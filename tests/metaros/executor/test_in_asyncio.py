@@ -12,6 +12,7 @@ from metaros.clock import SystemClock
 from metaros.errors import ClosedError, UsageError
 from metaros.executor import AsyncioExecutor, Ingress
 from tests.support.small_node import Item, SmallNode
+from tests.support.threads import left_behind, threads_now
 from tests.support.waiting import wait_until_async
 
 
@@ -45,6 +46,7 @@ async def test_plain_and_async_callbacks_run_in_the_programs_loop(node):
 
 
 async def test_leaving_the_block_cancels_what_awaits(node):
+    before = threads_now()
     started, ended = asyncio.Event(), []
 
     async def forever(item: Item) -> None:
@@ -59,7 +61,7 @@ async def test_leaving_the_block_cancels_what_awaits(node):
         node.ingress.put(Item("a"))
         await asyncio.wait_for(started.wait(), 10)
     assert ended == ["cancelled"]
-    assert "metaros-pump" not in [thread.name for thread in threading.enumerate()]
+    assert left_behind(before, "metaros-pump") == []
 
 
 async def test_run_ends_with_its_nodes(node):

@@ -19,6 +19,7 @@ from metaros.executor import (
     SingleThreadedExecutor,
 )
 from tests.support.small_node import Item, SmallNode
+from tests.support.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
 
 
@@ -32,6 +33,7 @@ def node() -> Iterator[SmallNode]:
 @pytest.fixture
 def spinning(node: SmallNode) -> Iterator[MultiThreadedExecutor]:
     """An executor of three threads that spins the node in the background."""
+    before = threads_now()
     executor = MultiThreadedExecutor(threads=3)
     executor.add_node(node)
     thread = threading.Thread(target=executor.spin)
@@ -40,7 +42,7 @@ def spinning(node: SmallNode) -> Iterator[MultiThreadedExecutor]:
     executor.shutdown()
     thread.join(10)
     assert not thread.is_alive()
-    assert not [each.name for each in threading.enumerate() if each.name.startswith("metaros-worker")]
+    assert left_behind(before, "metaros-worker") == []
 
 
 class Gate:

@@ -65,7 +65,7 @@ def test_a_thousand_calls_at_once_need_no_thread_each(adder):
         calls = [adder.call_async(AddTwoInts.Request(a=n, b=1), timeout_s=30) for n in range(1000)]
         answers = asyncio.gather(*calls)
         await asyncio.sleep(0)
-        assert threading.active_count() == before
+        assert threading.active_count() <= before
         return [answer.sum for answer in await answers]
 
     assert asyncio.run(all_of_them()) == list(range(1, 1001))

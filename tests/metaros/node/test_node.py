@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
-import threading
 from typing import Any
 
 import pytest
@@ -17,6 +16,7 @@ from metaros.interfaces.rcl_interfaces.msg import Log
 from metaros.interfaces.std_msgs.msg import String
 from metaros.node import Logger
 from metaros.wire import qos_rosout
+from tests.support.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
 
 
@@ -114,6 +114,7 @@ def test_decorators_spin_until_the_node_closes(here):
 
 
 def test_closing_the_context_closes_its_nodes(zenoh_router):
+    before = threads_now()
     context = metaros.Context(connect=zenoh_router)
     node = metaros.Node("a", context=context)
     context.close()
@@ -121,7 +122,7 @@ def test_closing_the_context_closes_its_nodes(zenoh_router):
     assert node.closed
     with pytest.raises(ClosedError):
         metaros.Node("b", context=context)
-    assert not [thread for thread in threading.enumerate() if thread.name.startswith("metaros")]
+    assert left_behind(before) == []
 
 
 def test_wrong_settings_are_named(zenoh_router, monkeypatch):
