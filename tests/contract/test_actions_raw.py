@@ -116,6 +116,7 @@ def patient(goal: ServerGoal) -> Any:
 
 def test_our_server_declares_what_a_ros2_server_declares(node, peer):
     start_server(node, peer, patient)
+    wait_until(lambda: len([token for token in peer.tokens() if "%fibonacci%" in token]) == 5)
     ours = [token for token in peer.tokens() if "%fibonacci%" in token]
     expected = [
         ("SS", *SEND, SERVICE_QOS),
@@ -242,6 +243,7 @@ def test_our_client_drives_a_raw_server(node, peer):
     server = RawServer(peer)
     client = node.create_action_client(Fibonacci, "fibonacci")
     assert client.wait_for_server(10)
+    wait_until(lambda: len([token for token in peer.tokens() if "/ours/%fibonacci%" in token]) == 5)
     ours = [token.split("/", 5)[5] for token in peer.tokens() if "/ours/%fibonacci%" in token]
     expected = [
         ("SC", *SEND, SERVICE_QOS),
