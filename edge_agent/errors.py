@@ -8,19 +8,27 @@ MetarosError (metaros.errors)
 │       ├── LeaseError        an actuator without the current lease                lease_required
 │       ├── BusyError         too many commands at once                            busy
 │       └── UnsupportedError  a command this agent does not know                   unsupported
-└── PeerError
-    └── LinkError             the link ended
-        ├── LinkDeadError     nothing heard for too long                           link_dead
-        └── RefusedError      the gateway said goodbye; `reason` holds its code    refused
+├── PeerError
+│   └── LinkError             the link ended
+│       ├── BehindError       the gateway has more than the outbox ever accepted    outbox_behind
+│       ├── LinkDeadError     nothing heard for too long                           link_dead
+│       └── RefusedError      the gateway said goodbye; `reason` holds its code    refused
+└── DiskError                 the outbox's disk failed                             disk_error
+    ├── DiskFullError         there is no space left on it                         disk_full
+    └── CorruptError          bytes that the outbox did not write like that        disk_corrupt
 """
 
 from __future__ import annotations
 
-from metaros.errors import PeerError, UsageError
+from metaros.errors import MetarosError, PeerError, UsageError
 
 __all__ = [
+    "BehindError",
     "BusyError",
     "CommandError",
+    "CorruptError",
+    "DiskError",
+    "DiskFullError",
     "DuplicateError",
     "ExpiredError",
     "LeaseError",
@@ -80,6 +88,12 @@ class LinkError(PeerError):
     code = "link"
 
 
+class BehindError(LinkError):
+    """The gateway has numbers that this outbox never gave: it is an older copy of the one that did."""
+
+    code = "outbox_behind"
+
+
 class LinkDeadError(LinkError):
     """The gateway was silent for longer than the link allows."""
 
@@ -95,3 +109,21 @@ class RefusedError(LinkError):
         super().__init__(f"gateway said {reason}: {message}" if message else f"gateway said {reason}")
         self.reason = reason
         self.retry_after_s = retry_after_s
+
+
+class DiskError(MetarosError):
+    """The outbox's disk failed: a read, write, sync or rename that did not work."""
+
+    code = "disk_error"
+
+
+class DiskFullError(DiskError):
+    """There is no space left on the outbox's disk, or its quota is used up."""
+
+    code = "disk_full"
+
+
+class CorruptError(DiskError):
+    """A file of the outbox holds bytes that the outbox did not write like that."""
+
+    code = "disk_corrupt"

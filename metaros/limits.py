@@ -22,7 +22,12 @@ class Limits:
     window_bytes: int = 16 * MIB  # unacknowledged data on one lane
     window_batches: int = 256
     linger_s: float = 0.005  # how long the agent waits to fill a batch
-    outbox_bytes: int = 64 * MIB  # the agent's in-memory outbox, all classes
+    outbox_event_bytes: int = 64 * MIB  # on the robot's disk: events; more are refused, and declared
+    outbox_metric_bytes: int = 256 * MIB  # metrics; then thinned out, oldest first
+    outbox_bulk_bytes: int = 2048 * MIB  # bulk; then the oldest is dropped
+    outbox_segment_bytes: int = 16 * MIB  # one file of a log
+    outbox_reserve_bytes: int = 16 * MIB  # kept free for events and for declaring losses on a full disk
+    live_bytes: int = 8 * MIB  # live samples that wait in the agent's memory; the oldest yields
     ingress_bytes: int = 64 * MIB  # samples taken from Zenoh but not yet handled by an executor or the agent
     heartbeat_s: float = 5.0
     dead_after_s: float = 15.0

@@ -21,6 +21,11 @@ class DeliveryClass(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     DELIVERY_CLASS_METRIC: _ClassVar[DeliveryClass]
     DELIVERY_CLASS_BULK: _ClassVar[DeliveryClass]
     DELIVERY_CLASS_LIVE: _ClassVar[DeliveryClass]
+
+class Compression(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    COMPRESSION_NONE: _ClassVar[Compression]
+    COMPRESSION_ZSTD: _ClassVar[Compression]
 LANE_UNSPECIFIED: Lane
 LANE_CONTROL: Lane
 LANE_DATA: Lane
@@ -30,9 +35,11 @@ DELIVERY_CLASS_EVENT: DeliveryClass
 DELIVERY_CLASS_METRIC: DeliveryClass
 DELIVERY_CLASS_BULK: DeliveryClass
 DELIVERY_CLASS_LIVE: DeliveryClass
+COMPRESSION_NONE: Compression
+COMPRESSION_ZSTD: Compression
 
 class AgentFrame(_message.Message):
-    __slots__ = ("hello", "announce", "batches", "metrics", "gap", "statistics", "result", "heartbeat")
+    __slots__ = ("hello", "announce", "batches", "metrics", "gap", "statistics", "result", "heartbeat", "resumed")
     HELLO_FIELD_NUMBER: _ClassVar[int]
     ANNOUNCE_FIELD_NUMBER: _ClassVar[int]
     BATCHES_FIELD_NUMBER: _ClassVar[int]
@@ -41,6 +48,7 @@ class AgentFrame(_message.Message):
     STATISTICS_FIELD_NUMBER: _ClassVar[int]
     RESULT_FIELD_NUMBER: _ClassVar[int]
     HEARTBEAT_FIELD_NUMBER: _ClassVar[int]
+    RESUMED_FIELD_NUMBER: _ClassVar[int]
     hello: Hello
     announce: Announce
     batches: Batches
@@ -49,10 +57,11 @@ class AgentFrame(_message.Message):
     statistics: TopicStatistics
     result: CommandResult
     heartbeat: Heartbeat
-    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., announce: _Optional[_Union[Announce, _Mapping]] = ..., batches: _Optional[_Union[Batches, _Mapping]] = ..., metrics: _Optional[_Union[MetricBatch, _Mapping]] = ..., gap: _Optional[_Union[Gap, _Mapping]] = ..., statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ..., result: _Optional[_Union[CommandResult, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ...) -> None: ...
+    resumed: Resumed
+    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., announce: _Optional[_Union[Announce, _Mapping]] = ..., batches: _Optional[_Union[Batches, _Mapping]] = ..., metrics: _Optional[_Union[MetricBatch, _Mapping]] = ..., gap: _Optional[_Union[Gap, _Mapping]] = ..., statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ..., result: _Optional[_Union[CommandResult, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., resumed: _Optional[_Union[Resumed, _Mapping]] = ...) -> None: ...
 
 class GatewayFrame(_message.Message):
-    __slots__ = ("welcome", "ack", "demand", "command", "teleop", "heartbeat", "goodbye")
+    __slots__ = ("welcome", "ack", "demand", "command", "teleop", "heartbeat", "goodbye", "retry_later")
     WELCOME_FIELD_NUMBER: _ClassVar[int]
     ACK_FIELD_NUMBER: _ClassVar[int]
     DEMAND_FIELD_NUMBER: _ClassVar[int]
@@ -60,6 +69,7 @@ class GatewayFrame(_message.Message):
     TELEOP_FIELD_NUMBER: _ClassVar[int]
     HEARTBEAT_FIELD_NUMBER: _ClassVar[int]
     GOODBYE_FIELD_NUMBER: _ClassVar[int]
+    RETRY_LATER_FIELD_NUMBER: _ClassVar[int]
     welcome: Welcome
     ack: Ack
     demand: Demand
@@ -67,10 +77,11 @@ class GatewayFrame(_message.Message):
     teleop: Teleop
     heartbeat: Heartbeat
     goodbye: Goodbye
-    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ack: _Optional[_Union[Ack, _Mapping]] = ..., demand: _Optional[_Union[Demand, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., teleop: _Optional[_Union[Teleop, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ...) -> None: ...
+    retry_later: RetryLater
+    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ack: _Optional[_Union[Ack, _Mapping]] = ..., demand: _Optional[_Union[Demand, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., teleop: _Optional[_Union[Teleop, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ..., retry_later: _Optional[_Union[RetryLater, _Mapping]] = ...) -> None: ...
 
 class Hello(_message.Message):
-    __slots__ = ("protocol", "robot_id", "session_id", "session_number", "lane", "agent_version", "namespace", "hostname", "labels", "streams")
+    __slots__ = ("protocol", "robot_id", "session_id", "session_number", "lane", "agent_version", "namespace", "hostname", "labels", "streams", "writers")
     class LabelsEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -88,6 +99,7 @@ class Hello(_message.Message):
     HOSTNAME_FIELD_NUMBER: _ClassVar[int]
     LABELS_FIELD_NUMBER: _ClassVar[int]
     STREAMS_FIELD_NUMBER: _ClassVar[int]
+    WRITERS_FIELD_NUMBER: _ClassVar[int]
     protocol: int
     robot_id: str
     session_id: bytes
@@ -98,19 +110,22 @@ class Hello(_message.Message):
     hostname: str
     labels: _containers.ScalarMap[str, str]
     streams: _containers.RepeatedCompositeFieldContainer[StreamState]
-    def __init__(self, protocol: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[bytes] = ..., session_number: _Optional[int] = ..., lane: _Optional[_Union[Lane, str]] = ..., agent_version: _Optional[str] = ..., namespace: _Optional[str] = ..., hostname: _Optional[str] = ..., labels: _Optional[_Mapping[str, str]] = ..., streams: _Optional[_Iterable[_Union[StreamState, _Mapping]]] = ...) -> None: ...
+    writers: _containers.RepeatedScalarFieldContainer[str]
+    def __init__(self, protocol: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[bytes] = ..., session_number: _Optional[int] = ..., lane: _Optional[_Union[Lane, str]] = ..., agent_version: _Optional[str] = ..., namespace: _Optional[str] = ..., hostname: _Optional[str] = ..., labels: _Optional[_Mapping[str, str]] = ..., streams: _Optional[_Iterable[_Union[StreamState, _Mapping]]] = ..., writers: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class StreamState(_message.Message):
-    __slots__ = ("stream_id", "epoch", "first_seq", "last_seq")
+    __slots__ = ("stream_id", "epoch", "first_seq", "last_seq", "base_seq")
     STREAM_ID_FIELD_NUMBER: _ClassVar[int]
     EPOCH_FIELD_NUMBER: _ClassVar[int]
     FIRST_SEQ_FIELD_NUMBER: _ClassVar[int]
     LAST_SEQ_FIELD_NUMBER: _ClassVar[int]
+    BASE_SEQ_FIELD_NUMBER: _ClassVar[int]
     stream_id: int
     epoch: int
     first_seq: int
     last_seq: int
-    def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., last_seq: _Optional[int] = ...) -> None: ...
+    base_seq: int
+    def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., last_seq: _Optional[int] = ..., base_seq: _Optional[int] = ...) -> None: ...
 
 class Welcome(_message.Message):
     __slots__ = ("gateway_id", "store_id", "watermarks", "window_bytes", "window_batches", "heartbeat_s")
@@ -196,7 +211,7 @@ class Batches(_message.Message):
     def __init__(self, batches: _Optional[_Iterable[_Union[Batch, _Mapping]]] = ...) -> None: ...
 
 class Batch(_message.Message):
-    __slots__ = ("stream_id", "epoch", "first_seq", "count", "stamps", "lengths", "payload", "chunk_index", "chunk_count")
+    __slots__ = ("stream_id", "epoch", "first_seq", "count", "stamps", "lengths", "payload", "chunk_index", "chunk_count", "compression")
     STREAM_ID_FIELD_NUMBER: _ClassVar[int]
     EPOCH_FIELD_NUMBER: _ClassVar[int]
     FIRST_SEQ_FIELD_NUMBER: _ClassVar[int]
@@ -206,6 +221,7 @@ class Batch(_message.Message):
     PAYLOAD_FIELD_NUMBER: _ClassVar[int]
     CHUNK_INDEX_FIELD_NUMBER: _ClassVar[int]
     CHUNK_COUNT_FIELD_NUMBER: _ClassVar[int]
+    COMPRESSION_FIELD_NUMBER: _ClassVar[int]
     stream_id: int
     epoch: int
     first_seq: int
@@ -215,7 +231,8 @@ class Batch(_message.Message):
     payload: bytes
     chunk_index: int
     chunk_count: int
-    def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., count: _Optional[int] = ..., stamps: _Optional[bytes] = ..., lengths: _Optional[bytes] = ..., payload: _Optional[bytes] = ..., chunk_index: _Optional[int] = ..., chunk_count: _Optional[int] = ...) -> None: ...
+    compression: Compression
+    def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., count: _Optional[int] = ..., stamps: _Optional[bytes] = ..., lengths: _Optional[bytes] = ..., payload: _Optional[bytes] = ..., chunk_index: _Optional[int] = ..., chunk_count: _Optional[int] = ..., compression: _Optional[_Union[Compression, str]] = ...) -> None: ...
 
 class MetricBatch(_message.Message):
     __slots__ = ("epoch", "first_seq", "count", "series_ids", "stamps", "values")
@@ -252,16 +269,56 @@ class Gap(_message.Message):
     def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., from_seq: _Optional[int] = ..., to_seq: _Optional[int] = ..., reason: _Optional[str] = ..., from_ns: _Optional[int] = ..., to_ns: _Optional[int] = ...) -> None: ...
 
 class TopicStatistics(_message.Message):
-    __slots__ = ("topics", "outbox_bytes", "outbox_samples", "malformed")
+    __slots__ = ("topics", "outbox_bytes", "outbox_samples", "malformed", "link")
     TOPICS_FIELD_NUMBER: _ClassVar[int]
     OUTBOX_BYTES_FIELD_NUMBER: _ClassVar[int]
     OUTBOX_SAMPLES_FIELD_NUMBER: _ClassVar[int]
     MALFORMED_FIELD_NUMBER: _ClassVar[int]
+    LINK_FIELD_NUMBER: _ClassVar[int]
     topics: _containers.RepeatedCompositeFieldContainer[TopicRate]
     outbox_bytes: int
     outbox_samples: int
     malformed: int
-    def __init__(self, topics: _Optional[_Iterable[_Union[TopicRate, _Mapping]]] = ..., outbox_bytes: _Optional[int] = ..., outbox_samples: _Optional[int] = ..., malformed: _Optional[int] = ...) -> None: ...
+    link: LinkStatistics
+    def __init__(self, topics: _Optional[_Iterable[_Union[TopicRate, _Mapping]]] = ..., outbox_bytes: _Optional[int] = ..., outbox_samples: _Optional[int] = ..., malformed: _Optional[int] = ..., link: _Optional[_Union[LinkStatistics, _Mapping]] = ...) -> None: ...
+
+class LinkStatistics(_message.Message):
+    __slots__ = ("transport", "gateway", "budget_bytes_per_s", "sent_bytes_per_s", "reconnects", "classes", "disk_free_bytes", "clock_offset_ns")
+    TRANSPORT_FIELD_NUMBER: _ClassVar[int]
+    GATEWAY_FIELD_NUMBER: _ClassVar[int]
+    BUDGET_BYTES_PER_S_FIELD_NUMBER: _ClassVar[int]
+    SENT_BYTES_PER_S_FIELD_NUMBER: _ClassVar[int]
+    RECONNECTS_FIELD_NUMBER: _ClassVar[int]
+    CLASSES_FIELD_NUMBER: _ClassVar[int]
+    DISK_FREE_BYTES_FIELD_NUMBER: _ClassVar[int]
+    CLOCK_OFFSET_NS_FIELD_NUMBER: _ClassVar[int]
+    transport: str
+    gateway: str
+    budget_bytes_per_s: int
+    sent_bytes_per_s: float
+    reconnects: int
+    classes: _containers.RepeatedCompositeFieldContainer[ClassDepth]
+    disk_free_bytes: int
+    clock_offset_ns: int
+    def __init__(self, transport: _Optional[str] = ..., gateway: _Optional[str] = ..., budget_bytes_per_s: _Optional[int] = ..., sent_bytes_per_s: _Optional[float] = ..., reconnects: _Optional[int] = ..., classes: _Optional[_Iterable[_Union[ClassDepth, _Mapping]]] = ..., disk_free_bytes: _Optional[int] = ..., clock_offset_ns: _Optional[int] = ...) -> None: ...
+
+class ClassDepth(_message.Message):
+    __slots__ = ("name", "fresh_bytes", "backfill_bytes", "samples", "lost", "disk_bytes", "quota_bytes")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    FRESH_BYTES_FIELD_NUMBER: _ClassVar[int]
+    BACKFILL_BYTES_FIELD_NUMBER: _ClassVar[int]
+    SAMPLES_FIELD_NUMBER: _ClassVar[int]
+    LOST_FIELD_NUMBER: _ClassVar[int]
+    DISK_BYTES_FIELD_NUMBER: _ClassVar[int]
+    QUOTA_BYTES_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    fresh_bytes: int
+    backfill_bytes: int
+    samples: int
+    lost: int
+    disk_bytes: int
+    quota_bytes: int
+    def __init__(self, name: _Optional[str] = ..., fresh_bytes: _Optional[int] = ..., backfill_bytes: _Optional[int] = ..., samples: _Optional[int] = ..., lost: _Optional[int] = ..., disk_bytes: _Optional[int] = ..., quota_bytes: _Optional[int] = ...) -> None: ...
 
 class TopicRate(_message.Message):
     __slots__ = ("channel_id", "rate_hz", "bytes_per_s", "messages", "dropped", "publishers", "subscribers")
@@ -298,7 +355,7 @@ class DemandEntry(_message.Message):
     def __init__(self, channel_id: _Optional[int] = ..., max_rate_hz: _Optional[float] = ...) -> None: ...
 
 class Command(_message.Message):
-    __slots__ = ("command_id", "timeout_ms", "lease_id", "publish", "call_service", "grant_lease", "release_lease")
+    __slots__ = ("command_id", "timeout_ms", "lease_id", "publish", "call_service", "grant_lease", "release_lease", "set_uplink")
     COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
     TIMEOUT_MS_FIELD_NUMBER: _ClassVar[int]
     LEASE_ID_FIELD_NUMBER: _ClassVar[int]
@@ -306,6 +363,7 @@ class Command(_message.Message):
     CALL_SERVICE_FIELD_NUMBER: _ClassVar[int]
     GRANT_LEASE_FIELD_NUMBER: _ClassVar[int]
     RELEASE_LEASE_FIELD_NUMBER: _ClassVar[int]
+    SET_UPLINK_FIELD_NUMBER: _ClassVar[int]
     command_id: bytes
     timeout_ms: int
     lease_id: str
@@ -313,7 +371,8 @@ class Command(_message.Message):
     call_service: CallService
     grant_lease: GrantLease
     release_lease: ReleaseLease
-    def __init__(self, command_id: _Optional[bytes] = ..., timeout_ms: _Optional[int] = ..., lease_id: _Optional[str] = ..., publish: _Optional[_Union[PublishMessage, _Mapping]] = ..., call_service: _Optional[_Union[CallService, _Mapping]] = ..., grant_lease: _Optional[_Union[GrantLease, _Mapping]] = ..., release_lease: _Optional[_Union[ReleaseLease, _Mapping]] = ...) -> None: ...
+    set_uplink: SetUplink
+    def __init__(self, command_id: _Optional[bytes] = ..., timeout_ms: _Optional[int] = ..., lease_id: _Optional[str] = ..., publish: _Optional[_Union[PublishMessage, _Mapping]] = ..., call_service: _Optional[_Union[CallService, _Mapping]] = ..., grant_lease: _Optional[_Union[GrantLease, _Mapping]] = ..., release_lease: _Optional[_Union[ReleaseLease, _Mapping]] = ..., set_uplink: _Optional[_Union[SetUplink, _Mapping]] = ...) -> None: ...
 
 class PublishMessage(_message.Message):
     __slots__ = ("topic", "type_name", "type_hash", "payload")
@@ -354,6 +413,12 @@ class ReleaseLease(_message.Message):
     LEASE_ID_FIELD_NUMBER: _ClassVar[int]
     lease_id: str
     def __init__(self, lease_id: _Optional[str] = ...) -> None: ...
+
+class SetUplink(_message.Message):
+    __slots__ = ("bytes_per_s",)
+    BYTES_PER_S_FIELD_NUMBER: _ClassVar[int]
+    bytes_per_s: int
+    def __init__(self, bytes_per_s: _Optional[int] = ...) -> None: ...
 
 class CommandResult(_message.Message):
     __slots__ = ("command_id", "ok", "code", "message", "payload")
@@ -396,6 +461,22 @@ class Heartbeat(_message.Message):
     echo_ns: int
     held_ns: int
     def __init__(self, sent_ns: _Optional[int] = ..., echo_ns: _Optional[int] = ..., held_ns: _Optional[int] = ...) -> None: ...
+
+class RetryLater(_message.Message):
+    __slots__ = ("token", "retry_after_ms", "reason")
+    TOKEN_FIELD_NUMBER: _ClassVar[int]
+    RETRY_AFTER_MS_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    token: int
+    retry_after_ms: int
+    reason: str
+    def __init__(self, token: _Optional[int] = ..., retry_after_ms: _Optional[int] = ..., reason: _Optional[str] = ...) -> None: ...
+
+class Resumed(_message.Message):
+    __slots__ = ("token",)
+    TOKEN_FIELD_NUMBER: _ClassVar[int]
+    token: int
+    def __init__(self, token: _Optional[int] = ...) -> None: ...
 
 class Goodbye(_message.Message):
     __slots__ = ("code", "message", "retry_after_ms")

@@ -1,0 +1,84 @@
+"""Making room: a segment is thinned out or dropped by putting a smaller file in its place, which names what is lost.
+
+The rename is the moment at which samples become a declared gap: before it they are all there, after it the gap is.
+A dropped segment is a few bytes; the one before it, if dropped too, is joined with it, so that a long outage leaves
+one small file and not thousands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+from edge_agent.outbox.disk import Disk
+from edge_agent.outbox.reader import Segment
+from edge_agent.outbox.segment import Frame, Gap, Kind, SegmentHeader, pack_frame, pack_header, scan
+
+__all__ = ["KEEP_ONE_IN", "RewriteJob"]
+
+KEEP_ONE_IN = 10
+
+
+@dataclass(slots=True, kw_only=True)
+class RewriteJob:
+    """One segment's rewriting: `run` on any thread, then `SegmentLog.rewritten`."""
+
+    disk: Disk
+    segment: Segment
+    before: Segment | None  # a dropped segment to join with
+    last: Mapping[int, int]  # each stream's newest number at the segment's end
+    acked: Mapping[int, int]
+    thin: bool
+    wall_ns: int
+    header: SegmentHeader = field(init=False)
+    start: int = field(init=False)
+    end: int = field(init=False)
+    lost: int = 0  # samples that became a gap by this job
+
+    def run(self) -> None:
+        """Raises DiskError; the old file is then still whole."""
+        segment = self.segment
+        found = scan(self.disk.read(segment.name, 0, segment.end), segment.start)
+        first = self.before.header if self.before is not None else segment.header
+        frames = list(self._thinned(found.frames)) if self.thin else list(self._gaps(found.frames, first.last))
+        self.header = replace(first, until=self.last, rewritten="thinned" if self.thin else "dropped")
+        head = pack_header(self.header)
+        data = head + b"".join(map(pack_frame, frames))
+        self.disk.replace(segment.name, data)
+        self.start, self.end = len(head), len(data)
+
+    def _gaps(self, frames: list[Frame], first: Mapping[int, int]) -> Iterator[Frame]:
+        """One gap a stream, over everything the segment, and the dropped one before it, stood for."""
+        since = {frame.stream_id: frame.wall_ns for frame in reversed(frames)}
+        until = {frame.stream_id: frame.wall_ns for frame in frames}
+        for stream, last_seq in self.last.items():
+            from_seq = max(first.get(stream, 0), self.acked.get(stream, 0)) + 1
+            if last_seq < from_seq:
+                continue
+            own_seq = max(self.segment.header.last.get(stream, 0), self.acked.get(stream, 0))
+            self.lost += last_seq - own_seq
+            gap = Gap(
+                from_seq, last_seq, "outbox_full", since.get(stream, self.wall_ns), until.get(stream, self.wall_ns)
+            )
+            yield Frame.of_gap(stream, gap, wall_ns=self.wall_ns, mono_ns=0)
+
+    def _thinned(self, frames: list[Frame]) -> Iterator[Frame]:
+        """Every tenth frame of a stream as it is, and gaps in the place of the others."""
+        counts: dict[int, int] = {}
+        open_gaps: dict[int, Gap] = {}
+        for frame in frames:
+            stream = frame.stream_id
+            if frame.last_seq <= self.acked.get(stream, 0):
+                continue
+            place = counts[stream] = counts.get(stream, -1) + 1
+            if frame.kind is not Kind.GAP and place % KEEP_ONE_IN:
+                self.lost += frame.count
+                begun = open_gaps.get(stream)
+                from_seq, from_ns = (begun.from_seq, begun.from_ns) if begun else (frame.first_seq, frame.wall_ns)
+                open_gaps[stream] = Gap(from_seq, frame.last_seq, "thinned", from_ns, frame.wall_ns)
+                continue
+            if stream in open_gaps:
+                yield Frame.of_gap(stream, open_gaps.pop(stream), wall_ns=self.wall_ns, mono_ns=0)
+            yield frame
+        for stream, gap in open_gaps.items():
+            yield Frame.of_gap(stream, gap, wall_ns=self.wall_ns, mono_ns=0)
