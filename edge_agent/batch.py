@@ -1,16 +1,16 @@
-"""When a batch is full or has waited long enough, and how it is put together: columnar, several streams a frame."""
+"""When live samples have waited long enough, and how a batch of them is put together: columnar."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import chain
 
-from edge_agent.outbox import Sample
+from edge_agent.live import LiveSample
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS, Limits
-from metaros.link import pack_batch, pack_metrics, split_sample
+from metaros.link import pack_batch, split_sample
 
-__all__ = ["FLUSH_BYTES", "Linger", "metric_batch", "sample_batches"]
+__all__ = ["FLUSH_BYTES", "Linger", "sample_batches"]
 
 FLUSH_BYTES = 64 * 1024
 
@@ -45,30 +45,18 @@ class Linger:
 
 
 def sample_batches(
-    stream_id: int, epoch: int, samples: Sequence[Sample], *, limits: Limits = LIMITS
+    stream_id: int, epoch: int, samples: Sequence[LiveSample], *, limits: Limits = LIMITS
 ) -> Iterator[link_pb2.Batch]:
     """The Batches of a run of samples: one, or the pieces of a single large sample.
 
-    Holes in the numbers, which the live class may have, start a new Batch.
+    Holes in the numbers start a new Batch.
     """
     start = 0
     for end in chain((i for i in range(1, len(samples)) if samples[i].seq != samples[i - 1].seq + 1), (len(samples),)):
         run = samples[start:end]
-        payloads = [sample.data for sample in run if isinstance(sample.data, bytes)]
+        payloads = [sample.data for sample in run]
         if len(run) == 1 and len(payloads[0]) > limits.batch_bytes:
             yield from split_sample(stream_id, epoch, run[0].seq, run[0].stamp_ns, payloads[0], limits=limits)
         elif run:
             yield pack_batch(stream_id, epoch, run[0].seq, [sample.stamp_ns for sample in run], payloads)
         start = end
-
-
-def metric_batch(epoch: int, samples: Sequence[Sample]) -> link_pb2.MetricBatch:
-    """The MetricBatch of a run of rows."""
-    rows = [sample.data for sample in samples if isinstance(sample.data, tuple)]
-    return pack_metrics(
-        epoch,
-        samples[0].seq,
-        [series for series, _ in rows],
-        [sample.stamp_ns for sample in samples],
-        [value for _, value in rows],
-    )

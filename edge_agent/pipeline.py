@@ -1,4 +1,4 @@
-"""From tapped samples to the queues of the uplink: count, read metrics, select, append. Runs on the event loop."""
+"""From tapped samples to outbox and live queue: count, read metrics, select, append. Runs on the event loop."""
 
 from __future__ import annotations
 
@@ -26,60 +26,66 @@ class Arrival(NamedTuple):
 
 
 class Pipeline:
-    """Feeds the outbox and the live queue, and wakes the uplink once a batch of arrivals."""
+    """Feeds the outbox and the live queue, and wakes who serves them, once a batch of arrivals."""
 
     def __init__(
-        self, outbox: Outbox, live: LiveQueue, linger: Linger, *, wake: Callable[[], None], limits: Limits = LIMITS
+        self,
+        outbox: Outbox,
+        live: LiveQueue,
+        linger: Linger,
+        *,
+        wake_writer: Callable[[], None],
+        wake_uplink: Callable[[], None],
+        limits: Limits = LIMITS,
     ) -> None:
         self._outbox = outbox
         self._live = live
         self._linger = linger
-        self._wake = wake
+        self._wake_writer = wake_writer
+        self._wake_uplink = wake_uplink
         self._limits = limits
         self.malformed = 0
 
     def take(self, arrivals: Iterable[Arrival], now_s: float) -> None:
         """Take over what the tap collected."""
-        queued = 0
+        live_bytes = 0
         for arrival in arrivals:
             arrival.channel.messages += 1
             arrival.channel.size_bytes += arrival.size_bytes
-            queued += self._one(arrival)
-        if queued:
-            self._linger.add(queued, now_s)
-            self._wake()
+            live_bytes += self._one(arrival)
+        self._wake_writer()
+        if live_bytes:
+            self._linger.add(live_bytes, now_s)
+            self._wake_uplink()
 
     def _one(self, arrival: Arrival) -> int:
-        """Bytes queued for one sample."""
-        channel, queued = arrival.channel, 0
+        """Take one sample; how many bytes of it are live."""
+        channel = arrival.channel
         metrics = channel.metrics
         if metrics is not None and metrics.due(arrival.arrived_s):
-            queued += self._rows(channel, arrival)
-        if channel.selector.admit(arrival.arrived_s):
-            queued += self._sample(channel, arrival)
-        return queued
+            self._rows(channel, arrival)
+        return self._sample(channel, arrival) if channel.selector.admit(arrival.arrived_s) else 0
 
-    def _rows(self, channel: Channel, arrival: Arrival) -> int:
+    def _rows(self, channel: Channel, arrival: Arrival) -> None:
         assert channel.metrics is not None
         try:
             rows = channel.metrics.rows(bytes(arrival.payload))
         except DecodeError:
             self.malformed += 1
-            return 0
+            return
         for row in rows:
             self._outbox.append(METRIC_STREAM, "metric", arrival.stamp_ns, row)
-        return 20 * len(rows)
 
     def _sample(self, channel: Channel, arrival: Arrival) -> int:
+        live = channel.delivery == "live"
         if arrival.size_bytes > self._limits.sample_bytes:
             channel.dropped += 1
-            if channel.delivery != "live":
+            if not live:
                 self._outbox.give_up(channel.channel_id, channel.delivery, "too_large")
-                return 1
             return 0
         payload = bytes(arrival.payload)
-        if channel.delivery == "live":
+        if live:
             self._live.append(channel, arrival.stamp_ns, payload)
-        else:
-            self._outbox.append(channel.channel_id, channel.delivery, arrival.stamp_ns, payload)
-        return arrival.size_bytes
+            return arrival.size_bytes
+        self._outbox.append(channel.channel_id, channel.delivery, arrival.stamp_ns, payload)
+        return 0

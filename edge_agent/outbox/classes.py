@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from metaros.limits import LIMITS
+from metaros.link import BACKFILL_BIT
 
 __all__ = ["BACKFILL_BIT", "CLASSES", "LOGS", "ClassPolicy", "LogName", "log_name"]
 
-BACKFILL_BIT = 1 << 31  # in a stream id: what was accepted while the link was down is a stream of its own
 Class = Literal["event", "metric", "bulk"]
 LogName = str
 

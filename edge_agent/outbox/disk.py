@@ -108,9 +108,7 @@ class OsDisk:
         draft = path.with_name(path.name + _DRAFT)
         with _told("write", name):
             path.parent.mkdir(exist_ok=True)
-            descriptor = self._os.open(
-                draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), 0o600
-            )
+            descriptor = self._os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), 0o600)
             try:
                 self._fill(descriptor, 0, data)
             except OSError:

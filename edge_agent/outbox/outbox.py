@@ -11,10 +11,10 @@ a log is under way.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
-from edge_agent.errors import BehindError, DiskFullError
+from edge_agent.errors import BehindError, DiskError, DiskFullError
 from edge_agent.outbox.classes import BACKFILL_BIT, CLASSES, LOGS, ClassPolicy, LogName, log_name
 from edge_agent.outbox.disk import Disk
 from edge_agent.outbox.log import AppendJob, SegmentLog, Taken
@@ -88,7 +88,7 @@ class Outbox:
         self.logs = {
             name: SegmentLog(name, disk, segment_bytes=self._segment_bytes(name), boot_id=boot_id) for name in LOGS
         }
-        self.lost: dict[int, int] = {}  # by stream, since the program started
+        self.lost = dict.fromkeys(classes, 0)  # samples that became gaps since the program started
         self.writer = writer
         self.state = self._open()
         self.state.add_writer(writer)
@@ -104,6 +104,23 @@ class Outbox:
     @online.setter
     def online(self, online: bool) -> None:
         self._online = online
+
+    @property
+    def live_epoch(self) -> int:
+        """The epoch of what is never stored."""
+        return self.state.epochs[self.state.era]
+
+    @property
+    def free_bytes(self) -> int:
+        """What the disk has left; 0 when it does not say."""
+        try:
+            return self._disk.free()[0]
+        except DiskError:
+            return 0
+
+    def quota_bytes(self, delivery: str) -> int:
+        """The most that a class may hold."""
+        return self._classes[delivery].quota_bytes
 
     def append(self, stream_id: int, delivery: str, stamp_ns: int, data: bytes | Row) -> None:
         """Gather a sample. It is accepted once its flush is done."""
@@ -209,10 +226,10 @@ class Outbox:
 
     # -- to the link ------------------------------------------------------------------------------------------------
 
-    def ranges(self) -> list[StreamRange]:
-        """Every durable stream: the oldest number held and the newest accepted."""
+    def ranges(self, names: Iterable[LogName] = LOGS) -> list[StreamRange]:
+        """Every durable stream of these logs: the oldest number held and the newest accepted."""
         found = []
-        for log in self.logs.values():
+        for log in (self.logs[name] for name in names):
             for era, stream in log.streams():
                 last = log.last_of(era, self.state.era).get(stream, 0)
                 base = self.state.bases.get(era, {}).get(stream, 0)
@@ -234,6 +251,11 @@ class Outbox:
         own = {(by_era[epoch], stream): seq for (epoch, stream), seq in marks.items() if epoch in by_era}
         for log in self.logs.values():
             log.rewind(own)
+
+    def restart(self, names: Iterable[LogName]) -> None:
+        """Send again what these logs have sent and nobody acknowledged."""
+        for name in names:
+            self.logs[name].rewind(dict(self.logs[name].acked))
 
     def relabel(self) -> None:
         """Put everything that is held under new epochs: another outbox has spoken under the old ones."""
@@ -332,9 +354,7 @@ class Outbox:
         self._count(1, name)
 
     def _count(self, samples: int, name: LogName) -> None:
-        if samples:
-            key = LOGS.index(name)
-            self.lost[key] = self.lost.get(key, 0) + samples
+        self.lost[name.partition("_")[0]] += samples
 
     def _no_room(self, name: LogName) -> str:
         """Why nothing more may be accepted in a log now, or nothing."""
@@ -345,8 +365,8 @@ class Outbox:
         free, total = self._disk.free()
         return "disk_low" if free < min(policy.floor_bytes, policy.floor_share * total) else ""
 
-    def _rewrite(self, names: object, *, thin: bool = False) -> RewriteJob | None:
-        for name in names:  # type: ignore[attr-defined]
+    def _rewrite(self, names: Iterable[LogName], *, thin: bool = False) -> RewriteJob | None:
+        for name in names:
             if (job := self.logs[name].rewrite_job(thin=thin, wall_ns=self._clock.wall_ns())) is not None:
                 return job
         return None

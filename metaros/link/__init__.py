@@ -5,6 +5,8 @@ from __future__ import annotations
 from metaros.link.chunks import Reassembler, split_sample
 from metaros.link.clock_offset import Beat, ClockOffset
 from metaros.link.columns import (
+    BACKFILL_BIT,
+    CHANNEL_MASK,
     MetricColumns,
     SampleColumns,
     pack_batch,
@@ -12,16 +14,25 @@ from metaros.link.columns import (
     unpack_batch,
     unpack_metrics,
 )
+from metaros.link.ready import batch_bytes, batches_frame, metrics_frame
+from metaros.link.squeeze import expand, squeeze
 
 __all__ = [
+    "BACKFILL_BIT",
+    "CHANNEL_MASK",
     "Beat",
     "ClockOffset",
     "MetricColumns",
     "Reassembler",
     "SampleColumns",
+    "batch_bytes",
+    "batches_frame",
+    "expand",
+    "metrics_frame",
     "pack_batch",
     "pack_metrics",
     "split_sample",
+    "squeeze",
     "unpack_batch",
     "unpack_metrics",
 ]

@@ -14,7 +14,7 @@ import numpy as np
 from metaros._proto import link_pb2
 from metaros.errors import FrameError
 from metaros.limits import LIMITS, Limits
-from metaros.link.columns import LENGTH, STAMP, SampleColumns, check_run, column, unpack_batch
+from metaros.link.columns import CHANNEL_MASK, LENGTH, STAMP, SampleColumns, check_run, column, unpack_batch
 
 __all__ = ["Reassembler", "split_sample"]
 
@@ -84,7 +84,7 @@ class Reassembler:
         return self._append(partial, batch)
 
     def _begin(self, batch: link_pb2.Batch) -> _Partial:
-        if batch.stream_id == 0:
+        if batch.stream_id & CHANNEL_MASK == 0:
             raise FrameError("stream 0 carries metrics, not samples")
         check_run(batch.first_seq, batch.count, self._limits)
         if batch.count != 1:

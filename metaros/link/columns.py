@@ -17,7 +17,16 @@ from metaros._proto import link_pb2
 from metaros.errors import FrameError
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["MetricColumns", "SampleColumns", "pack_batch", "pack_metrics", "unpack_batch", "unpack_metrics"]
+__all__ = [
+    "BACKFILL_BIT",
+    "CHANNEL_MASK",
+    "MetricColumns",
+    "SampleColumns",
+    "pack_batch",
+    "pack_metrics",
+    "unpack_batch",
+    "unpack_metrics",
+]
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
@@ -25,6 +34,8 @@ STAMP = np.dtype("<i8")
 LENGTH = np.dtype("<u4")
 SERIES = np.dtype("<u4")
 VALUE = np.dtype("<f8")
+BACKFILL_BIT = 1 << 31  # in the id of a stream of the back-fill lane; the rest is its channel's
+CHANNEL_MASK = BACKFILL_BIT - 1
 MAX_SEQ = 2**63 - 1  # fits SQL's signed integers
 
 
@@ -66,6 +77,7 @@ class MetricColumns:
     series_ids: npt.NDArray[np.uint32]
     stamps_ns: npt.NDArray[np.int64]
     values: npt.NDArray[np.float64]
+    stream_id: int = 0
 
     @property
     def count(self) -> int:
@@ -119,7 +131,7 @@ def unpack_batch(batch: link_pb2.Batch, *, limits: Limits = LIMITS) -> SampleCol
     """
     if batch.chunk_count > 1:
         raise FrameError("a chunk of a sample is no whole batch")
-    if batch.stream_id == 0:
+    if batch.stream_id & CHANNEL_MASK == 0:
         raise FrameError("stream 0 carries metrics, not samples")
     check_run(batch.first_seq, batch.count, limits)
     stamps_ns = column(batch.stamps, STAMP, batch.count, "stamps")
@@ -146,6 +158,8 @@ def unpack_metrics(batch: link_pb2.MetricBatch, *, limits: Limits = LIMITS) -> M
     Raises:
         FrameError: a count, a column's length or a number is not what the protocol allows.
     """
+    if batch.stream_id & CHANNEL_MASK:
+        raise FrameError(f"stream {batch.stream_id} carries samples, not metrics")
     check_run(batch.first_seq, batch.count, limits)
     series_ids = column(batch.series_ids, SERIES, batch.count, "series_ids")
     if not series_ids.all():
@@ -156,6 +170,7 @@ def unpack_metrics(batch: link_pb2.MetricBatch, *, limits: Limits = LIMITS) -> M
         series_ids=series_ids,
         stamps_ns=column(batch.stamps, STAMP, batch.count, "stamps"),
         values=column(batch.values, VALUE, batch.count, "values"),
+        stream_id=batch.stream_id,
     )
 
 

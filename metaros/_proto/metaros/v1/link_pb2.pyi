@@ -235,20 +235,22 @@ class Batch(_message.Message):
     def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., count: _Optional[int] = ..., stamps: _Optional[bytes] = ..., lengths: _Optional[bytes] = ..., payload: _Optional[bytes] = ..., chunk_index: _Optional[int] = ..., chunk_count: _Optional[int] = ..., compression: _Optional[_Union[Compression, str]] = ...) -> None: ...
 
 class MetricBatch(_message.Message):
-    __slots__ = ("epoch", "first_seq", "count", "series_ids", "stamps", "values")
+    __slots__ = ("epoch", "first_seq", "count", "series_ids", "stamps", "values", "stream_id")
     EPOCH_FIELD_NUMBER: _ClassVar[int]
     FIRST_SEQ_FIELD_NUMBER: _ClassVar[int]
     COUNT_FIELD_NUMBER: _ClassVar[int]
     SERIES_IDS_FIELD_NUMBER: _ClassVar[int]
     STAMPS_FIELD_NUMBER: _ClassVar[int]
     VALUES_FIELD_NUMBER: _ClassVar[int]
+    STREAM_ID_FIELD_NUMBER: _ClassVar[int]
     epoch: int
     first_seq: int
     count: int
     series_ids: bytes
     stamps: bytes
     values: bytes
-    def __init__(self, epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., count: _Optional[int] = ..., series_ids: _Optional[bytes] = ..., stamps: _Optional[bytes] = ..., values: _Optional[bytes] = ...) -> None: ...
+    stream_id: int
+    def __init__(self, epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., count: _Optional[int] = ..., series_ids: _Optional[bytes] = ..., stamps: _Optional[bytes] = ..., values: _Optional[bytes] = ..., stream_id: _Optional[int] = ...) -> None: ...
 
 class Gap(_message.Message):
     __slots__ = ("stream_id", "epoch", "from_seq", "to_seq", "reason", "from_ns", "to_ns")

@@ -1,0 +1,69 @@
+"""What the agent tells the gateway of its topics and of the link, once a second."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from edge_agent.outbox import Outbox
+from metaros._proto import link_pb2
+from metaros.link import ClockOffset
+
+if TYPE_CHECKING:
+    from edge_agent.uplink.session import Queues
+
+__all__ = ["LinkFacts", "statistics"]
+
+
+@dataclass(slots=True)
+class LinkFacts:
+    """What only the shell around the sessions knows."""
+
+    transport: str = ""
+    gateway: str = ""
+    reconnects: int = 0
+
+
+def statistics(
+    queues: Queues, facts: LinkFacts, offset: ClockOffset, *, now_s: float, malformed: int
+) -> link_pb2.TopicStatistics:
+    """The frame of one second."""
+    depths = [class_depth(queues.outbox, name) for name in ("event", "metric", "bulk")]
+    live = link_pb2.ClassDepth(
+        name="live",
+        fresh_bytes=queues.live.size_bytes,
+        samples=len(queues.live),
+        lost=queues.live.dropped,
+        quota_bytes=queues.live.max_bytes,
+    )
+    link = link_pb2.LinkStatistics(
+        transport=facts.transport,
+        gateway=facts.gateway,
+        budget_bytes_per_s=queues.budget.limit_bytes_per_s,
+        sent_bytes_per_s=queues.budget.sent_bytes_per_s,
+        reconnects=facts.reconnects,
+        classes=[*depths, live],
+        disk_free_bytes=queues.outbox.free_bytes,
+        clock_offset_ns=offset.offset_ns() or 0,
+    )
+    return link_pb2.TopicStatistics(
+        topics=[channel.rate(now_s) for channel in queues.channels],
+        outbox_bytes=sum(depth.fresh_bytes + depth.backfill_bytes for depth in depths),
+        outbox_samples=sum(depth.samples for depth in depths),
+        malformed=malformed,
+        link=link,
+    )
+
+
+def class_depth(outbox: Outbox, name: str) -> link_pb2.ClassDepth:
+    """How much of a durable class waits."""
+    depth = outbox.depth(name)
+    return link_pb2.ClassDepth(
+        name=name,
+        fresh_bytes=depth.fresh_bytes,
+        backfill_bytes=depth.backfill_bytes,
+        samples=depth.samples,
+        lost=outbox.lost[name],
+        disk_bytes=depth.disk_bytes,
+        quota_bytes=outbox.quota_bytes(name),
+    )
