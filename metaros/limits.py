@@ -43,6 +43,8 @@ class Limits:
     lease_s: float = 3.0  # a teleop lease not renewed for so long is free again
     command_timeout_s: float = 10.0
     counted_keys: int = 16_384  # topics that `metaros top` counts; further ones show no rate
+    shared_memory_bytes: int = 32 * MIB  # one session's pool; payloads that find no room take the network
+    shared_memory_threshold_bytes: int = 16 * KIB  # smaller payloads are sent as ever
     type_cache: int = 4096  # compiled codecs and classes kept
 
 

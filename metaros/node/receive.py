@@ -70,7 +70,7 @@ class Receiver:
         self, decode: Callable[[bytes], Any], callback: Callable[..., Any], clock: Clock | None
     ) -> tuple[Callable[[zenoh.Sample], Any], Callable[[Callable[..., Any], Clock], None]]:
         """The hot path as a closure, and how to give it another callback; everything unusual is left to methods."""
-        expected, unpack, size, limit = self._next, NEW.unpack, NEW.size, LIMITS.sample_bytes
+        expected, unpack, size, large = self._next, NEW.unpack, NEW.size, LIMITS.shared_memory_threshold_bytes
 
         def handle(sample: zenoh.Sample) -> Any:
             gid = b""
@@ -83,8 +83,8 @@ class Receiver:
                 else:
                     self._follow(seq, gid, data)
                 payload = sample.payload.to_bytes()
-                if len(payload) > limit:
-                    raise TooLargeError(f"a message of {len(payload)} bytes: the limit is {limit}")
+                if len(payload) >= large and not self._sound(sample, len(payload), gid):
+                    return None
                 message = decode(payload)
             except PeerError as error:
                 return self._reject(gid, error)
@@ -124,6 +124,20 @@ class Receiver:
         if count > own:
             self.lost += count - own
             self._on_lost(self.lost, count - own, gid)
+
+    def _sound(self, sample: zenoh.Sample, size_bytes: int, gid: bytes) -> bool:
+        """Whether a large payload may be read: not too large, and, if shared, not taken back before it was copied.
+
+        A publisher takes back what a process held that did not run for a while, as one that a debugger stopped.
+        """
+        if size_bytes > LIMITS.sample_bytes:
+            raise TooLargeError(f"a message of {size_bytes} bytes: the limit is {LIMITS.sample_bytes}")
+        shared = sample.payload.as_shm()
+        if shared is None or shared.is_valid():
+            return True
+        self.lost += 1
+        self._on_lost(self.lost, 1, gid)
+        return False
 
     def _reject(self, gid: bytes, error: PeerError) -> None:
         self.malformed += 1
