@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from metaros.errors import FieldError
 from metaros.idl.arrays import DTYPES, as_array
 from metaros.idl.catalogue import Catalogue
 from metaros.idl.classes import Message, message_class
 from metaros.idl.definitions import INTEGER_RANGES, Field, FieldType
+from metaros.later import Later
+
+if TYPE_CHECKING:
+    import numpy as np
+else:
+    np = Later("numpy")
 
 __all__ = ["MAX_LISTED_BYTES", "from_dict", "from_json", "to_json"]
 

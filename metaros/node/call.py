@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-import asyncio
 import threading
 from collections.abc import Callable, Generator, Iterable
 from contextlib import suppress
-from typing import Any, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 
 import zenoh
 
 from metaros.errors import MetarosError, PeerError, TimeoutError_, UnavailableError
+from metaros.later import Later
 from metaros.wire import parse_attachment
+
+if TYPE_CHECKING:
+    import asyncio
+else:
+    asyncio = Later("asyncio")
 
 __all__ = ["FOREVER_S", "Call", "Reply"]
 

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import zenoh
 
@@ -17,20 +17,24 @@ from metaros.errors import ClosedError, UsageError
 from metaros.executor import CallbackGroup, Ingress, Timer, TimerHeap
 from metaros.idl import message_class, names
 from metaros.limits import LIMITS
-from metaros.node.action import ActionClient, ActionServer, ServerGoal
+from metaros.node.arguments import process_arguments
 from metaros.node.client import Client, RawClient
 from metaros.node.context import Context, shared_context
 from metaros.node.endpoint import Endpoint, as_qos
 from metaros.node.events import PublisherEvents, SubscriptionEvents
 from metaros.node.introspection import offer_logger_levels, offer_type_description
 from metaros.node.logger import Logger
-from metaros.node.parameters import NodeParameters, ParameterClient, declare_sim_time, make_parameters, offer_parameters
+from metaros.node.parameters import NodeParameters, declare_sim_time, make_parameters, offer_parameters
 from metaros.node.publisher import Publisher, RawPublisher
 from metaros.node.rate import Rate
 from metaros.node.service import Service
 from metaros.node.sim_time import SimClock, follow_clock
 from metaros.node.subscription import RawSubscription, Subscription
 from metaros.wire import Graph, NodeToken, QoSProfile, qos_default, qos_rosout, qos_services
+
+if TYPE_CHECKING:
+    from metaros.node.action import ActionClient, ActionServer, ServerGoal
+    from metaros.node.parameters import ParameterClient
 
 __all__ = ["Node"]
 
@@ -65,11 +69,12 @@ class Node:
         use_sim_time: bool = False,
     ) -> None:
         namespace = "/" + namespace.strip("/") if namespace else "/"
-        self.name = names.validate_node(name)
-        self.namespace = names.validate_namespace(namespace)
+        self.arguments = process_arguments().for_node(names.validate_node(name), names.validate_namespace(namespace))
+        self.name, self.namespace = name, namespace = self.arguments.name, self.arguments.namespace
         self.full_name = f"{namespace.rstrip('/')}/{name}"
         self.parameters: NodeParameters = make_parameters(
             self.full_name,
+            given=self.arguments.parameters,
             overrides=parameter_overrides,
             file=parameter_file,
             allow_undeclared=allow_undeclared_parameters,
@@ -91,6 +96,8 @@ class Node:
         self._liveliness = session.check_open().liveliness().declare_token(str(self.token))
         self.graph.add_own(self.token)
         self._logger = Logger(self.full_name.lstrip("/").replace("/", "."), self.clock)
+        if self.arguments.log_level:
+            self._logger.set_level(self.arguments.log_level)
         if enable_rosout:
             self._logger.publish_with(self._rosout())
         if enable_parameters:
@@ -111,8 +118,8 @@ class Node:
         return self._logger
 
     def resolve(self, name: str) -> str:
-        """The full name of a topic or service as this node means it: relative, `~/private` or `/absolute`."""
-        return names.resolve(name, self.namespace, self.name)
+        """The full name of a topic or service as this node means it: relative, `~/private`, `/absolute`; remapped."""
+        return self.arguments.remapped(names.resolve(name, self.namespace, self.name))
 
     # -- topics ----------------------------------------------------------------------------------------------------
 
@@ -213,6 +220,8 @@ class Node:
 
     def create_parameter_client(self, node_name: str) -> ParameterClient:
         """Read and set the parameters of another node."""
+        from metaros.node.parameters import ParameterClient
+
         return ParameterClient(self, node_name)
 
     # -- actions ---------------------------------------------------------------------------------------------------
@@ -221,10 +230,14 @@ class Node:
         self, action: type[Any], name: str, execute: Callable[[ServerGoal], Any], **options: Any
     ) -> ActionServer:
         """Run `execute(goal)` for the goals of `name`; `ActionServer` tells the options, such as `cancel=`."""
+        from metaros.node.action import ActionServer
+
         return ActionServer(self, action, name, execute, **options)
 
     def create_action_client(self, action: type[Any], name: str) -> ActionClient:
         """Send goals to the action server `name`."""
+        from metaros.node.action import ActionClient
+
         return ActionClient(self, action, name)
 
     # -- timers and decorators -------------------------------------------------------------------------------------
