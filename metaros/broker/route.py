@@ -1,0 +1,163 @@
+"""One ZeroMQ topic on its way to ROS: its type, its publisher, its counters."""
+
+from __future__ import annotations
+
+import json
+from typing import Any, Literal
+
+import zenoh
+
+from metaros.broker.backlog import Backlog
+from metaros.broker.dialect import from_payload
+from metaros.broker.faults import Faults
+from metaros.broker.frames import parse_payload
+from metaros.broker.guess import FALLBACK, TYPE_MARKER, TypeTable, guess_type
+from metaros.broker.report import Direction, TopicRow
+from metaros.broker.topics import is_sound, others, sound_types
+from metaros.errors import FieldError, MetarosError
+from metaros.idl import message_class
+from metaros.node import Node, Publisher
+
+__all__ = ["Route"]
+
+Origin = Literal["map", "graph", "guess"]
+_SWITCHES = 3  # so often may a guess turn out wrong
+_YOUNG_S = 2.0  # Zenoh needs a moment to tell a new publisher who listens: until then everything is sent
+
+
+class Route:
+    """Converts and publishes. It belongs to the bridge's thread; the counters may be read from any."""
+
+    def __init__(self, node: Node, topic: str, table: TypeTable, faults: Faults) -> None:
+        self.topic = topic
+        self.queued = False  # whether the bridge knows that something waits
+        self.backlog: Backlog[bytes] = Backlog()
+        self.messages = self.bytes = self.bridged = self.malformed = 0
+        self.gids: set[bytes] = set()
+        self._node = node
+        self._table = table
+        self._faults = faults
+        self._type_name = ""
+        self._origin: Origin = "guess"
+        self._switches = 0
+        self._publisher: Publisher | None = None
+        self._probe: zenoh.Publisher | None = None
+        self._heard = False
+        self._young_until_s = 0.0
+
+    def heard(self) -> bool:
+        """Whether anybody listens, as far as known."""
+        return self._publisher is None or self._heard or self._node.clock.monotonic_s() < self._young_until_s
+
+    def forward(self, payload: bytes) -> None:
+        """Convert one payload and publish it; what cannot be is counted and told once for each kind of fault."""
+        try:
+            value = parse_payload(payload)
+            if self._publisher is None:
+                self._open(*self._choose(value))
+            message = self._message(value, payload)
+            assert self._publisher is not None
+            self._publisher.publish(message)
+        except MetarosError as error:
+            self.malformed += 1
+            self._faults.tell((self.topic, error.code), f"{self.topic}, from ZeroMQ: {error}")
+        else:
+            self.bridged += 1
+
+    def refresh(self) -> None:
+        """The graph has changed: what other nodes say goes before what was guessed."""
+        if self._publisher is None or self._origin == "map":
+            return
+        types = self._types_in_graph()
+        if types and self._type_name not in types:
+            self._open(types[0], "graph")
+
+    def row(self) -> TopicRow:
+        """For the report."""
+        return TopicRow(
+            topic=self.topic,
+            direction=Direction.TO_ROS,
+            type=self._type_name,
+            messages=self.messages,
+            bytes=self.bytes,
+            bridged=self.bridged,
+            dropped=self.backlog.dropped,
+            malformed=self.malformed,
+            heard=self._publisher is not None and self._heard,
+        )
+
+    def _choose(self, value: Any) -> tuple[str, Origin]:
+        mapped = self._table.type_of(self.topic)
+        if mapped is not None:
+            return mapped, "map"
+        types = self._types_in_graph()
+        return (types[0], "graph") if types else (guess_type(value), "guess")
+
+    def _types_in_graph(self) -> list[str]:
+        ends = others(self._node, self.topic)
+        for item in ends:
+            if not is_sound(item):
+                text = f"{self.topic}: {item.node_full_name} has the type {item.type_name}, which is not known here so"
+                self._faults.tell((self.topic, item.type_name, item.type_hash), text)
+        return sound_types(ends)
+
+    def _message(self, value: Any, payload: bytes) -> Any:
+        try:
+            return self._convert(value, payload)
+        except FieldError:
+            other = guess_type(value)
+            if self._origin != "guess" or other == self._type_name or self._switches >= _SWITCHES:
+                raise
+            self._switches += 1
+            self._open(other, "guess")
+            return self._convert(value, payload)
+
+    def _convert(self, value: Any, payload: bytes) -> Any:
+        cls = message_class(self._type_name)
+        if self._type_name == FALLBACK and not _is_text(value):
+            return cls(data=_text(value, payload))
+        if isinstance(value, dict):
+            value.pop(TYPE_MARKER, None)
+        return from_payload(cls, value, ignored=self._ignored)
+
+    def _ignored(self, path: str) -> None:
+        text = f"{self.topic}, from ZeroMQ: {self._type_name} has no {path.partition('[')[0]}: it is left out"
+        self._faults.tell((self.topic, "field", path.partition("[")[0]), text)
+
+    def _open(self, type_name: str, origin: Origin) -> None:
+        """Publish as this type from now on."""
+        self.close()
+        self._type_name, self._origin = type_name, origin
+        self._publisher = self._node.create_publisher(message_class(type_name), self.topic)
+        self.gids.add(self._publisher.gid)
+        self._young_until_s = self._node.clock.monotonic_s() + _YOUNG_S
+        # a second declaration of the same key, only to be told who listens: tools without a token, too
+        self._probe = self._node.context.session.check_open().declare_publisher(self._publisher.key)
+        self._on_matching(self._probe.matching_status)
+        self._listener = self._probe.declare_matching_listener(self._on_matching)
+
+    def _on_matching(self, status: Any) -> None:  # Zenoh's stub calls it a bool; it is an object
+        self._heard = bool(status.matching)
+
+    def close(self) -> None:
+        """Leave the topic."""
+        if self._publisher is not None and self._probe is not None:
+            self._listener.undeclare()  # type: ignore[no-untyped-call]
+            self._probe.undeclare()  # type: ignore[no-untyped-call]
+            self._publisher.close()
+        self._publisher = self._probe = None
+
+
+def _is_text(value: Any) -> bool:
+    """Whether a String takes the value as it is."""
+    if isinstance(value, dict):
+        return isinstance(value.get("data"), str) and value.keys() <= {"data", TYPE_MARKER}
+    return isinstance(value, str)
+
+
+def _text(value: Any, payload: bytes) -> str:
+    if isinstance(value, bytes):
+        raise FieldError("bytes that are no UTF-8 text for a String")
+    if isinstance(value, dict) and TYPE_MARKER in value:
+        return json.dumps({name: item for name, item in value.items() if name != TYPE_MARKER})
+    return payload.decode()
