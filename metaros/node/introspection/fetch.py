@@ -5,6 +5,7 @@ What a peer tells is believed only if it leads to the hash in the peer's own tok
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Final
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["fetch_type", "fetch_type_async", "users_of"]
 
 TIMEOUT_S: Final = 5.0
+_LOOK_S: Final = 0.05
 _BASES: Final = {
     **dict(enumerate(("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32"), start=2)),
     11: "float64",
@@ -75,6 +77,9 @@ async def fetch_type_async(node: Node, type_name: str, type_hash: str, *, timeou
     for user in users_of(node, type_name, type_hash):
         try:
             with _client(node, user) as client:
+                deadline_s = node.clock.monotonic_s() + timeout_s
+                while not client.service_is_ready() and node.clock.monotonic_s() < deadline_s:
+                    await asyncio.sleep(_LOOK_S)  # its token comes a moment after that of the topic
                 return _learn(type_name, type_hash, await client.call_async(_request(type_name, type_hash), timeout_s))
         except MetarosError as error:
             problems.append(f"{user}: {error}")

@@ -143,7 +143,7 @@ def rebuild(name: str, made: dict[str, Any], home: Catalogue) -> Any:
 def plain_messages() -> list[str]:
     found = []
     for name in sorted(HASHES):
-        package, kind, short = name.split("/")
+        _package, kind, short = name.split("/")
         if kind == "msg" and "_" not in short and name in default_catalogue():
             assert isinstance(default_catalogue().get(name), MessageDefinition)
             found.append(name)
