@@ -17,7 +17,7 @@ from metaros.errors import ConfigError, NameError_
 from metaros.idl import names
 from metaros.limits import LIMITS
 
-__all__ = ["NodeArguments", "RosArguments", "parse_ros_args", "process_arguments", "without_ros_args"]
+__all__ = ["NodeArguments", "RosArguments", "parse_ros_args", "process_arguments", "take_ros_args", "without_ros_args"]
 
 _BEGIN: Final = "--ros-args"
 _END: Final = "--"
@@ -89,8 +89,17 @@ class RosArguments:
 
 
 def process_arguments() -> RosArguments:
-    """Those of this process."""
-    return parse_ros_args(sys.argv) if _BEGIN in sys.argv else RosArguments()
+    """Those of this process: of its command line, and what a launcher took from it for the nodes."""
+    if _BEGIN in sys.argv:
+        return parse_ros_args(sys.argv)
+    return _taken
+
+
+def take_ros_args(argv: Sequence[str]) -> list[str]:
+    """Keep them for every node of this process, and give the rest of the command line back."""
+    global _taken
+    _taken = parse_ros_args(argv)
+    return without_ros_args(argv)
 
 
 def without_ros_args(argv: Sequence[str]) -> list[str]:
@@ -177,6 +186,9 @@ def _log_level(text: str) -> str:
     if level not in _LEVELS:
         raise ConfigError(f"--ros-args: {_LEVEL} {text!r}: expected one of {', '.join(_LEVELS)}")
     return level
+
+
+_taken = RosArguments()
 
 
 def _first(rules: Sequence[Rule], wanted: tuple[str, ...]) -> str:
