@@ -25,6 +25,7 @@ from metaros.node.events import PublisherEvents, SubscriptionEvents
 from metaros.node.introspection import offer_logger_levels, offer_type_description
 from metaros.node.logger import Logger
 from metaros.node.parameters import NodeParameters, declare_sim_time, make_parameters, offer_parameters
+from metaros.node.payloads import make_publisher, payload_of
 from metaros.node.publisher import Publisher, RawPublisher
 from metaros.node.rate import Rate
 from metaros.node.service import Service
@@ -131,8 +132,11 @@ class Node:
         *,
         events: PublisherEvents | None = None,
     ) -> Publisher:
-        """Publish messages of `message_type` on `topic`; a number for `qos` is the depth of the default profile."""
-        return Publisher(self, message_type, topic, codec(message_type), as_qos(qos), events)
+        """Publish messages of `message_type` on `topic`; a number for `qos` is the depth of the default profile.
+
+        The type is a message class, or str, int, float, bool, bytes, dict or list for plain values.
+        """
+        return make_publisher(self, message_type, topic, as_qos(qos), events)
 
     def create_subscription(
         self,
@@ -146,20 +150,20 @@ class Node:
         events: SubscriptionEvents | None = None,
         group: CallbackGroup | None = None,
     ) -> Subscription:
-        """Call `callback(message)` or `callback(message, info)` for each message on `topic`.
+        """Call `callback(message)` or `callback(message, info)` for each message, or plain value, on `topic`.
 
         `raw` gives the CDR bytes instead of a message; `dedicated` a thread of its own instead of the executor's.
         `group` says what the callback may overlap with on an executor of several threads.
         """
-        code = codec(message_type)
+        payload = payload_of(message_type)
         return Subscription(
             self,
             topic,
-            code.name,
-            code.hash,
+            payload.codec.name,
+            payload.codec.hash,
             as_qos(qos),
             callback,
-            decode=bytes if raw else code.decode,
+            decode=bytes if raw else payload.decode,
             dedicated=dedicated,
             events=events,
             group=group,

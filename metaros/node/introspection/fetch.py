@@ -77,8 +77,9 @@ async def fetch_type_async(node: Node, type_name: str, type_hash: str, *, timeou
     for user in users_of(node, type_name, type_hash):
         try:
             with _client(node, user) as client:
-                deadline_s = node.clock.monotonic_s() + timeout_s
-                while not client.service_is_ready() and node.clock.monotonic_s() < deadline_s:
+                for _ in range(round(timeout_s / _LOOK_S)):
+                    if client.service_is_ready():
+                        break
                     await asyncio.sleep(_LOOK_S)  # its token comes a moment after that of the topic
                 return _learn(type_name, type_hash, await client.call_async(_request(type_name, type_hash), timeout_s))
         except MetarosError as error:
