@@ -17,6 +17,7 @@ from metaros.errors import ClosedError, UsageError
 from metaros.executor import CallbackGroup, Ingress, Timer, TimerHeap
 from metaros.idl import message_class, names
 from metaros.limits import LIMITS
+from metaros.node import heartbeat
 from metaros.node.arguments import process_arguments
 from metaros.node.client import Client, RawClient
 from metaros.node.context import Context, shared_context
@@ -108,6 +109,7 @@ class Node:
             offer_logger_levels(self)
         if isinstance(self.clock, SimClock):
             follow_clock(self, self.clock)
+        heartbeat.follow(self)
 
     @property
     def graph(self) -> Graph:
@@ -341,6 +343,7 @@ class Node:
                 return
             self.closed = True
             endpoints = list(self._endpoints)
+        heartbeat.leave(self)
         for rate in self._rates:
             rate.close()
         for endpoint in reversed(endpoints):
