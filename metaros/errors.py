@@ -10,6 +10,7 @@
     │   ├── ParameterError        a parameter's value or declaration is refused         invalid_parameter
     │   │   └── UnknownParameterError   no parameter of that name was declared          unknown_parameter
     │   └── ClosedError           the node, session or publisher was closed             closed
+    ├── RecordingError            a recording cannot be written or read               recording
     └── PeerError                 the other side's fault
         ├── DecodeError           bytes that are no valid CDR of the type               malformed_cdr
         ├── AttachmentError       a sample's attachment is missing or malformed         malformed_attachment
@@ -39,6 +40,7 @@ __all__ = [
     "NameError_",
     "ParameterError",
     "PeerError",
+    "RecordingError",
     "TimeoutError_",
     "TokenError",
     "TooLargeError",
@@ -108,6 +110,12 @@ class ClosedError(UsageError):
     """The node, session or publisher was closed before."""
 
     code = "closed"
+
+
+class RecordingError(MetarosError):
+    """A recording cannot be written (a full disk) or read (no MCAP, damaged); the message says what was kept."""
+
+    code = "recording"
 
 
 class PeerError(MetarosError):

@@ -35,6 +35,7 @@ class Limits:
     series_per_robot: int = 4096
     subscriptions_per_viewer: int = 256
     parameters_per_node: int = 4096
+    image_pixels: int = 40_000_000  # of a compressed image, before it is decoded
     service_backlog: int = 1024  # requests of one service that wait for the executor
     action_goals: int = 1024  # goals of one action server, done ones with kept results included
     action_workers: int = 16  # goals of one action server whose plain execute callbacks run at a time
