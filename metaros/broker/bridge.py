@@ -17,6 +17,7 @@ from metaros.broker.hub import Hub, HubTotals
 from metaros.broker.incoming import Incoming
 from metaros.broker.outgoing import Outgoing
 from metaros.broker.report import BrokerReport
+from metaros.broker.types import Types
 from metaros.broker.waker import Waker
 from metaros.idl.globs import Glob
 from metaros.node import Node
@@ -45,10 +46,12 @@ class Bridge:
         self._totals = HubTotals()
         self._missed = 0
         faults = Faults(node)
-        self._incoming = Incoming(node, table=table, only=only, faults=faults)
+        self._types = Types(node, changed=self._on_graph, faults=faults)
+        self._incoming = Incoming(node, table=table, types=self._types, only=only, faults=faults)
         self._outgoing = Outgoing(
             node,
             self._demand,
+            types=self._types,
             only=only,
             strict=strict,
             is_own=self._incoming.is_own,
@@ -78,6 +81,7 @@ class Bridge:
         self._waker.wake()
         self._thread.join()
         self._forget_graph()
+        self._types.close()
         self._outgoing.close()
         self._incoming.close()
         self._waker.close()

@@ -28,6 +28,7 @@ TIMES: Final = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration"
 SCAN: Final = "sensor_msgs/msg/LaserScan"
 POSE_STAMPED: Final = "geometry_msgs/msg/PoseStamped"
 _DROPPED: Final = {HEADER: {"seq"}, SCAN: {"angles"}, POSE_STAMPED: {"covariance"}}  # 1.x has them, ROS 2 has not
+_MAX_TIME_S: Final = 1 << 31
 _RENAMED: Final = {"secs": "sec", "nsecs": "nanosec"}  # how ROS 1 spells the parts of a time
 
 
@@ -45,7 +46,7 @@ def from_payload(cls: type[Any], value: Any, *, ignored: Callable[[str], object]
 
 
 def _message(cls: type[Any], value: Any, path: str, ignored: Callable[[str], object]) -> Any:
-    if cls.__metaros_name__ in TIMES and isinstance(value, int | float | None):
+    if cls.__metaros_name__ in TIMES and isinstance(value, int | float | None) and not isinstance(value, bool):
         return _time(cls, value, path)
     if not isinstance(value, dict):
         raise FieldError(f"{path or 'the message'}: expected an object")
@@ -125,8 +126,8 @@ def _numbers(kind: FieldType, items: Any, path: str) -> Any:
 def _time(cls: type[Any], seconds: float | None, path: str) -> Any:
     if seconds is None:
         return cls()
-    if not math.isfinite(seconds):
-        raise FieldError(f"{path}: {seconds} is no time")
+    if not abs(seconds) < _MAX_TIME_S:
+        raise FieldError(f"{path or 'the message'}: {seconds} is no time in seconds")
     whole, nanoseconds = divmod(round(seconds * 1e9), 1_000_000_000)
     return from_json(cls, {"sec": whole, "nanosec": nanoseconds})
 

@@ -38,7 +38,7 @@ def join(topic: bytes, payload: bytes, *, two_frames: bool) -> list[bytes]:
 def ros_topic(topic: bytes) -> str:
     """The ROS name of a ZeroMQ topic, with its leading slash; FrameError where ROS allows no such name."""
     try:
-        return "/" + check_fqn(topic.decode("ascii").removeprefix("/"))
+        return "/" + check_fqn(topic.decode("ascii"))
     except (UnicodeDecodeError, NameError_):
         raise FrameError(
             f"the topic {_shown(topic)} is no ROS name: parts of letters, digits and _, joined by single slashes"

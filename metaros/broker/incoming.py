@@ -10,6 +10,7 @@ from metaros.broker.frames import ros_topic, split
 from metaros.broker.guess import TypeTable
 from metaros.broker.report import TopicRow
 from metaros.broker.route import Route
+from metaros.broker.types import Types
 from metaros.errors import FrameError, TooLargeError
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS
@@ -21,11 +22,12 @@ __all__ = ["Incoming"]
 class Incoming:
     """The routes. It belongs to the bridge's thread; the counters may be read from any."""
 
-    def __init__(self, node: Node, *, table: TypeTable, only: Sequence[Glob], faults: Faults) -> None:
+    def __init__(self, node: Node, *, table: TypeTable, types: Types, only: Sequence[Glob], faults: Faults) -> None:
         self.frames = 0  # that came here
         self.unreadable = 0  # those without a topic of ours
         self._node = node
         self._table = table
+        self._types = types
         self._only = only
         self._faults = faults
         self._routes: dict[str, Route] = {}
@@ -48,27 +50,29 @@ class Incoming:
         route.bytes += len(payload)
         if route.heard():
             route.backlog.put(payload, len(payload))
-            if not route.queued:
-                route.queued = True
-                self._ready.append(route)
+            self._queue(route)
 
     def work(self, budget: int) -> bool:
         """Forward at most `budget` messages, one of each topic in turn; whether more wait."""
         while self._ready and budget > 0:
             budget -= 1
             route = self._ready.popleft()
+            route.queued = False
+            if not route.ready():
+                continue  # until `refresh`
             payload = route.backlog.take()
             if payload is not None:
                 route.forward(payload)
-            route.queued = len(route.backlog) > 0
-            if route.queued:
-                self._ready.append(route)
+            if len(route.backlog):
+                self._queue(route)
         return bool(self._ready)
 
     def refresh(self) -> None:
         """The graph has changed."""
         for route in self._routes.values():
             route.refresh()
+            if len(route.backlog):
+                self._queue(route)
 
     def is_own(self, topic: str, gid: bytes) -> bool:
         """Whether the bridge itself published a sample: it must not go back to ZeroMQ."""
@@ -84,6 +88,11 @@ class Incoming:
         for route in self._routes.values():
             route.close()
 
+    def _queue(self, route: Route) -> None:
+        if not route.queued:
+            route.queued = True
+            self._ready.append(route)
+
     def _find(self, topic: bytes) -> Route | None:
         name = ros_topic(topic)
         if self._only and not any(glob.matches(name) for glob in self._only):
@@ -95,7 +104,7 @@ class Incoming:
                     raise TooLargeError(
                         f"more than {LIMITS.broker_topics} topics: messages of further ones are dropped"
                     )
-                route = self._routes[name] = Route(self._node, name, self._table, self._faults)
+                route = self._routes[name] = Route(self._node, name, self._table, self._types, self._faults)
         if len(self._by_spelling) < 4 * LIMITS.broker_topics:
             self._by_spelling[topic] = route
         return route

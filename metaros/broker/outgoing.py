@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
@@ -13,10 +14,10 @@ from metaros.broker.demand import Demand
 from metaros.broker.dialect import to_payload
 from metaros.broker.faults import Faults
 from metaros.broker.report import Direction, TopicRow
-from metaros.broker.topics import is_sound, others, reading_qos
+from metaros.broker.topics import others, reading_qos
+from metaros.broker.types import Types
 from metaros.cdr import codec
 from metaros.errors import AttachmentError, MetarosError
-from metaros.idl import message_class
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS
 from metaros.node import Node, RawSubscription
@@ -25,6 +26,7 @@ from metaros.wire.pin import pin_thread_state
 
 __all__ = ["Outgoing"]
 
+_log = logging.getLogger("metaros.broker")
 _OVERHEAD_BYTES = 512  # what a waiting sample weighs beside its payload
 Item = tuple[zenoh.Sample, Callable[[bytes], Any]]
 
@@ -63,6 +65,7 @@ class Outgoing:
         node: Node,
         demand: Demand,
         *,
+        types: Types,
         only: Sequence[Glob],
         strict: bool,
         is_own: Callable[[str, bytes], bool],
@@ -72,6 +75,7 @@ class Outgoing:
     ) -> None:
         self._node = node
         self._demand = demand
+        self._types = types
         self._only = only
         self._strict = strict
         self._is_own = is_own
@@ -132,12 +136,11 @@ class Outgoing:
             kind = item.type_name, item.type_hash
             if kind in tap.subscriptions:
                 continue
-            if not is_sound(item):
-                text = f"{topic}: the type {item.type_name} of {item.node_full_name} is not known here so: not bridged"
-                self._faults.tell((topic, *kind), text)
+            cls = self._types.find(item)
+            if cls is None:
                 continue
             tap.type_name = item.type_name
-            sink = partial(self._sink, tap, codec(message_class(item.type_name)).decode)
+            sink = partial(self._sink, tap, codec(cls).decode)
             qos = reading_qos(other.qos for other in publishers)
             tap.subscriptions[kind] = self._node.create_raw_subscription(topic, *kind, qos, sink)
 
@@ -170,6 +173,11 @@ class Outgoing:
         except MetarosError as error:
             tap.malformed += 1
             self._faults.tell((tap.topic, "ros", error.code), f"{tap.topic}, to ZeroMQ: {error}")
+            return
+        except Exception:  # a fault of ours: one topic's, not the bridge's
+            tap.malformed += 1
+            if self._node.first_report(("zmq fault out", tap.topic)):
+                _log.exception("%s: a sample could not be bridged", tap.topic)
             return
         for spelling in tap.spellings:
             self._send(spelling, payload)

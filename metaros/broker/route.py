@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from typing import Any, Literal
 
 import zenoh
@@ -13,13 +14,15 @@ from metaros.broker.faults import Faults
 from metaros.broker.frames import parse_payload
 from metaros.broker.guess import FALLBACK, TYPE_MARKER, TypeTable, guess_type
 from metaros.broker.report import Direction, TopicRow
-from metaros.broker.topics import is_sound, others, sound_types
+from metaros.broker.topics import others
+from metaros.broker.types import Types
 from metaros.errors import FieldError, MetarosError
 from metaros.idl import message_class
 from metaros.node import Node, Publisher
 
 __all__ = ["Route"]
 
+_log = logging.getLogger("metaros.broker")
 Origin = Literal["map", "graph", "guess"]
 _SWITCHES = 3  # so often may a guess turn out wrong
 _YOUNG_S = 2.0  # Zenoh needs a moment to tell a new publisher who listens: until then everything is sent
@@ -28,7 +31,7 @@ _YOUNG_S = 2.0  # Zenoh needs a moment to tell a new publisher who listens: unti
 class Route:
     """Converts and publishes. It belongs to the bridge's thread; the counters may be read from any."""
 
-    def __init__(self, node: Node, topic: str, table: TypeTable, faults: Faults) -> None:
+    def __init__(self, node: Node, topic: str, table: TypeTable, types: Types, faults: Faults) -> None:
         self.topic = topic
         self.queued = False  # whether the bridge knows that something waits
         self.backlog: Backlog[bytes] = Backlog()
@@ -36,8 +39,9 @@ class Route:
         self.gids: set[bytes] = set()
         self._node = node
         self._table = table
+        self._types = types
         self._faults = faults
-        self._type_name = ""
+        self._class: type[Any] | None = None
         self._origin: Origin = "guess"
         self._switches = 0
         self._publisher: Publisher | None = None
@@ -48,6 +52,13 @@ class Route:
     def heard(self) -> bool:
         """Whether anybody listens, as far as known."""
         return self._publisher is None or self._heard or self._node.clock.monotonic_s() < self._young_until_s
+
+    def ready(self) -> bool:
+        """Whether messages can be converted: not while a node is asked for the topic's type."""
+        if self._publisher is not None or self._table.type_of(self.topic) is not None:
+            return True
+        ends = others(self._node, self.topic)
+        return bool(self._types.classes(ends)) or not self._types.pending(ends)
 
     def forward(self, payload: bytes) -> None:
         """Convert one payload and publish it; what cannot be is counted and told once for each kind of fault."""
@@ -61,6 +72,10 @@ class Route:
         except MetarosError as error:
             self.malformed += 1
             self._faults.tell((self.topic, error.code), f"{self.topic}, from ZeroMQ: {error}")
+        except Exception:  # a fault of ours: one topic's, not the bridge's
+            self.malformed += 1
+            if self._node.first_report(("zmq fault", self.topic)):
+                _log.exception("%s: a payload of %d bytes could not be bridged", self.topic, len(payload))
         else:
             self.bridged += 1
 
@@ -68,16 +83,16 @@ class Route:
         """The graph has changed: what other nodes say goes before what was guessed."""
         if self._publisher is None or self._origin == "map":
             return
-        types = self._types_in_graph()
-        if types and self._type_name not in types:
-            self._open(types[0], "graph")
+        classes = self._types.classes(others(self._node, self.topic))
+        if classes and self._class not in classes:
+            self._open(classes[0], "graph")
 
     def row(self) -> TopicRow:
         """For the report."""
         return TopicRow(
             topic=self.topic,
             direction=Direction.TO_ROS,
-            type=self._type_name,
+            type=_name(self._class),
             messages=self.messages,
             bytes=self.bytes,
             bridged=self.bridged,
@@ -86,49 +101,42 @@ class Route:
             heard=self._publisher is not None and self._heard,
         )
 
-    def _choose(self, value: Any) -> tuple[str, Origin]:
+    def _choose(self, value: Any) -> tuple[type[Any], Origin]:
         mapped = self._table.type_of(self.topic)
         if mapped is not None:
-            return mapped, "map"
-        types = self._types_in_graph()
-        return (types[0], "graph") if types else (guess_type(value), "guess")
-
-    def _types_in_graph(self) -> list[str]:
-        ends = others(self._node, self.topic)
-        for item in ends:
-            if not is_sound(item):
-                text = f"{self.topic}: {item.node_full_name} has the type {item.type_name}, which is not known here so"
-                self._faults.tell((self.topic, item.type_name, item.type_hash), text)
-        return sound_types(ends)
+            return message_class(mapped), "map"
+        classes = self._types.classes(others(self._node, self.topic))
+        return (classes[0], "graph") if classes else (message_class(guess_type(value)), "guess")
 
     def _message(self, value: Any, payload: bytes) -> Any:
         try:
             return self._convert(value, payload)
         except FieldError:
-            other = guess_type(value)
-            if self._origin != "guess" or other == self._type_name or self._switches >= _SWITCHES:
+            other = message_class(guess_type(value))
+            if self._origin != "guess" or other is self._class or self._switches >= _SWITCHES:
                 raise
             self._switches += 1
             self._open(other, "guess")
             return self._convert(value, payload)
 
     def _convert(self, value: Any, payload: bytes) -> Any:
-        cls = message_class(self._type_name)
-        if self._type_name == FALLBACK and not _is_text(value):
+        cls = self._class
+        assert cls is not None
+        if _name(cls) == FALLBACK and not _is_text(value):
             return cls(data=_text(value, payload))
         if isinstance(value, dict):
             value.pop(TYPE_MARKER, None)
         return from_payload(cls, value, ignored=self._ignored)
 
     def _ignored(self, path: str) -> None:
-        text = f"{self.topic}, from ZeroMQ: {self._type_name} has no {path.partition('[')[0]}: it is left out"
+        text = f"{self.topic}, from ZeroMQ: {_name(self._class)} has no {path.partition('[')[0]}: it is left out"
         self._faults.tell((self.topic, "field", path.partition("[")[0]), text)
 
-    def _open(self, type_name: str, origin: Origin) -> None:
+    def _open(self, cls: type[Any], origin: Origin) -> None:
         """Publish as this type from now on."""
         self.close()
-        self._type_name, self._origin = type_name, origin
-        self._publisher = self._node.create_publisher(message_class(type_name), self.topic)
+        self._class, self._origin = cls, origin
+        self._publisher = self._node.create_publisher(cls, self.topic)
         self.gids.add(self._publisher.gid)
         self._young_until_s = self._node.clock.monotonic_s() + _YOUNG_S
         # a second declaration of the same key, only to be told who listens: tools without a token, too
@@ -146,6 +154,10 @@ class Route:
             self._probe.undeclare()  # type: ignore[no-untyped-call]
             self._publisher.close()
         self._publisher = self._probe = None
+
+
+def _name(cls: type[Any] | None) -> str:
+    return "" if cls is None else str(cls.__metaros_name__)
 
 
 def _is_text(value: Any) -> bool:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from metaros.idl import default_catalogue, type_hash
 from metaros.node import Node
-from metaros.wire import NO_HASH, Durability, EndpointInfo, QoSProfile, Reliability
+from metaros.wire import Durability, EndpointInfo, QoSProfile, Reliability
 
-__all__ = ["is_sound", "others", "reading_qos", "sound_types"]
+__all__ = ["others", "reading_qos"]
 
 
 def others(node: Node, topic: str | None = None) -> list[EndpointInfo]:
@@ -19,19 +18,6 @@ def others(node: Node, topic: str | None = None) -> list[EndpointInfo]:
         for item in node.graph.endpoints(topic)
         if item.kind in ("MP", "MS") and (item.zid, item.node_full_name) != own
     ]
-
-
-def sound_types(ends: Iterable[EndpointInfo]) -> list[str]:
-    """The types of these endpoints that the catalogue knows so, what subscriptions ask for first."""
-    ranked = sorted(ends, key=lambda item: (item.kind != "MS", item.type_name))
-    return list(dict.fromkeys(item.type_name for item in ranked if is_sound(item)))
-
-
-def is_sound(item: EndpointInfo) -> bool:
-    """Whether the catalogue has the type as this endpoint has it."""
-    if item.type_name not in default_catalogue():
-        return False
-    return item.type_hash in (NO_HASH, type_hash(item.type_name))
 
 
 def reading_qos(offered: Iterable[QoSProfile]) -> QoSProfile:
