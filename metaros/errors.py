@@ -20,6 +20,7 @@
         ├── TooLargeError         a message or frame is over its limit                  too_large
         ├── TimeoutError_         no answer in time                                     timeout
         └── UnavailableError      nobody there to answer                                unavailable
+            └── PeerRestartedError    the server that had the goal is gone               peer_restarted
 
 `NameError_` and `TimeoutError_` end in an underscore because the plain names are Python's own.
 """
@@ -40,6 +41,7 @@ __all__ = [
     "NameError_",
     "ParameterError",
     "PeerError",
+    "PeerRestartedError",
     "RecordingError",
     "TimeoutError_",
     "TokenError",
@@ -170,3 +172,9 @@ class UnavailableError(PeerError):
     """Nobody there to answer."""
 
     code = "unavailable"
+
+
+class PeerRestartedError(UnavailableError):
+    """The server that worked on it died, or was restarted since: what it had is lost, send it again."""
+
+    code = "peer_restarted"
