@@ -29,6 +29,7 @@ __all__ = ["Publisher", "RawPublisher"]
 
 _log = logging.getLogger("metaros.node")
 _UNDECLARE_TRIES = 2000  # of a millisecond: longer than Zenoh blocks a put before it gives up
+_BUFFERS = (bytes, bytearray, memoryview)
 _LARGE = LIMITS.shared_memory_threshold_bytes
 _HEARTBEAT_S = 0.5  # how soon a transient_local subscription learns of a sample it missed; rmw_zenoh's figure
 
@@ -169,9 +170,12 @@ def _publish(
     gid, topic, type_name = endpoint.gid, endpoint.topic, endpoint.type_name
 
     def publish(message: Any, *, stamp_ns: int | None = None) -> None:
-        if message.__class__ is message_type:
+        kind = message.__class__
+        if kind is message_type:
             data = encode(message)
-        elif isinstance(message, bytes | bytearray | memoryview):
+        elif kind is bytes:
+            data = message
+        elif isinstance(message, _BUFFERS):
             data = bytes(message)
         else:
             raise FieldError(f"{topic} carries {type_name}, not {type(message).__name__}")
