@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from metaros.broker.plain import plain_payload
 from metaros.errors import FieldError, TooLargeError
 from metaros.idl import message_class
 from metaros.idl.arrays import DTYPES, as_array
@@ -138,6 +139,9 @@ def _where(path: str, name: str) -> str:
 
 def to_payload(message: Any, *, seq: int = 0, strict: bool = False) -> bytes:
     """The message as JSON; `seq` goes into its header. TooLargeError over `LIMITS.broker_message_bytes`."""
+    plain = plain_payload(message)
+    if plain is not None:
+        return plain
     text = json.dumps(_plain_message(message, seq, strict), separators=(",", ":"), allow_nan=not strict)
     payload = text.encode()
     if len(payload) > LIMITS.broker_message_bytes:

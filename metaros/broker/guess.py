@@ -10,11 +10,12 @@ from metaros.errors import ConfigError, MetarosError
 from metaros.idl import default_catalogue
 from metaros.idl.globs import Glob
 
-__all__ = ["FALLBACK", "TYPE_MARKER", "TypeTable", "guess_type", "known_type"]
+__all__ = ["BYTES", "JSON", "TEXT", "TYPE_MARKER", "TypeTable", "guess_type", "known_type"]
 
 TYPE_MARKER: Final = "_type"  # {"_type": "sensor_msgs/BatteryState", …}: a program that knows the ROS type says it
-FALLBACK: Final = "std_msgs/msg/String"  # holds the JSON text
-BYTES: Final = "std_msgs/msg/UInt8MultiArray"
+TEXT: Final = "std_msgs/msg/String"
+JSON: Final = "metaros_msgs/msg/Json"  # what a node's `dict` and `list` topics are
+BYTES: Final = "metaros_msgs/msg/Bytes"  # what its `bytes` topics are
 
 # What the message classes of `metaros` 1.x write: {"data": …} is told apart by its value.
 _SHAPES: Final[Mapping[frozenset[str], str]] = {
@@ -43,7 +44,7 @@ _SHAPES: Final[Mapping[frozenset[str], str]] = {
 
 
 def guess_type(value: Any) -> str:
-    """The ROS type for what `parse_payload` gave; `FALLBACK` for JSON that looks like nothing known."""
+    """The ROS type for what `parse_payload` gave; `JSON` for what looks like nothing known."""
     if isinstance(value, bytes):
         return BYTES
     if not isinstance(value, dict):
@@ -54,7 +55,7 @@ def guess_type(value: Any) -> str:
             return marked
     if len(value) == 1 and "data" in value:
         return _primitive(value["data"])
-    return _SHAPES.get(frozenset(value), FALLBACK)
+    return _SHAPES.get(frozenset(value), JSON)
 
 
 def _primitive(value: Any) -> str:
@@ -64,7 +65,7 @@ def _primitive(value: Any) -> str:
         return "std_msgs/msg/Int64" if -(1 << 63) <= value < 1 << 63 else "std_msgs/msg/Float64"
     if isinstance(value, float):
         return "std_msgs/msg/Float64"
-    return FALLBACK
+    return TEXT if isinstance(value, str) else JSON
 
 
 def known_type(name: str) -> str | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from typing import Any, Literal
 
@@ -12,7 +11,8 @@ from metaros.broker.backlog import Backlog
 from metaros.broker.dialect import from_payload
 from metaros.broker.faults import Faults
 from metaros.broker.frames import parse_payload
-from metaros.broker.guess import FALLBACK, TYPE_MARKER, TypeTable, guess_type
+from metaros.broker.guess import TYPE_MARKER, TypeTable, guess_type
+from metaros.broker.plain import plain_data
 from metaros.broker.report import Direction, TopicRow
 from metaros.broker.topics import others
 from metaros.broker.types import Types
@@ -122,8 +122,9 @@ class Route:
     def _convert(self, value: Any, payload: bytes) -> Any:
         cls = self._class
         assert cls is not None
-        if _name(cls) == FALLBACK and not _is_text(value):
-            return cls(data=_text(value, payload))
+        data = plain_data(_name(cls), value, payload)
+        if data is not None:
+            return cls(data=data)
         if isinstance(value, dict):
             value.pop(TYPE_MARKER, None)
         return from_payload(cls, value, ignored=self._ignored)
@@ -158,18 +159,3 @@ class Route:
 
 def _name(cls: type[Any] | None) -> str:
     return "" if cls is None else str(cls.__metaros_name__)
-
-
-def _is_text(value: Any) -> bool:
-    """Whether a String takes the value as it is."""
-    if isinstance(value, dict):
-        return isinstance(value.get("data"), str) and value.keys() <= {"data", TYPE_MARKER}
-    return isinstance(value, str)
-
-
-def _text(value: Any, payload: bytes) -> str:
-    if isinstance(value, bytes):
-        raise FieldError("bytes that are no UTF-8 text for a String")
-    if isinstance(value, dict) and TYPE_MARKER in value:
-        return json.dumps({name: item for name, item in value.items() if name != TYPE_MARKER})
-    return payload.decode()

@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -263,3 +264,22 @@ def test_a_taken_port_is_an_error_and_nothing_is_left(zenoh_router: str, rig: Ri
             Broker(context, BrokerOptions(hub=HubOptions(xsub=rig.hub.xpub, xpub=rig.hub.xsub)))
         assert "/zmq_broker" not in {node.full_name for node in context.graph.nodes() if node.zid == context.zid}
     assert left_behind(before) == []
+
+
+def test_dicts_and_bytes_of_a_node(rig: Rig) -> None:
+    """Its plain Python topics: what JSON of no known shape, and what is no text, become."""
+    heard: dict[str, Any] = {}
+    rig.node.create_subscription(dict, "/status", lambda value: heard.__setitem__("status", value))
+    rig.node.create_subscription(bytes, "/blob", lambda value: heard.__setitem__("blob", value))
+    status = rig.node.create_publisher(dict, "/reply")
+    publisher, subscriber = rig.publisher(), rig.subscriber(b"reply ")
+    found: list[list[bytes]] = []
+
+    def send() -> None:
+        publisher.send(b'status {"battery": {"level": 0.5}, "ok": true}')
+        publisher.send(b"blob \x00\xff")
+        status.publish({"seen": [1, 2]})
+
+    rig.until(lambda: found.extend(received(subscriber)) or (found and len(heard) == 2), send=send)
+    assert heard == {"status": {"battery": {"level": 0.5}, "ok": True}, "blob": b"\x00\xff"}
+    assert json.loads(found[0][0].removeprefix(b"reply ")) == {"seen": [1, 2]}
