@@ -135,7 +135,8 @@ def _draw(out: Output, picture: Picture, rates: dict[str, Rates] | None, file: s
     from metaros.cli.graph_svg import svg
     from metaros.cli.graph_text import summary
 
-    text = svg(picture, rates, heading=f"ROS graph\n{summary(picture, lambda words, _: words)} · domain {domain}")
+    counts = summary(picture, lambda words, _: words).replace("  ", " · ")
+    text = svg(picture, rates, heading=f"ROS graph\n{counts} · domain {domain}")
     if file == STDOUT:
         out.line(text.rstrip("\n"))
     else:

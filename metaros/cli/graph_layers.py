@@ -15,7 +15,6 @@ __all__ = ["Cell", "columns_of", "place", "sort_columns"]
 
 Arc = tuple[str, str]
 Neighbours = Mapping[str, Sequence[str]]
-MOST_COLUMNS = 9
 SWEEPS = 8
 SETTLE = 12  # rounds in which boxes move towards their neighbours
 
@@ -33,11 +32,11 @@ class Cell:
     after: list[Cell] = field(default_factory=list)
 
 
-def columns_of(keys: Sequence[str], arcs: Iterable[Arc], *, most: int = MOST_COLUMNS) -> dict[str, int]:
-    """Each key's column, from 0: all arcs lead forwards but for those that close circles, where `most` columns do.
+def columns_of(keys: Sequence[str], arcs: Iterable[Arc]) -> dict[str, int]:
+    """Each key's column, from 0: all arcs lead forwards, but for those that close circles.
 
-    Where they do not, everything comes as early as the arc from its first writer lets it, and other arcs lead back.
-    Arcs join boxes of two sorts (nodes and what links them), so that never both ends are in one column.
+    Where the arcs get shorter so, everything comes as early as the arc from its first writer lets it, and others lead
+    back. Arcs join boxes of two sorts (nodes and what links them), so that never both ends are in one column.
     """
     arcs = [arc for arc in arcs if arc[0] != arc[1]]
     turn = {key: number for number, key in enumerate(_forward(keys, arcs))}
@@ -48,12 +47,12 @@ def columns_of(keys: Sequence[str], arcs: Iterable[Arc], *, most: int = MOST_COL
         ahead[first].append(second)
         behind[second].append(first)
     order = sorted(keys, key=turn.__getitem__)
-    column = _latest(order, ahead, behind)
-    if max(column.values(), default=0) >= most:
-        column = _earliest(order, ahead, behind)
-    for key in reversed(order):  # what only sends stands right before who reads it first
-        if ahead[key] and not behind[key]:
-            column[key] = min(column[other] for other in ahead[key]) - 1
+    choices = [_latest(order, ahead, behind), _earliest(order, ahead, behind)]
+    for column in choices:
+        for key in reversed(order):  # what only sends stands right before who reads it first
+            if ahead[key] and not behind[key]:
+                column[key] = min(column[other] for other in ahead[key]) - 1
+    column = min(choices, key=lambda column: sum(abs(column[head] - column[tail]) for tail, head in arcs))
     least = min(column.values(), default=0)
     return {key: number - least for key, number in column.items()}
 
