@@ -161,7 +161,7 @@ class RawClient(Endpoint):
         if not 0 < timeout_s <= FOREVER_S:
             raise UsageError(f"a call needs a timeout of more than 0 and at most {FOREVER_S:g} s, not {timeout_s}")
         if not self._servers and not self.service_is_ready():
-            raise UnavailableError(f"no server of {self.topic} with type {self.type_name} is in the graph")
+            raise lost(f"no server of {self.topic} with type {self.type_name} is in the graph")
         return Call(self.topic, self._next_seq(), self.gid, timeout_s, lost)
 
     def _get(self, call: Call, payload: bytes, timeout_s: float, handler: Any) -> Any:
