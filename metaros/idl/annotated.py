@@ -65,10 +65,10 @@ def _make(cls: type[Any], name: str, base: Catalogue, around: Mapping[str, Any])
     nested = list(_nested(plan, base))
     try:
         own.add_all([definition, *(part for part, _ in nested)])
-        made = _build(cls, plan, definition, own)
-        _set_class(own, full, made)
         for part, part_class in nested:
             _set_class(own, part.name, part_class)
+        made = _build(cls, plan, definition, own)
+        _set_class(own, full, made)
         made.__metaros_hash__ = remember(full, own)
     except DefinitionError as error:
         raise FieldError(f"{cls.__qualname__}: {error}") from None

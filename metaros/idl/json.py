@@ -54,7 +54,7 @@ def _plain(kind: FieldType, value: Any) -> Any:
     if kind.is_nested:
         return to_json(value)
     if kind.is_string:
-        return str(value)
+        return str.__str__(value) if isinstance(value, str) else str(value)  # an enum's text, not its name
     if kind.base == "bool":
         return bool(value)
     if kind.base in INTEGER_RANGES:
