@@ -10,11 +10,13 @@ import itertools
 import sys
 
 BENCHMARKS = {
+    "broker": "ZeroMQ messages through the broker and its bridge, against a plain zmq.proxy",
     "cdr": "CDR encode and decode against rosbags",
     "executor": "shares of the fair executor and a critical node's timer beside them",
     "ingest": "metric rows and samples through a real gateway",
     "peers": "Meta-ROS beside raw zenoh, cyclonedds-python, pyzmq, metaros 1.1.5 and rospy",
     "pubsub": "typed publish and receive against raw eclipse-zenoh",
+    "restart": "kill -9 of a supervised node to the first message of its replacement, against bare python with zenoh",
     "service": "service round trips and action goals against raw eclipse-zenoh queries",
     "timer": "how late timers are called, per executor",
 }

@@ -26,8 +26,8 @@ __all__ = ["Bridge"]
 
 _log = logging.getLogger("metaros.broker")
 _TICK_S: Final = 0.25
-_SLICE: Final = 64  # messages converted in each direction before the sockets have their turn
-_DRAIN: Final = 2000  # messages taken from the hub at a time
+_SLICE_S: Final = 0.004  # of converting in each direction before the sockets have their turn
+_DRAIN: Final = 1000  # messages taken from the hub at a time
 
 
 class Bridge:
@@ -121,8 +121,8 @@ class Bridge:
                 version = self._demand.version
                 self._outgoing.refresh()
             more = self._drain()
-            more |= self._incoming.work(_SLICE)
-            more |= self._outgoing.work(_SLICE)
+            more |= self._incoming.work(_SLICE_S)
+            more |= self._outgoing.work(_SLICE_S)
 
     def _read_subscriptions(self, now_s: float) -> None:
         try:

@@ -52,10 +52,11 @@ class Incoming:
             route.backlog.put(payload, len(payload))
             self._queue(route)
 
-    def work(self, budget: int) -> bool:
-        """Forward at most `budget` messages, one of each topic in turn; whether more wait."""
-        while self._ready and budget > 0:
-            budget -= 1
+    def work(self, time_s: float) -> bool:
+        """Forward messages for about so long, one of each topic in turn; whether more wait."""
+        now_s = self._node.clock.monotonic_s
+        until_s = now_s() + time_s
+        while self._ready and now_s() < until_s:
             route = self._ready.popleft()
             route.queued = False
             if not route.ready():

@@ -101,14 +101,15 @@ class Outgoing:
                 held, tap.held = tap.held, None
                 self._forward(tap, held)
 
-    def work(self, budget: int) -> bool:
-        """Forward at most about `budget` samples, one of each topic in turn; whether more wait."""
+    def work(self, time_s: float) -> bool:
+        """Forward samples for about so long, one of each topic in turn; whether more wait."""
+        now_s = self._node.clock.monotonic_s
+        until_s = now_s() + time_s
         busy = [tap for tap in self._taps.values() if len(tap.backlog)]
-        while busy and budget > 0:
+        while busy and now_s() < until_s:
             for tap in busy:
                 item = tap.backlog.take()
                 if item is not None:
-                    budget -= 1
                     self._take(tap, item)
             busy = [tap for tap in busy if len(tap.backlog)]
         return bool(busy)
