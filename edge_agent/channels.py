@@ -10,7 +10,7 @@ from edge_agent.topics import Delivery, TopicRule, TopicTable, series_name
 from metaros._proto import link_pb2
 from metaros.cdr import field_reader
 from metaros.errors import FieldError, UsageError
-from metaros.idl import default_catalogue, schema_text, type_hash
+from metaros.idl import Catalogue, catalogue_of, schema_text
 from metaros.limits import LIMITS, Limits
 
 __all__ = ["METRIC_STREAM", "Channel", "Channels"]
@@ -120,6 +120,15 @@ class Channels:
             self._changed(channel)
         return channel
 
+    def learn(self, channel: Channel, catalogue: Catalogue) -> None:
+        """A channel's type became known: it has a schema and perhaps series from now on."""
+        schema = schema_text(channel.type_name, catalogue).encode()
+        if len(schema) > self._limits.schema_bytes:
+            return
+        channel.schema = schema
+        channel.metrics = self._extractor(channel.topic, channel.type_name, channel.rule, catalogue)
+        self._changed(channel)
+
     def by_id(self, channel_id: int) -> Channel | None:
         """The channel of that id."""
         return self._by_id.get(channel_id)
@@ -146,7 +155,7 @@ class Channels:
     def _create(self, topic: str, type_name: str, hash_text: str, *, keeps_all: bool) -> Channel:
         rule = self._table.rule(topic)
         delivery, max_rate_hz = decide(rule, keeps_all=keeps_all)
-        known = type_name in default_catalogue() and type_hash(type_name) == hash_text
+        known = catalogue_of(type_name, hash_text) if hash_text.startswith("RIHS01_") else None
         channel = Channel(
             channel_id=len(self._by_id) + 1,
             topic=topic,
@@ -156,16 +165,16 @@ class Channels:
             delivery=delivery,
             max_rate_hz=max_rate_hz,
             selector=Selector(rule, delivery, max_rate_hz=max_rate_hz),
-            metrics=self._extractor(topic, type_name, rule) if known else None,
-            schema=schema_text(type_name).encode() if known else b"",
+            metrics=self._extractor(topic, type_name, rule, known) if known else None,
+            schema=schema_text(type_name, known).encode() if known else b"",
         )
         self._by_name[topic, type_name, hash_text] = self._by_id[channel.channel_id] = channel
         self._changed(channel)
         return channel
 
-    def _extractor(self, topic: str, type_name: str, rule: TopicRule) -> MetricExtractor | None:
+    def _extractor(self, topic: str, type_name: str, rule: TopicRule, catalogue: Catalogue) -> MetricExtractor | None:
         """A reader of those of the row's fields that the type has."""
-        fields = [path for path in rule.fields if has_field(type_name, path)]
+        fields = [path for path in rule.fields if has_field(type_name, path, catalogue)]
         fields = fields[: max(0, self._limits.series_per_robot - len(self._series))]
         if not fields:
             return None
@@ -175,7 +184,7 @@ class Channels:
             ids.append(len(self._series) + 1)
             series = link_pb2.Series(series_id=ids[-1], name=name, topic=topic, field=path)
             self._series.append((self.revision + 1, series))
-        return MetricExtractor(tuple(ids), field_reader(type_name, fields), rate_hz=rule.metrics_rate_hz)
+        return MetricExtractor(tuple(ids), field_reader(type_name, fields, catalogue), rate_hz=rule.metrics_rate_hz)
 
     def _changed(self, channel: Channel) -> None:
         self.revision += 1
@@ -189,10 +198,10 @@ def decide(rule: TopicRule, *, keeps_all: bool) -> tuple[Delivery, float]:
     return ("bulk", 0.0) if keeps_all else ("live", rule.max_rate_hz)
 
 
-def has_field(type_name: str, path: str) -> bool:
+def has_field(type_name: str, path: str, catalogue: Catalogue | None = None) -> bool:
     """Whether the type has a numeric field of that path; the default table names topics, not types."""
     try:
-        field_reader(type_name, [path])
+        field_reader(type_name, [path], catalogue)
     except (FieldError, UsageError):
         return False
     return True

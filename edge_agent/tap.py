@@ -10,10 +10,12 @@ from typing import Protocol
 
 from edge_agent.channels import Channel, Channels
 from edge_agent.ingress import Ingress
+from edge_agent.learn import Learner
 from edge_agent.pipeline import Arrival
 from edge_agent.scope import ROSOUT, Scope
 from metaros.clock import Clock
 from metaros.errors import MetarosError
+from metaros.idl import Catalogue
 from metaros.node import Node
 from metaros.wire import Durability, EndpointInfo, History, QoSProfile, Reliability
 
@@ -57,6 +59,7 @@ class Tap:
         self._rosout_senders: dict[bytes, bool] = {}
         self._due: asyncio.TimerHandle | None = None
         self._closed = False
+        self._learner = Learner(node, self._learned)
         self.ingress = Ingress(self.route, take, self._loop.call_soon_threadsafe, clock)
         node.graph.on_change(self._on_change)
         self.reconcile()
@@ -89,6 +92,8 @@ class Tap:
             channel = self._channels.observe(*topic, qos=qos, keeps_all=keeps_all)
             if channel is not None and endpoints and topic not in self._subscriptions:
                 self._subscribe(topic, channel, endpoints)
+            if channel is not None:
+                self._learner.ask(channel, endpoints)
         for channel in self._channels:
             name = (channel.topic, channel.type_name, channel.type_hash)
             channel.publishers, channel.subscribers = len(publishers.get(name, ())), subscribers[name]
@@ -102,9 +107,15 @@ class Tap:
         self._closed = True
         if self._due is not None:
             self._due.cancel()
+        self._learner.close()
         for subscription in self._subscriptions.values():
             subscription.close()
         self.ingress.close()
+
+    def _learned(self, channel: Channel, catalogue: Catalogue) -> None:
+        """A node told its type: announce the channel anew."""
+        self._channels.learn(channel, catalogue)
+        self._changed()
 
     def _on_change(self, *_: object) -> None:
         """On a Zenoh thread: ask the loop to look again."""

@@ -1,30 +1,44 @@
-"""`make bench`: every benchmark, or the ones named. Each prints medians of interleaved rounds against its peers."""
+"""`make bench`: every benchmark, or the ones named. Each prints medians of interleaved rounds against its peers.
+
+Options after a single name are that benchmark's own: `python -m load_tests peers --quick`.
+"""
 
 from __future__ import annotations
 
 import importlib
+import itertools
 import sys
 
 BENCHMARKS = {
+    "broker": "ZeroMQ messages through the broker and its bridge, against a plain zmq.proxy",
     "cdr": "CDR encode and decode against rosbags",
     "executor": "shares of the fair executor and a critical node's timer beside them",
     "ingest": "metric rows and samples through a real gateway",
+    "peers": "Meta-ROS beside raw zenoh, cyclonedds-python, pyzmq, metaros 1.1.5 and rospy",
     "pubsub": "typed publish and receive against raw eclipse-zenoh",
+    "restart": "kill -9 of a supervised node to the first message of its replacement, against bare python with zenoh",
     "service": "service round trips and action goals against raw eclipse-zenoh queries",
     "timer": "how late timers are called, per executor",
 }
 
 
-def main(names: list[str]) -> int:
-    """Run the named benchmarks, all without names; exit code 2 on an unknown one."""
+def main(argv: list[str]) -> int:
+    """Run the named benchmarks, all without names; exit code 2 for what there is not, 1 when one failed."""
+    names = list(itertools.takewhile(lambda word: not word.startswith("-"), argv))
+    options = argv[len(names) :]
     unknown = [name for name in names if name not in BENCHMARKS]
     if unknown:
         print(f"unknown benchmark {', '.join(unknown)}; there are: {', '.join(BENCHMARKS)}", file=sys.stderr)
         return 2
+    if options and len(names) != 1:
+        print("options need the one benchmark that they are for: python -m load_tests peers --quick", file=sys.stderr)
+        return 2
+    codes = []
     for name in names or BENCHMARKS:
-        print(f"\n{name}: {BENCHMARKS[name]}\n", flush=True)
-        importlib.import_module(f"load_tests.bench_{name}").main()
-    return 0
+        if not options:
+            print(f"\n{name}: {BENCHMARKS[name]}\n", flush=True)
+        codes.append(importlib.import_module(f"load_tests.bench_{name}").main(options))
+    return int(any(codes))
 
 
 if __name__ == "__main__":

@@ -1,62 +1,79 @@
-"""Typed publish and receive against raw eclipse-zenoh, between two processes over loopback, peer to peer.
+"""Publish and receive against raw eclipse-zenoh, between two processes over loopback, peer to peer.
 
-    python -m load_tests.bench_pubsub [--rounds 5] [--seconds 1.0]
+    python -m load_tests.bench_pubsub [--rounds 5] [--seconds 1.0] [--sizes 64,1024,65536,1048576]
 
-Raw is `put(bytes)` to `payload.to_bytes()` in eclipse-zenoh's default callback, without an attachment. Typed is
-`publish(message)` (encode, 33-byte attachment) to a callback that gets the decoded message with its sequence checked,
-on the default executor and on a dedicated thread. All publish flat out, with blocking congestion control, payloads of
-the same size; counted is what reaches the callback. Rounds are interleaved; the figures are medians over the rounds.
+Raw is `put(bytes)` with an attachment of 33 bytes to `payload.to_bytes()` in eclipse-zenoh's default callback. Typed is
+`publish(message)` (encode, attachment) to a callback that gets the decoded message with its sequence checked: `shared`
+on the executor, `dedicated` on a thread of its own; `bytes` is `publish(cdr)` to a dedicated `raw=True` subscription.
+With `shm` both ends have shared memory, raw by Zenoh's own optimisation. All publish flat out, reliable and keep-all, so
+that nothing is lost; counted is what reaches the callback. Round trips are one message there and back at a time. Rounds
+are interleaved; figures are medians over the rounds, CPU is user and system time of a whole process per message.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import socket
 import statistics
 import subprocess
 import sys
-import threading
-import time
-from collections.abc import Callable, Sequence
-from typing import Any
-
-import zenoh
-
-import metaros
-from metaros.cdr import codec
-from metaros.interfaces.sensor_msgs.msg import Imu
-from metaros.interfaces.std_msgs.msg import String
-from metaros.wire import qos_reliable_all
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 __all__ = ["main", "run"]
 
-MESSAGES: dict[str, Any] = {"String": String(data="x" * 55), "Imu": Imu()}
-MODES = ("raw", "executor", "dedicated")
-_WARM_UP_S = 0.4
-_RAW_KEY = "bench/raw"
+PATHS = ("raw", "shared", "dedicated", "bytes")
+SIZES = (64, 1024, 65536, 1048576)
+_SHARED_FROM = 65536
+_PATIENCE_S = 30.0
 
 
-def run(*, rounds: int, seconds: float) -> dict[tuple[str, str], list[float]]:
-    """Messages a second of every (message, mode), one figure a round."""
-    rates: dict[tuple[str, str], list[float]] = {(name, mode): [] for name in MESSAGES for mode in MODES}
+class Row(NamedTuple):
+    """What is measured."""
+
+    size: int
+    path: str
+    shm: bool
+    trips: bool = False
+
+
+def rows_of(sizes: Sequence[int], paths: Sequence[str]) -> list[Row]:
+    """Every row of the table: throughput of all sizes, then round trips of the smallest."""
+    flows = [Row(size, path, shm) for size in sizes for shm in (False, True) for path in paths]
+    kept = [row for row in flows if not row.shm or row.size >= _SHARED_FROM]
+    return kept + [Row(min(sizes), path, False, True) for path in paths if path != "bytes"]
+
+
+def run(rows: Sequence[Row], *, rounds: int, seconds: float) -> dict[Row, list[dict[str, float]]]:
+    """The figures of every row, one a round."""
+    figures: dict[Row, list[dict[str, float]]] = {row: [] for row in rows}
     for _ in range(rounds):
-        for name, mode in rates:
-            rates[name, mode].append(_once(name, mode, seconds))
-    return rates
+        for row in rows:
+            figures[row].append(_once(row, seconds))
+    return figures
 
 
-def _once(name: str, mode: str, seconds: float) -> float:
-    """One subscriber process and one publisher process, linked directly."""
-    command = [sys.executable, "-m", "load_tests.bench_pubsub", "--seconds", str(seconds), "--message", name]
-    with subprocess.Popen([*command, "--role", f"sub-{mode}"], stdout=subprocess.PIPE, text=True) as subscriber:
-        assert subscriber.stdout is not None
-        endpoint = subscriber.stdout.readline().strip()
-        role = "pub-raw" if mode == "raw" else "pub-typed"
-        with subprocess.Popen([*command, "--role", role, "--endpoint", endpoint]) as publisher:
-            rate = float(subscriber.stdout.readline())
-            publisher.terminate()
-    return rate
+def _once(row: Row, seconds: float) -> dict[str, float]:
+    """Two processes, linked directly."""
+    command = [sys.executable, "-m", "load_tests.pubsub_ends", "--path", row.path, "--size", str(row.size)]
+    command += ["--seconds", str(seconds), "--endpoint", _free_endpoint(), *(["--shm"] if row.shm else [])]
+    pipes: dict[str, Any] = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    roles = ("echo", "ping") if row.trips else ("count", "flood")
+    with subprocess.Popen([*command, "--role", roles[0]], **pipes) as there:
+        assert there.stdout is not None
+        there.stdout.readline()
+        with subprocess.Popen([*command, "--role", roles[1]], **pipes) as here:
+            try:
+                if row.trips:
+                    return dict(json.loads(here.communicate(timeout=_PATIENCE_S + seconds)[0]))
+                figures = dict(json.loads(there.stdout.readline()))
+                sent = json.loads(here.communicate("stop\n", timeout=_PATIENCE_S)[0])
+                return figures | {"sender_cpu_us": sent["cpu_us"]}
+            finally:
+                here.kill()
+                there.kill()
 
 
 def _free_endpoint() -> str:
@@ -65,90 +82,44 @@ def _free_endpoint() -> str:
         return f"tcp/127.0.0.1:{listener.getsockname()[1]}"
 
 
-def _plain_session(**endpoints: str) -> zenoh.Session:
-    """As any program opens one: eclipse-zenoh's own defaults, except that nobody else is looked for."""
-    config = zenoh.Config()
-    config.insert_json5("scouting/multicast/enabled", "false")
-    for name, endpoint in endpoints.items():
-        config.insert_json5(f"{name}/endpoints", f'["{endpoint}"]')
-    return zenoh.open(config)
+def _median(figures: Sequence[dict[str, float]], name: str) -> float:
+    return statistics.median(figure[name] for figure in figures)
 
 
-def _subscribe(mode: str, name: str, seconds: float) -> None:
-    """Print where to connect, then the rate."""
-    endpoint, count = _free_endpoint(), 0
-
-    def on_message(_: Any) -> None:
-        nonlocal count
-        count += 1
-
-    if mode == "raw":
-
-        def on_sample(sample: zenoh.Sample) -> None:
-            nonlocal count
-            sample.payload.to_bytes()
-            count += 1
-
-        session = _plain_session(listen=endpoint)
-        session.declare_subscriber(_RAW_KEY, on_sample)
-    else:
-        context = metaros.Context(domain_id=0, connect=[], listen=endpoint)
-        node = metaros.Node("bench_subscriber", context=context, enable_rosout=False)
-        node.create_subscription(
-            type(MESSAGES[name]), "bench", on_message, qos_reliable_all, dedicated=mode == "dedicated"
-        )
-        threading.Thread(target=metaros.spin, args=(node,), daemon=True).start()
-    print(endpoint, flush=True)
-    while not count:
-        time.sleep(0.01)
-    time.sleep(_WARM_UP_S)
-    before, start_s = count, time.perf_counter()
-    time.sleep(seconds)
-    print((count - before) / (time.perf_counter() - start_s), flush=True)
-    os._exit(0)  # a flooded session need not be taken down tidily
-
-
-def _publish(kind: str, name: str, endpoint: str) -> None:
-    """Flat out until terminated."""
-    message = MESSAGES[name]
-    send: Callable[[Any], object]
-    if kind == "raw":
-        session = _plain_session(connect=endpoint)
-        send = session.declare_publisher(_RAW_KEY, congestion_control=zenoh.CongestionControl.BLOCK).put
-        message = codec(type(message)).encode(message)
-    else:
-        context = metaros.Context(domain_id=0, connect=endpoint, listen=[])
-        node = metaros.Node("bench_publisher", context=context, enable_rosout=False)
-        send = node.create_publisher(type(message), "bench", qos_reliable_all).publish
-    parent = os.getppid()
-    while os.getppid() == parent:
-        for _ in range(1000):
-            send(message)
+def _print_flow(row: Row, figures: Sequence[dict[str, float]], raw: Sequence[dict[str, float]] | None) -> None:
+    rates = [figure["rate"] for figure in figures]
+    spread = f"{min(rates):,.0f}..{max(rates):,.0f}"
+    ratio = statistics.median(rates) / _median(raw, "rate") if raw else float("nan")
+    cpu = f"{_median(figures, 'sender_cpu_us'):.1f}+{_median(figures, 'cpu_us'):.1f}"
+    name = f"{row.path}{' shm' if row.shm else ''}"
+    left = f"{row.size:>8}  {name:<14}{statistics.median(rates):>12,.0f}{spread:>22}"
+    print(f"{left}{ratio:>8.2f}{cpu:>16}{_median(figures, 'threads'):>9.0f}")
 
 
 def main(argv: Sequence[str] = ()) -> int:
-    """Print the table."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--rounds", type=int, default=5, help="interleaved rounds, at least 5")
+    parser.add_argument("--rounds", type=int, default=5, help="interleaved rounds")
     parser.add_argument("--seconds", type=float, default=1.0, help="measured time a round and row")
-    parser.add_argument("--role", help=argparse.SUPPRESS)
-    parser.add_argument("--message", default="String", help=argparse.SUPPRESS)
-    parser.add_argument("--endpoint", default="", help=argparse.SUPPRESS)
+    parser.add_argument("--sizes", default=",".join(map(str, SIZES)), help="payload sizes in bytes")
+    parser.add_argument("--paths", default=",".join(PATHS), help="which paths")
     options = parser.parse_args(list(argv))
-    if options.role:
-        side, _, kind = options.role.partition("-")
-        if side == "sub":
-            _subscribe(kind, options.message, options.seconds)
-        _publish(kind, options.message, options.endpoint)
-    rounds = max(5, options.rounds)
-    rates = run(rounds=rounds, seconds=options.seconds)
-    print(f"{'message':<10}{'path':<12}{'bytes':>7}{'recv/s':>12}{'min..max':>22}{'ratio to raw':>14}")
-    for (name, mode), figures in rates.items():
-        size = len(codec(type(MESSAGES[name])).encode(MESSAGES[name]))
-        ratio = statistics.median(figures) / statistics.median(rates[name, "raw"])
-        spread = f"{min(figures):,.0f}..{max(figures):,.0f}"
-        print(f"{name:<10}{mode:<12}{size:>7}{statistics.median(figures):>12,.0f}{spread:>22}{ratio:>14.2f}")
-    print(f"medians of {rounds} interleaved rounds on {os.cpu_count()} cores")
+    rows = rows_of([int(size) for size in options.sizes.split(",")], options.paths.split(","))
+    results = run(rows, rounds=options.rounds, seconds=options.seconds)
+    print(f"{'bytes':>8}  {'path':<14}{'recv/s':>12}{'min..max':>22}{'to raw':>8}{'CPU us, pub+sub':>16}{'threads':>9}")
+    for row in rows:
+        if not row.trips:
+            _print_flow(row, results[row], results.get(Row(row.size, "raw", False)))
+    print(f"\n{'bytes':>8}  {'path':<14}{'RTT p50 us':>12}{'p99 us':>10}{'p50 to raw':>12}")
+    for row in rows:
+        if row.trips:
+            p50, p99 = _median(results[row], "p50_us"), _median(results[row], "p99_us")
+            raw = results.get(row._replace(path="raw"))
+            ratio = p50 / _median(raw, "p50_us") if raw else float("nan")
+            print(f"{row.size:>8}  {row.path:<14}{p50:>12.0f}{p99:>10.0f}{ratio:>12.2f}")
+    print(
+        f"\nmedians of {options.rounds} interleaved rounds on {os.cpu_count()} cores; `to raw` is against raw, no shm"
+    )
     return 0
 
 

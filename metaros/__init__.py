@@ -9,7 +9,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from metaros import errors
+    from metaros import convert, errors
     from metaros.executor import (
         AsyncioExecutor,
         FairExecutor,
@@ -17,6 +17,26 @@ if TYPE_CHECKING:
         MutuallyExclusiveCallbackGroup,
         ReentrantCallbackGroup,
         SingleThreadedExecutor,
+    )
+    from metaros.idl.annotated import message
+    from metaros.idl.marks import (
+        Bounded,
+        Exact,
+        Fixed,
+        Shape,
+        byte,
+        char,
+        float32,
+        float64,
+        int8,
+        int16,
+        int32,
+        int64,
+        uint8,
+        uint16,
+        uint32,
+        uint64,
+        wstring,
     )
     from metaros.node import Context, MessageInfo, Node, PublisherEvents, SubscriptionEvents, spin
     from metaros.node.lifecycle import LifecycleNode
@@ -41,10 +61,13 @@ __version__ = "2.0.0.dev1"
 
 __all__ = [
     "AsyncioExecutor",
+    "Bounded",
     "Congestion",
     "Context",
     "Durability",
+    "Exact",
     "FairExecutor",
+    "Fixed",
     "History",
     "LifecycleNode",
     "Liveliness",
@@ -57,9 +80,20 @@ __all__ = [
     "QoSProfile",
     "ReentrantCallbackGroup",
     "Reliability",
+    "Shape",
     "SingleThreadedExecutor",
     "SubscriptionEvents",
+    "byte",
+    "char",
+    "convert",
     "errors",
+    "float32",
+    "float64",
+    "int8",
+    "int16",
+    "int32",
+    "int64",
+    "message",
     "qos_command",
     "qos_default",
     "qos_reliable_all",
@@ -68,9 +102,15 @@ __all__ = [
     "qos_services",
     "qos_transient_local",
     "spin",
+    "uint8",
+    "uint16",
+    "uint32",
+    "uint64",
+    "wstring",
 ]
 
 _HOMES = {
+    "metaros.convert": ("convert",),
     "metaros.errors": ("errors",),
     "metaros.executor": (
         "AsyncioExecutor",
@@ -79,6 +119,26 @@ _HOMES = {
         "MutuallyExclusiveCallbackGroup",
         "ReentrantCallbackGroup",
         "SingleThreadedExecutor",
+    ),
+    "metaros.idl.annotated": ("message",),
+    "metaros.idl.marks": (
+        "Bounded",
+        "Exact",
+        "Fixed",
+        "Shape",
+        "byte",
+        "char",
+        "float32",
+        "float64",
+        "int8",
+        "int16",
+        "int32",
+        "int64",
+        "uint8",
+        "uint16",
+        "uint32",
+        "uint64",
+        "wstring",
     ),
     "metaros.node": ("Context", "MessageInfo", "Node", "PublisherEvents", "SubscriptionEvents", "spin"),
     "metaros.node.lifecycle": ("LifecycleNode",),
@@ -107,7 +167,7 @@ def __getattr__(name: str) -> Any:
     if home is None:
         raise AttributeError(f"module 'metaros' has no attribute {name!r}")
     module = importlib.import_module(home)
-    return module if name == "errors" else getattr(module, name)
+    return module if home == f"metaros.{name}" else getattr(module, name)
 
 
 def __dir__() -> list[str]:

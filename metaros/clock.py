@@ -6,9 +6,11 @@ their edge; tests pass a `ManualClock` and a seeded generator, and never sleep.
 
 from __future__ import annotations
 
-import random
 import time
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    import random
 
 __all__ = ["Clock", "ManualClock", "SystemClock", "system_rng"]
 
@@ -63,4 +65,6 @@ class ManualClock:
 
 def system_rng() -> random.Random:
     """A generator seeded by the operating system, for programs that were given no seed."""
+    import random
+
     return random.Random()

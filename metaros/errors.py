@@ -10,6 +10,7 @@
     │   ├── ParameterError        a parameter's value or declaration is refused         invalid_parameter
     │   │   └── UnknownParameterError   no parameter of that name was declared          unknown_parameter
     │   └── ClosedError           the node, session or publisher was closed             closed
+    ├── RecordingError            a recording cannot be written or read               recording
     └── PeerError                 the other side's fault
         ├── DecodeError           bytes that are no valid CDR of the type               malformed_cdr
         ├── AttachmentError       a sample's attachment is missing or malformed         malformed_attachment
@@ -19,6 +20,7 @@
         ├── TooLargeError         a message or frame is over its limit                  too_large
         ├── TimeoutError_         no answer in time                                     timeout
         └── UnavailableError      nobody there to answer                                unavailable
+            └── PeerRestartedError    the server that had the goal is gone               peer_restarted
 
 `NameError_` and `TimeoutError_` end in an underscore because the plain names are Python's own.
 """
@@ -39,6 +41,8 @@ __all__ = [
     "NameError_",
     "ParameterError",
     "PeerError",
+    "PeerRestartedError",
+    "RecordingError",
     "TimeoutError_",
     "TokenError",
     "TooLargeError",
@@ -110,6 +114,12 @@ class ClosedError(UsageError):
     code = "closed"
 
 
+class RecordingError(MetarosError):
+    """A recording cannot be written (a full disk) or read (no MCAP, damaged); the message says what was kept."""
+
+    code = "recording"
+
+
 class PeerError(MetarosError):
     """The other side sent something wrong, or nothing."""
 
@@ -162,3 +172,9 @@ class UnavailableError(PeerError):
     """Nobody there to answer."""
 
     code = "unavailable"
+
+
+class PeerRestartedError(UnavailableError):
+    """The server that worked on it died, or was restarted since: what it had is lost, send it again."""
+
+    code = "peer_restarted"

@@ -40,6 +40,7 @@ class Limits:
     series_per_robot: int = 4096
     subscriptions_per_viewer: int = 256
     parameters_per_node: int = 4096
+    image_pixels: int = 40_000_000  # of a compressed image, before it is decoded
     service_backlog: int = 1024  # requests of one service that wait for the executor
     action_goals: int = 1024  # goals of one action server, done ones with kept results included
     action_workers: int = 16  # goals of one action server whose plain execute callbacks run at a time
@@ -48,6 +49,17 @@ class Limits:
     lease_s: float = 3.0  # a teleop lease not renewed for so long is free again
     command_timeout_s: float = 10.0
     counted_keys: int = 16_384  # topics that `metaros top` counts; further ones show no rate
+    shared_memory_bytes: int = 32 * MIB  # one session's pool; payloads that find no room take the network
+    shared_memory_threshold_bytes: int = 16 * KIB  # smaller payloads are sent as ever
+    recorder_queue_bytes: int = 256 * MIB  # samples that wait for a recorder's disk
+    recorder_ring_bytes: int = 512 * MIB  # samples that a recorder in ring mode keeps in memory
+    recorder_publishers: int = 4096  # of one recorded topic, followed by sequence number at a time
+    broker_topics: int = 1024  # ZeroMQ topics that the broker bridges; messages of further ones are counted as dropped
+    broker_prefixes: int = 4096  # different ZeroMQ subscriptions that the broker follows
+    broker_queue_messages: int = 1000  # of one topic, waiting to be bridged in one direction
+    broker_queue_bytes: int = 32 * MIB  # the same, in bytes
+    broker_message_bytes: int = 64 * MIB  # one ZeroMQ message: JSON of a 16 MiB sample is about four times as long
+    broker_linger_s: float = 2.0  # a topic stays subscribed for so long after its last ZeroMQ subscriber left
     type_cache: int = 4096  # compiled codecs and classes kept
 
 

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from metaros.cdr.cursor import Cursor
 from metaros.cdr.layout import CODES, HEADER_BYTES, Order, size_of
@@ -18,6 +16,12 @@ from metaros.cdr.layout import Position as Known
 from metaros.cdr.wide import decode_wide
 from metaros.idl import Catalogue, Field, FieldType, MessageDefinition, message_class
 from metaros.idl.arrays import DTYPES
+from metaros.later import Later
+
+if TYPE_CHECKING:
+    import numpy as np
+else:
+    np = Later("numpy")
 
 __all__ = ["DECODE_ERRORS", "build_fast_decoder", "build_general_decoder"]
 
@@ -30,7 +34,7 @@ def build_fast_decoder(name: str, catalogue: Catalogue, other: Callable[[Any], A
     """A function from CDR bytes to a message; what it cannot handle it passes to `other`."""
     aligned = _has_wide_sequence(name, catalogue)
     decoder = _Decoder(catalogue, base=0 if aligned else HEADER_BYTES)
-    decoder.scope |= {"_other": other, "_frombuffer": np.frombuffer, "_fixed": np.frombuffer}
+    decoder.scope |= {"_other": other}
     if aligned:
         head = [
             "def function(data):",
@@ -125,6 +129,8 @@ class _Decoder(Cursor):
 
     def numbers(self, kind: FieldType, target: str) -> None:
         size = size_of(kind.base)
+        if not self.general:
+            self.scope |= {"_frombuffer": np.frombuffer, "_fixed": np.frombuffer}
         dtype = self.constant(f"_{DTYPES[kind.base].name}", DTYPES[kind.base if kind.base != "bool" else "uint8"])
         if kind.array == "fixed":
             self.fixed_numbers(kind, dtype, target)

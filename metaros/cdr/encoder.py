@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from metaros.cdr.layout import CODES, Position, size_of
 from metaros.cdr.source import Source
@@ -18,6 +16,12 @@ from metaros.cdr.wide import encode_wide
 from metaros.errors import FieldError
 from metaros.idl import Catalogue, Field, MessageDefinition
 from metaros.idl.arrays import DTYPES, as_array
+from metaros.later import Later
+
+if TYPE_CHECKING:
+    import numpy as np
+else:
+    np = Later("numpy")
 
 __all__ = ["build_encoder"]
 
@@ -59,7 +63,7 @@ class _Encoder(Source):
             result = f"_join(({', '.join(self.parts)}))"
         if not self.needs_p:
             self.lines = [line for line in self.lines if not line.lstrip().startswith("p ")]
-        self.scope |= {"_nd": np.ndarray, "_as": as_array, "_join": b"".join, "_wide": encode_wide, "_bad": _bad}
+        self.scope |= {"_as": as_array, "_join": b"".join, "_wide": encode_wide, "_bad": _bad}
         head = ["def function(m):", "  try:"]
         if self.needs_p:
             head.append("    p = 0")
@@ -111,6 +115,7 @@ class _Encoder(Source):
         kind = field.type
         size = size_of(kind.base)
         dtype = self.constant(f"_{DTYPES[kind.base].name}", DTYPES[kind.base])
+        self.constant("_nd", np.ndarray)
         array = self.fresh("a")
         self.line(f"{array} = {value}")
         self.line(f"if type({array}) is not _nd or {array}.dtype is not {dtype}: {array} = _as({array}, {kind.base!r})")

@@ -6,9 +6,7 @@
 from __future__ import annotations
 
 import struct
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from metaros.cdr.layout import CODES, Order, size_of
 from metaros.cdr.wide import decode_wide, encode_wide
@@ -16,6 +14,12 @@ from metaros.errors import DecodeError, FieldError
 from metaros.idl import Catalogue, FieldType, MessageDefinition, message_class
 from metaros.idl.arrays import DTYPES, as_array
 from metaros.idl.definitions import INTEGER_RANGES
+from metaros.later import Later
+
+if TYPE_CHECKING:
+    import numpy as np
+else:
+    np = Later("numpy")
 
 __all__ = ["ReferenceDecoder", "ReferenceEncoder"]
 

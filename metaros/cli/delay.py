@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from metaros.clock import Clock
 from metaros.errors import UsageError
+
+if TYPE_CHECKING:
+    from metaros.idl import Catalogue
 
 __all__ = ["Delay"]
 
@@ -17,14 +20,14 @@ _SILENT_S = 2.0
 class Delay:
     """Delays of the last `window` messages of one type; UsageError where the type has no header."""
 
-    def __init__(self, window: int, type_name: str, *, clock: Clock) -> None:
+    def __init__(self, window: int, type_name: str, *, clock: Clock, catalogue: Catalogue | None = None) -> None:
         from metaros.cdr import codec
         from metaros.idl import message_class
 
-        fields = {field.name: field.type.base for field in message_class(type_name).__metaros_fields__}
+        fields = {field.name: field.type.base for field in message_class(type_name, catalogue).__metaros_fields__}
         if fields.get("header") != "std_msgs/msg/Header":
             raise UsageError(f"{type_name} has no header, so its messages do not say when they were made")
-        self._decode = codec(type_name).decode
+        self._decode = codec(type_name, catalogue).decode
         self._clock = clock
         self._delays: deque[float] = deque(maxlen=window)
         self._last = 0.0

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from metaros.cli import up_ready
 from metaros.cli.extras import EXTRAS, missing_modules
 from metaros.cli.instance import data_root, running_instances
-from metaros.cli.output import human_bytes
+from metaros.cli.output import counted, human_bytes
 from metaros.cli.up_ports import port_accepts, port_owner
 from metaros.clock import Clock
 from metaros.errors import MetarosError
@@ -121,7 +121,8 @@ class Doctor:
         try:
             with connect(self._zenoh_port, self._domain, spin_time=1.0) as context:
                 nodes, topics = len(context.graph.nodes()), len(context.graph.topics())
-                yield Finding("Graph", "ok", f"{nodes} nodes, {topics} topics in ROS domain {self._domain}")
+                seen = f"{counted(nodes, 'node')}, {counted(topics, 'topic')}"
+                yield Finding("Graph", "ok", f"{seen} in ROS domain {self._domain}")
                 yield self._canary(context)
         except MetarosError as error:
             first, _, fix = str(error).partition("\n")

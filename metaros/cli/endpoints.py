@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from metaros.cli.output import Output
     from metaros.wire import EndpointInfo, QoSProfile
 
-__all__ = ["endpoint_facts", "print_endpoints"]
+__all__ = ["endpoint_facts", "print_endpoints", "qos_words"]
 
 KINDS = {"MP": "publisher", "MS": "subscriber", "SS": "server", "SC": "client"}
 NO_LIMIT_NS = (1 << 63) - 1
@@ -56,20 +56,24 @@ def _qos(qos: QoSProfile) -> dict[str, Any]:
     }
 
 
-def _print_endpoint(out: Output, item: EndpointInfo) -> None:
-    qos = item.qos
+def qos_words(qos: QoSProfile) -> str:
+    """`RELIABLE, VOLATILE, KEEP_LAST (10)`, with what else is not the default."""
     depth = f" ({qos.depth})" if qos.history.name == "KEEP_LAST" else ""
     more = "".join(
         f", {name} {value / 1e9:g} s"
         for name, value in (("deadline", qos.deadline_ns), ("lifespan", qos.lifespan_ns))
         if 0 < value < NO_LIMIT_NS
     )
+    return f"{qos.reliability.name}, {qos.durability.name}, {qos.history.name}{depth}{more}"
+
+
+def _print_endpoint(out: Output, item: EndpointInfo) -> None:
     rows = (
         ("Node", item.node_full_name),
         ("Type", item.type_name),
         ("Type hash", item.type_hash),
         ("GID", item.gid.hex()),
-        ("QoS", f"{qos.reliability.name}, {qos.durability.name}, {qos.history.name}{depth}{more}"),
+        ("QoS", qos_words(item.qos)),
     )
     out.line()
     for label, value in rows:

@@ -1,16 +1,27 @@
-"""`metaros graph`: who talks to whom, and who cannot."""
+"""`metaros graph`: who talks to whom, and who cannot; as a tree, a document or a drawing."""
 
 from __future__ import annotations
 
+import threading
 from dataclasses import asdict
 from enum import StrEnum
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, SpinTime, ZenohPort
 
+if TYPE_CHECKING:
+    from metaros.cli.graph_model import Picture
+    from metaros.cli.output import Output
+    from metaros.cli.top_meter import Rates
+    from metaros.wire import WireSession
+
 __all__ = ["register"]
+
+STDOUT = "-"
 
 
 class GraphFormat(StrEnum):
@@ -19,11 +30,25 @@ class GraphFormat(StrEnum):
     TEXT = "text"
     JSON = "json"
     DOT = "dot"
+    MERMAID = "mermaid"
+
+
+class GraphCommand(TyperCommand):
+    """`--svg` may stand without a file: then the drawing goes to stdout."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Give a bare `--svg` its value."""
+        full = []
+        for argument, following in zip(args, [*args[1:], "--"], strict=True):
+            full.append(argument)
+            if argument == "--svg" and (following.startswith("-") and following != STDOUT):
+                full.append(STDOUT)
+        return super().parse_args(ctx, full)
 
 
 def register(app: typer.Typer) -> None:
     """Add the noun."""
-    app.command("graph")(graph)
+    app.command("graph", cls=GraphCommand)(graph)
 
 
 def graph(
@@ -31,33 +56,103 @@ def graph(
     everything: Annotated[
         bool, typer.Option("--all", "-a", help="Also what every node has: /rosout, parameter services, hidden names.")
     ] = False,
+    svg: Annotated[
+        str, typer.Option("--svg", metavar="[FILE]", help="Draw it, with rates: to a file, or to stdout.")
+    ] = "",
+    services: Annotated[
+        bool, typer.Option("--services", help="In the drawing also services that nobody calls.")
+    ] = False,
+    measure: Annotated[
+        float,
+        typer.Option("--measure", min=0.0, max=60.0, metavar="SECONDS", help="How long, for the drawing's rates."),
+    ] = 2.0,
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
     spin_time: SpinTime = 1.0,
     output: Annotated[
         GraphFormat,
-        typer.Option("--output", "-o", metavar="text|json|dot", help="A tree, a document, or graphviz's language."),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="text|json|dot|mermaid",
+            help="A tree, a document, graphviz's or Mermaid's language.",
+        ),
     ] = GraphFormat.TEXT,
 ) -> None:
     """Show nodes, what they publish and serve, and who reads it; what does not match is marked with the reason."""
-    from metaros.cli.connection import closest, look
-    from metaros.cli.graph_model import draw, restrict
-    from metaros.cli.graph_text import dot, summary, tree
+    from metaros.cli.connection import look_with_session
+    from metaros.cli.graph_model import draw
     from metaros.cli.options import Format
     from metaros.cli.output import Output
+
+    _check_svg(svg)
+    out = Output(Format.JSON if output is GraphFormat.JSON else Format.TEXT)
+    with look_with_session(zenoh_port, domain, spin_time=spin_time) as (session, found):
+        rates = _rates(session, measure) if svg and measure else None
+        whole = draw([node.full_name for node in found.nodes()], found.tokens(), everything=everything)
+    picture = _part(whole, word)
+    if svg:
+        _draw(out, picture if services or everything else picture.without_idle_services(), rates, svg, domain)
+    else:
+        _print(out, picture, output)
+
+
+def _check_svg(file: str) -> None:
+    from metaros.errors import UsageError
+
+    if file and file != STDOUT and not file.endswith(".svg"):
+        raise UsageError(f"{file!r} does not end in .svg\nfor a WORD write: metaros graph {file} --svg")
+    if file and file != STDOUT and not Path(file).absolute().parent.is_dir():
+        raise UsageError(f"there is no directory {Path(file).absolute().parent}")
+
+
+def _rates(session: WireSession, seconds: float) -> dict[str, Rates]:
+    from metaros.cli.top_meter import Counts, Meter
+    from metaros.clock import SystemClock
+
+    counts, meter, clock = Counts(session), Meter(), SystemClock()
+    try:
+        meter.look(clock.monotonic_s(), {})
+        threading.Event().wait(seconds)
+        return meter.look(clock.monotonic_s(), counts.by_topic())
+    finally:
+        counts.close()
+
+
+def _part(whole: Picture, word: str) -> Picture:
+    from metaros.cli.connection import closest
+    from metaros.cli.graph_model import restrict
     from metaros.errors import UnavailableError
 
-    out = Output(Format.JSON if output is GraphFormat.JSON else Format.TEXT)
-    with look(zenoh_port, domain, spin_time=spin_time) as found:
-        whole = draw([node.full_name for node in found.nodes()], found.tokens(), everything=everything)
     picture = restrict(whole, word) if word else whole
     if word and not picture.nodes:
         names = [*whole.nodes, *(link.name for link in whole.links)]
         raise UnavailableError(f"no name in the graph contains {word!r}\n{closest(word, names) or 'try --all'}")
+    return picture
+
+
+def _draw(out: Output, picture: Picture, rates: dict[str, Rates] | None, file: str, domain: int) -> None:
+    from metaros.cli.graph_svg import svg
+    from metaros.cli.graph_text import summary
+
+    counts = summary(picture, lambda words, _: words).replace("  ", " · ")
+    text = svg(picture, rates, heading=f"ROS graph\n{counts} · domain {domain}")
+    if file == STDOUT:
+        out.line(text.rstrip("\n"))
+    else:
+        Path(file).write_text(text, encoding="utf-8")
+        out.note(f"drawn: {file}")
+
+
+def _print(out: Output, picture: Picture, output: GraphFormat) -> None:
+    from metaros.cli.graph_text import dot, mermaid, summary, tree
+
     if output is GraphFormat.JSON:
         out.objects(asdict(picture))
     elif output is GraphFormat.DOT:
         out.line("\n".join(dot(picture)))
+    elif output is GraphFormat.MERMAID:
+        out.line("\n".join(mermaid(picture)))
     elif not picture.nodes:
         out.note("no nodes: start one, or `metaros up`")
     else:

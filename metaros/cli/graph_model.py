@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from metaros.wire import EndpointToken
 
-__all__ = ["Fault", "Link", "Picture", "draw", "restrict"]
+__all__ = ["End", "Fault", "Link", "Picture", "draw", "restrict"]
 
 ACTION = "/_action/"
 # What every node has, and what nobody wants to see a hundred times.
@@ -43,6 +43,15 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True)
+class End:
+    """One endpoint of a link: whose it is, what it is (`publisher`, `subscription` …), and its QoS in words."""
+
+    node: str
+    role: str
+    qos: str
+
+
+@dataclass(frozen=True, slots=True)
 class Link:
     """A topic with publishers and subscribers, a service or action with servers and clients."""
 
@@ -52,10 +61,15 @@ class Link:
     sources: tuple[str, ...]
     sinks: tuple[str, ...]
     faults: tuple[Fault, ...] = ()
+    ends: tuple[End, ...] = ()
 
     def fault(self, source: str, sink: str) -> Fault | None:
         """What stands between two nodes, if anything."""
         return next((item for item in self.faults if (item.source, item.sink) == (source, sink)), None)
+
+    def hears(self, node: str) -> bool:
+        """Whether anybody gets through to `node`."""
+        return node in self.sinks and not all(self.fault(source, node) for source in self.sources)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +83,10 @@ class Picture:
     def faults(self) -> tuple[Fault, ...]:
         """All faults."""
         return tuple(fault for link in self.links for fault in link.faults)
+
+    def without_idle_services(self) -> Picture:
+        """The same without services that nobody calls: each node has some, and they link nothing."""
+        return Picture(self.nodes, tuple(link for link in self.links if link.kind != "service" or link.sinks))
 
 
 def draw(nodes: Iterable[str], tokens: Iterable[EndpointToken], *, everything: bool = False) -> Picture:
@@ -107,6 +125,9 @@ def _usual(kind: str, name: str) -> bool:
 
 
 def _link(kind: str, name: str, tokens: list[EndpointToken]) -> Link:
+    from metaros.cli.endpoints import qos_words
+    from metaros.wire.tokens import ENDPOINT_KINDS
+
     if kind == "action":  # whoever has its service is an end of it; feedback flows the other way than goals
         ends = [token for token in tokens if token.kind in ("SS", "SC")] or tokens
         types = {_action_type(token.type_name) for token in ends if token.topic.endswith("/send_goal")}
@@ -115,7 +136,16 @@ def _link(kind: str, name: str, tokens: list[EndpointToken]) -> Link:
         types = {token.type_name for token in tokens}
     sources = {token.node.full_name for token in ends if token.kind in ("MP", "SS")}
     sinks = {token.node.full_name for token in ends if token.kind in ("MS", "SC")}
-    return Link(kind, name, tuple(sorted(types)), tuple(sorted(sources)), tuple(sorted(sinks)), _faults(tokens))
+    said = {End(token.node.full_name, ENDPOINT_KINDS[token.kind], qos_words(token.qos)) for token in ends}
+    return Link(
+        kind,
+        name,
+        tuple(sorted(types)),
+        tuple(sorted(sources)),
+        tuple(sorted(sinks)),
+        _faults(tokens),
+        tuple(sorted(said, key=lambda end: (end.role, end.node, end.qos))),
+    )
 
 
 def _action_type(type_name: str) -> str:

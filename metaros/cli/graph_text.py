@@ -1,4 +1,4 @@
-"""A picture of the graph as a tree for people, and as a drawing for graphviz."""
+"""A picture of the graph as a tree for people, and as a drawing for graphviz and Mermaid."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from metaros.cli.graph_model import Link, Picture
 from metaros.cli.output import counted
 
-__all__ = ["dot", "summary", "tree"]
+__all__ = ["dot", "mermaid", "summary", "tree"]
 
 Style = Callable[[str, str], str]
 BOLD, DIM, CYAN, GREEN, YELLOW, RED = "1", "2", "36", "32", "33", "31"
@@ -20,7 +20,7 @@ def tree(picture: Picture, style: Style) -> Iterator[str]:
     for node in picture.nodes:
         out = [link for link in picture.links if node in link.sources]
         awaited = [link for link in picture.links if node in link.sinks and not link.sources]
-        heard = sum(_hears(node, link) for link in picture.links)
+        heard = sum(link.hears(node) for link in picture.links)
         reads = style(f"   reads and calls {heard}", DIM) if heard and not out else ""
         yield f"{style(node, BOLD)}{reads}"
         rows = [*((link, True) for link in out), *((link, False) for link in awaited)]
@@ -46,11 +46,6 @@ def _branch(node: str, link: Link, style: Style, *, ours: bool, last: bool) -> I
     for number, sink in enumerate(link.sinks, start=1):
         elbow = "└─" if number == len(link.sinks) else "├─"
         yield f"{style(f'{rail} {elbow}', DIM)}{_end(link, node, sink, style)}"
-
-
-def _hears(node: str, link: Link) -> bool:
-    """Whether anybody gets through to `node` on the link."""
-    return node in link.sinks and not all(link.fault(source, node) for source in link.sources)
 
 
 def _end(link: Link, source: str, sink: str, style: Style) -> str:
@@ -80,7 +75,7 @@ def _edges(link: Link) -> Iterator[str]:
     """Publisher to topic to subscriber, client to service to server; a fault is an edge of its own, in red."""
     middle = _quoted(link.kind, link.name)
     backwards = link.kind != "topic"
-    reached = [sink for sink in link.sinks if _hears(sink, link)]
+    reached = [sink for sink in link.sinks if link.hears(sink)]
     pairs = [(_quoted("node", source), middle) for source in link.sources]
     pairs += [(middle, _quoted("node", sink)) for sink in link.sinks if sink in reached or not link.sources]
     for first, second in pairs:
@@ -88,6 +83,29 @@ def _edges(link: Link) -> Iterator[str]:
     for fault in link.faults:
         ends = (_quoted("node", fault.source), _quoted("node", fault.sink))
         yield f"  {ends[0]} -> {ends[1]} [color=red, fontcolor=red, style=dashed, label={_text(fault.text)}];"
+
+
+def mermaid(picture: Picture) -> Iterator[str]:
+    """For Mermaid, which GitHub draws in Markdown: a fault is a dotted arrow with its reason."""
+    shapes = {"topic": '["{}"]', "service": '{{{{"{}"}}}}', "action": '[["{}"]]'}
+    ids = {f"node {node}": f"n{number}" for number, node in enumerate(picture.nodes)}
+    yield "flowchart LR"
+    for node in picture.nodes:
+        yield f'  {ids[f"node {node}"]}(["{_entity(node)}"])'
+    for number, link in enumerate(picture.links):
+        middle = f"{link.kind[0]}{number}"
+        label = _entity(" ".join((link.name, *link.types)))
+        yield f"  {middle}{shapes[link.kind].format(label)}"
+        ends = [(ids[f"node {source}"], middle) for source in link.sources]
+        ends += [(middle, ids[f"node {sink}"]) for sink in link.sinks if link.hears(sink) or not link.sources]
+        yield from (f"  {a} --> {b}" if link.kind == "topic" else f"  {b} --> {a}" for a, b in ends)
+        for fault in link.faults:
+            source, sink = ids[f"node {fault.source}"], ids[f"node {fault.sink}"]
+            yield f'  {source} -. "✗ {_entity(fault.text)}" .-> {sink}'
+
+
+def _entity(text: str) -> str:
+    return text.replace("#", "#35;").replace('"', "#quot;")
 
 
 def _quoted(kind: str, name: str) -> str:

@@ -40,7 +40,9 @@ NOUNS = (
     Noun("up", "metaros.cli.up", SYSTEM, "Gateway, dashboard, simulated robots and this machine, in one command"),
     Noun("status", "metaros.cli.status", SYSTEM, "What runs, on which ports"),
     Noun("doctor", "metaros.cli.doctor", SYSTEM, "Check every hop; name the one that fails, and the fix"),
+    Noun("launch", "metaros.cli.launch", SYSTEM, "Keep a table of nodes running: FILE, status, restart, stop"),
     Noun("router", "metaros.cli.router", SYSTEM, "Host the Zenoh router of this machine"),
+    Noun("broker", "metaros.cli.broker", SYSTEM, "Bridge ZeroMQ programs, old and new, to ROS topics", "zmq"),
     Noun("agent", "", SYSTEM, "A robot's agent: forward its topics to a gateway", "agent"),
     Noun("gateway", "", SYSTEM, "The gateway: agents' link, API, dashboard", "gateway"),
     Noun("topic", "metaros.cli.topic", GRAPH, "list, info, type, find, echo, hz, bw, delay, pub"),
@@ -53,7 +55,8 @@ NOUNS = (
     Noun("top", "metaros.cli.top", GRAPH, "Nodes and topics with their rates, live"),
     Noun("graph", "metaros.cli.graph", GRAPH, "Who talks to whom, and who cannot: a tree, or a drawing"),
     Noun("sim", "metaros.cli.sim", ROBOTS, "Simulated robots in a small warehouse"),
-    Noun("play", "metaros.cli.play", ROBOTS, "Replay a real robot's log as live topics"),
+    Noun("bag", "metaros.cli.bag", ROBOTS, "record, info, play, cut, export, save, recover: MCAP recordings"),
+    Noun("play", "metaros.cli.play", ROBOTS, "Replay a recording, or a real robot's log, as live topics"),
     Noun("driver", "metaros.cli.driver", ROBOTS, "list, run: cameras and other devices", "drivers"),
 )
 

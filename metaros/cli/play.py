@@ -1,4 +1,4 @@
-"""`metaros play`: replay a recorded log as live topics."""
+"""`metaros play`: replay a real robot's log, or a recording, as live topics."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def register(app: typer.Typer) -> None:
 
 
 def play(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A CARMEN log (.clf, .log), bz2 and gz as they are.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A CARMEN log (.clf, .log, bz2, gz), or a BAG.")],
     name: Annotated[
         str, typer.Option("--name", metavar="ROBOT", help="The robot: topics are /<name>/scan, /<name>/odom …")
     ] = "robot",
@@ -41,7 +41,7 @@ def play(
     domain: Domain = 0,
     output: FormatOption = Format.TEXT,
 ) -> None:
-    """Replay a real robot's log as LaserScan, Odometry and tf."""
+    """Replay a real robot's log as LaserScan, Odometry and tf; a recording (.mcap) as `metaros bag play` does."""
     from dataclasses import asdict
 
     from metaros.cli import running
@@ -49,6 +49,9 @@ def play(
     from metaros.cli.output import Output
     from metaros.record import play_carmen
 
+    if file.suffix == ".mcap" or file.is_dir():
+        _play_bag(file, rate, limit, loop, wait, zenoh_port, domain, output)
+        return
     out = Output(output)
     with running.stop_on_signals() as stop, connect(zenoh_port, domain) as context:
         report = play_carmen(
@@ -67,6 +70,19 @@ def play(
         return
     bad = f", {report.malformed} malformed lines skipped" if report.malformed else ""
     out.line(f"{report.scans} scans and {report.odometry} odometry messages, {report.log_s:.1f} s of log{bad}")
+
+
+def _play_bag(
+    file: Path, rate: float, limit: float, loop: bool, wait: float, zenoh_port: int, domain: int, output: Format
+) -> None:
+    from metaros.cli import running
+    from metaros.cli.bag_play import play_recording
+    from metaros.cli.connection import connect
+    from metaros.record import Player
+
+    with running.stop_on_signals() as stop, connect(zenoh_port, domain) as context:
+        with Player(context, file, rate=rate, duration_s=limit or None, loop=loop) as player:
+            play_recording(player, stop=stop, wait_s=wait, output=output)
 
 
 def _progress(report: PlayReport) -> None:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from metaros.wire import Router
 
-__all__ = ["register"]
+__all__ = ["open_or_join", "register"]
 
 STANDBY_STEP_S = 0.5
 STANDBY_STEPS = 3  # so often in a row must the port be free: a router that is only restarted comes back to it
@@ -43,7 +43,7 @@ def router(
     with running.stop_on_signals() as stop:
         if standby:
             hosted = _await_port(port, host, stop)
-        elif (hosted := _open(port, host)) is None:
+        elif (hosted := open_or_join(port, host, "metaros router --port PORT")) is None:
             typer.echo(f"a Zenoh router runs already on tcp/{host}:{port}; nodes on this machine use it")
             return
         if hosted is not None:
@@ -54,15 +54,17 @@ def router(
     typer.echo("stopped")
 
 
-def _open(port: int, host: str) -> Router | None:
-    """A router of our own, or None where there is one already; ConfigError where the port is another program's."""
+def open_or_join(port: int, host: str, other: str) -> Router | None:
+    """A router of our own, or None where there is one already; ConfigError where the port is another program's:
+    `other` is the command that takes another port.
+    """
     from metaros.cli.up_ports import port_owner
     from metaros.errors import ConfigError
     from metaros.wire.router import open_router, probe
 
     state = probe(port, host=host)
     if state == "foreign":
-        raise ConfigError(f"port {port} is in use by {port_owner(port)}\nchoose another: metaros router --port PORT")
+        raise ConfigError(f"port {port} is in use by {port_owner(port)}\nchoose another: {other}")
     return None if state == "zenoh" else open_router(port, host=host)
 
 

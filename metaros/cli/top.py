@@ -49,7 +49,7 @@ def top(
     spin_time: SpinTime = 1.0,
     output: FormatOption = Format.TEXT,
 ) -> None:
-    """Show topics with rate, bandwidth, publishers and subscribers, and nodes with the CPU of their process.
+    """Show topics with rate, bandwidth, publishers and subscribers, nodes with the CPU of their process, and who drops.
 
     It receives what is published in the domain while it runs, and counts it.
     """
@@ -77,12 +77,16 @@ def _pause(seconds: float) -> None:
 
 
 def _print(out: Output, screenful: Screenful) -> None:
+    from metaros.cli.top_drops import DROP_COLUMNS, drop_cells
     from metaros.cli.top_screen import TOPIC_COLUMNS, node_cells, node_columns, summary, topic_cells
 
     out.table(TOPIC_COLUMNS, [topic_cells(row) for row in screenful.topics], right=(2, 3, 4, 5))
     out.line()
     columns = node_columns(screenful)
     out.table(columns, [node_cells(row)[: len(columns)] for row in screenful.nodes], right=range(1, len(columns)))
+    if screenful.dropping:
+        out.line()
+        out.table(DROP_COLUMNS, [drop_cells(row) for row in screenful.dropping], right=range(2, len(DROP_COLUMNS)))
     out.note(f"\n{summary(screenful)}")
 
 
@@ -91,6 +95,7 @@ def _watch(zenoh_port: int, domain: int, spin_time: float, word: str, sort: Sort
     """A function that measures since it was last called."""
     from metaros.cli.connection import look_with_session
     from metaros.cli.graph_model import draw
+    from metaros.cli.top_drops import ask, drop_rows
     from metaros.cli.top_meter import Counts, Meter
     from metaros.cli.top_processes import Processes
     from metaros.cli.top_rows import Screenful, node_rows, topic_rows
@@ -105,11 +110,12 @@ def _watch(zenoh_port: int, domain: int, spin_time: float, word: str, sort: Sort
 
         def look() -> Screenful:
             rates = meter.look(clock.monotonic_s(), counts.by_topic())
-            ends, nodes = graph.endpoints(), graph.nodes()
+            ends, nodes, answers = graph.endpoints(), graph.nodes(), ask(session)
             return Screenful(
                 topic_rows(ends, rates, word=word, sort=sort.value),
                 node_rows(nodes, ends, processes.look(), word=word),
                 len(draw([], graph.tokens()).faults),
+                drop_rows(answers, word=word),
             )
 
         yield look

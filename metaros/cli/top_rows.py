@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from metaros.cli.top_drops import DropRow
 from metaros.cli.top_meter import Rates
 
 if TYPE_CHECKING:
@@ -52,6 +53,12 @@ class Screenful:
     topics: tuple[TopicRow, ...]
     nodes: tuple[NodeRow, ...]
     mismatches: int
+    subscriptions: tuple[DropRow, ...] = ()  # of Meta-ROS nodes, who misses most first
+
+    @property
+    def dropping(self) -> tuple[DropRow, ...]:
+        """Those that missed any message."""
+        return tuple(row for row in self.subscriptions if row.missing)
 
 
 def topic_rows(

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from metaros.cli.output import counted, human_bytes
+from metaros.cli.top_drops import DROP_COLUMNS, drop_cells
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -18,6 +19,8 @@ __all__ = ["TOPIC_COLUMNS", "live", "node_cells", "node_columns", "render", "sum
 TOPIC_COLUMNS = ("Topic", "Type", "Hz", "Bandwidth", "Pub", "Sub")
 NODE_COLUMNS = ("Node", "Pub", "Sub", "Srv", "PID", "CPU")
 _FRAME_ROWS = 9  # headings, rules and empty lines around the rows
+_DROP_FRAME_ROWS = 3
+_DROP_RIGHT = tuple(range(2, len(DROP_COLUMNS)))
 _LEAST_ROWS = 3
 
 
@@ -46,6 +49,9 @@ def summary(screenful: Screenful) -> str:
     rate, flow = (sum(getattr(row, name) for row in screenful.topics) for name in ("rate_hz", "bytes_per_s"))
     counts = f"{counted(len(screenful.nodes), 'node')}, {counted(len(screenful.topics), 'topic')}"
     text = f"{counts}, {rate:.0f} messages/s, {human_bytes(flow)}/s"
+    if screenful.dropping:
+        missed = sum(row.missing for row in screenful.dropping)
+        text = f"{text}, {counted(len(screenful.dropping), 'subscription')} missed {counted(missed, 'message')}"
     return f"{text}, ✗ {counted(screenful.mismatches, 'mismatch')}: see metaros graph" if screenful.mismatches else text
 
 
@@ -64,11 +70,13 @@ def live(look: Callable[[], Screenful], pause: Callable[[], None]) -> None:
 
 
 def render(screenful: Screenful, height: int) -> RenderableType:
-    """Both tables, each with its share of `height` lines."""
+    """The tables, each with its share of `height` lines; who drops only while somebody does."""
     from rich.console import Group
     from rich.text import Text
 
-    room = max(height - _FRAME_ROWS, 2 * _LEAST_ROWS)
+    dropping = screenful.dropping
+    drops = min(len(dropping), max(height // 5, _LEAST_ROWS))
+    room = max(height - _FRAME_ROWS - (drops + _DROP_FRAME_ROWS if drops else 0), 2 * _LEAST_ROWS)
     nodes = min(len(screenful.nodes), max(room - len(screenful.topics), room // 3, _LEAST_ROWS))
     topics = max(room - nodes, _LEAST_ROWS)
     columns = node_columns(screenful)
@@ -81,6 +89,7 @@ def render(screenful: Screenful, height: int) -> RenderableType:
         _table(TOPIC_COLUMNS, topic_rows, topics, right=(2, 3, 4, 5)),
         Text(),
         _table(columns, node_rows, nodes, right=tuple(range(1, len(columns)))),
+        *([Text(), _table(DROP_COLUMNS, [drop_cells(row) for row in dropping], drops, right=_DROP_RIGHT)] if drops else []),
         Text("Ctrl-C ends", style="dim"),
     )
 

@@ -7,29 +7,33 @@ from typing import TYPE_CHECKING
 
 from metaros.cli.connection import absolute, closest, settle, wait_for
 from metaros.cli.types import full_type
-from metaros.errors import TypeHashError, UnavailableError, UnknownTypeError, UsageError
+from metaros.errors import MetarosError, TypeHashError, UnavailableError, UnknownTypeError, UsageError
 
 if TYPE_CHECKING:
+    from metaros.idl import Catalogue
     from metaros.node import Context
     from metaros.wire import EndpointInfo, QoSProfile
 
 __all__ = ["FoundTopic", "find_topic", "sensible_qos"]
 
+_ASK_S = 2.0  # for each node that is asked what its type is
+
 
 @dataclass(frozen=True, slots=True)
 class FoundTopic:
-    """A topic in the graph."""
+    """A topic in the graph; `catalogue` has its type, where that is not the shipped one, unless only bytes matter."""
 
     name: str
     type_name: str
     type_hash: str
     qos: QoSProfile
+    catalogue: Catalogue | None = None
 
 
 def find_topic(context: Context, topic: str, type_name: str = "", *, spin_time: float, raw: bool = False) -> FoundTopic:
     """Look `topic` up, waiting up to `spin_time` for it; `type_name` chooses where several types share the name.
 
-    Unless `raw`, the type must be in the catalogue with the publishers' hash.
+    Unless `raw`, its definition is needed: that of the catalogue, if the hash is the publishers', else theirs.
     """
     name = absolute(topic)
     wanted = full_type(type_name) if type_name else ""
@@ -47,9 +51,8 @@ def find_topic(context: Context, topic: str, type_name: str = "", *, spin_time: 
         raise UsageError(f"{name} has several types: {', '.join(types)}\nname one: metaros topic … {name} {types[0]}")
     publishers = [item for item in ends if item.kind == "MP"] or ends
     type_hash = publishers[0].type_hash
-    if not raw:
-        _check(name, types[0], type_hash)
-    return FoundTopic(name, types[0], type_hash, sensible_qos([item.qos for item in publishers]))
+    catalogue = None if raw else _definition(context, name, types[0], type_hash)
+    return FoundTopic(name, types[0], type_hash, sensible_qos([item.qos for item in publishers]), catalogue)
 
 
 def sensible_qos(offered: list[QoSProfile]) -> QoSProfile:
@@ -76,14 +79,25 @@ def _own_hash(type_name: str) -> str:
     return type_hash(type_name)
 
 
-def _check(topic: str, type_name: str, type_hash: str) -> None:
-    from metaros.idl import default_catalogue
+def _definition(context: Context, topic: str, type_name: str, type_hash: str) -> Catalogue:
+    """The catalogue with that very type: ours, or what a node of the topic tells."""
+    from metaros.idl import catalogue_of, default_catalogue
+    from metaros.node import Node
+    from metaros.node.introspection import fetch_type
 
+    known = catalogue_of(type_name, type_hash)
+    if known is not None:
+        return known
+    try:
+        with Node("metaros_cli_types", context=context, enable_rosout=False, enable_parameters=False) as node:
+            return fetch_type(node, type_name, type_hash, timeout_s=_ASK_S)
+    except MetarosError as error:
+        reason = str(error).partition("\n")[2] or str(error)
     if type_name not in default_catalogue():
-        raise UnknownTypeError(f"{topic} has the type {type_name}, which the catalogue does not know\nuse --raw")
-    ours = _own_hash(type_name)
-    if type_hash.startswith("RIHS01_") and type_hash != ours:
-        raise TypeHashError(
-            f"{topic}: its publisher's {type_name} differs from ours\n"
-            f"publisher {type_hash}\nours      {ours}\nuse --raw to see the bytes"
+        raise UnknownTypeError(
+            f"{topic} has the type {type_name}, which the catalogue does not know\n{reason}\nuse --raw to see the bytes"
         )
+    raise TypeHashError(
+        f"{topic}: its publisher's {type_name} differs from ours\n"
+        f"publisher {type_hash}\nours      {_own_hash(type_name)}\n{reason}\nuse --raw to see the bytes"
+    )

@@ -64,7 +64,7 @@ def _shower(listener: Any, out: Output, *, raw: bool, field: str, full: bool) ->
 
     if raw:
         return lambda payload: out.object_line({"cdr": payload.hex()}) if out.json else out.line(payload.hex())
-    decode = codec(listener.found.type_name).decode
+    decode = codec(listener.found.type_name, listener.found.catalogue).decode
 
     def show(payload: bytes) -> None:
         message = decode(payload)
@@ -171,7 +171,8 @@ def delay(
 
     out = Output(output)
     with Listener(topic, "", zenoh_port=zenoh_port, domain=domain, spin_time=spin_time, raw=False) as listener:
-        meter = Delay(window, listener.found.type_name, clock=SystemClock())
+        found = listener.found
+        meter = Delay(window, found.type_name, clock=SystemClock(), catalogue=found.catalogue)
         for count, report in enumerate(listener.reports(meter), start=1):
             if out.json:
                 out.object_line(report)

@@ -58,7 +58,8 @@ def decide(options: UpOptions, data: DataDir, screen: Screen) -> Plan:
     graph = [] if own_router else _graph_names(zenoh_port, options.domain)
     simulated = first_free_robot([*names, *graph])
     if simulated > 1 and options.robots:
-        screen.note(f"sim_1 to sim_{simulated - 1} exist already: this instance's robots start at sim_{simulated}")
+        there = "sim_1 exists" if simulated == 2 else f"sim_1 to sim_{simulated - 1} exist"
+        screen.note(f"{there} already: this instance's robots start at sim_{simulated}")
     return Plan(
         host=options.host,
         http_port=http.port,

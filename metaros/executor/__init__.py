@@ -1,14 +1,21 @@
 """Executors: which thread runs a node's callbacks, and what waits meanwhile."""
 
-from metaros.executor.fair import FairExecutor, NodeShare
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from metaros.executor.groups import CallbackGroup, MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
-from metaros.executor.in_asyncio import AsyncioExecutor
 from metaros.executor.ingress import Ingress
 from metaros.executor.mailbox import Mailbox
-from metaros.executor.pool import MultiThreadedExecutor
 from metaros.executor.protocol import Executor, Spinnable
 from metaros.executor.single import SingleThreadedExecutor
 from metaros.executor.timers import Timer, TimerHeap, TimerStatistics
+
+if TYPE_CHECKING:
+    from metaros.executor.fair import FairExecutor, NodeShare
+    from metaros.executor.in_asyncio import AsyncioExecutor
+    from metaros.executor.pool import MultiThreadedExecutor
 
 __all__ = [
     "AsyncioExecutor",
@@ -27,3 +34,16 @@ __all__ = [
     "TimerHeap",
     "TimerStatistics",
 ]
+
+_LATER = {  # what a node that spins on one thread never needs
+    "AsyncioExecutor": "in_asyncio",
+    "FairExecutor": "fair",
+    "MultiThreadedExecutor": "pool",
+    "NodeShare": "fair",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"metaros.executor.{_LATER[name]}"), name)

@@ -247,16 +247,19 @@ class Ingress:
     def _sort(self, arrivals: Iterable[Any]) -> None:
         self._collected += 1
         routes, touched = self._routes, set()
+        boxes: tuple[Mailbox, ...] = ()
+        key: Hashable = None  # of the item before: runs of one key are looked up once
         for item in arrivals:
             if type(item) is tuple:
                 box, item = item
                 box.pending.append(item)
                 touched.add(box)
             elif item is not None:
-                boxes = routes.get(item.key_expr, ())
+                if (found := item.key_expr) != key:
+                    key, boxes = found, routes.get(found, ())
+                    touched.update(boxes)
                 for box in boxes:
                     box.pending.append(item)
-                touched.update(boxes)
                 if not boxes:
                     self.unrouted += 1
             else:

@@ -22,7 +22,7 @@ class Mailbox:
     """
 
     __slots__ = (
-        "_size_of",
+        "size_of",
         "_weigh_at",
         "busy",
         "depth",
@@ -56,7 +56,7 @@ class Mailbox:
         self.group = group
         self.running = 0  # coroutines of this mailbox that are not done
         self.busy = False  # whether no other may start meanwhile
-        self._size_of = size_of
+        self.size_of = size_of
         self._weigh_at = _FEW
 
     def trim(self) -> None:
@@ -66,7 +66,7 @@ class Mailbox:
             excess = len(pending) - self.depth
             if excess > 0:
                 self._drop(excess)
-        if len(pending) > self._weigh_at or (pending and self._size_of(pending[-1]) > self.limit_bytes // _FEW):
+        if len(pending) > self._weigh_at or (pending and self.size_of(pending[-1]) > self.limit_bytes // _FEW):
             self._trim_bytes()
         elif len(pending) < _FEW:
             self._weigh_at = _FEW
@@ -74,7 +74,7 @@ class Mailbox:
     def _trim_bytes(self) -> None:
         """Where the bound is passed, keep the newest items that fill three quarters of it, so that it lasts a while."""
         items = list(self.pending)
-        sizes = [self._size_of(item) for item in items]
+        sizes = [self.size_of(item) for item in items]
         total = sum(sizes)
         if total > self.limit_bytes:
             count = 0

@@ -6,7 +6,6 @@ own belong to one mutually exclusive group a node: nodes run beside each other, 
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import os
 import threading
@@ -14,7 +13,7 @@ import time
 from collections import deque
 from collections.abc import Coroutine
 from queue import Empty, SimpleQueue
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from metaros.errors import UsageError
 from metaros.executor.groups import CallbackGroup, MutuallyExclusiveCallbackGroup
@@ -23,6 +22,12 @@ from metaros.executor.mailbox import Mailbox
 from metaros.executor.protocol import Spinnable
 from metaros.executor.single import SingleThreadedExecutor
 from metaros.executor.timers import Timer
+from metaros.later import Later
+
+if TYPE_CHECKING:
+    import asyncio
+else:
+    asyncio = Later("asyncio")
 
 __all__ = ["MultiThreadedExecutor"]
 
@@ -230,4 +235,4 @@ def _handle(mailbox: Mailbox, item: Any) -> Coroutine[Any, Any, Any] | None:
     except Exception:
         _log.exception("the handler of a sample failed")
         return None
-    return result if asyncio.iscoroutine(result) else None
+    return result if result is not None and asyncio.iscoroutine(result) else None

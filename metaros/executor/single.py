@@ -8,20 +8,25 @@ different ones interleave only where an `async def` awaits.
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import sys
 import threading
 import time
 from collections.abc import Awaitable, Coroutine
 from contextlib import suppress
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from metaros.errors import ClosedError, UsageError
 from metaros.executor.ingress import Desk, Ingress
 from metaros.executor.mailbox import Mailbox
 from metaros.executor.protocol import Spinnable
 from metaros.executor.timers import Timer
+from metaros.later import Later
+
+if TYPE_CHECKING:
+    import asyncio
+else:
+    asyncio = Later("asyncio")
 
 __all__ = ["SingleThreadedExecutor"]
 
@@ -220,7 +225,7 @@ class SingleThreadedExecutor:
         except Exception:
             _log.exception("a timer's callback failed")
             return None
-        return result if asyncio.iscoroutine(result) else None
+        return result if result is not None and asyncio.iscoroutine(result) else None
 
     def _run_mailbox(self, mailbox: Mailbox, limit: int = _SLICE) -> bool:
         """Handle a slice of its backlog; handlers log what user callbacks raise."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from metaros.idl import globs, names
+from metaros.idl import globs, marks, names
+from metaros.idl.annotated import message
 from metaros.idl.catalogue import Catalogue, default_catalogue, parse_definition, release_catalogue
 from metaros.idl.classes import Action, Message, Service, message_class
 from metaros.idl.definitions import (
@@ -15,6 +16,7 @@ from metaros.idl.definitions import (
     ServiceDefinition,
 )
 from metaros.idl.hashing import parse_hash, type_description, type_hash
+from metaros.idl.known import catalogue_of, remember
 from metaros.idl.parser import parse_action, parse_msg, parse_srv
 from metaros.idl.schema import add_schema_text, definition_text, schema_text
 
@@ -31,9 +33,12 @@ __all__ = [
     "Service",
     "ServiceDefinition",
     "add_schema_text",
+    "catalogue_of",
     "default_catalogue",
     "definition_text",
     "globs",
+    "marks",
+    "message",
     "message_class",
     "names",
     "parse_action",
@@ -42,6 +47,7 @@ __all__ = [
     "parse_msg",
     "parse_srv",
     "release_catalogue",
+    "remember",
     "schema_text",
     "type_description",
     "type_hash",

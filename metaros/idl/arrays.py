@@ -3,32 +3,54 @@
 from __future__ import annotations
 
 from array import array
-from typing import Any
-
-import numpy as np
-import numpy.typing as npt
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Final
 
 from metaros.errors import FieldError
 from metaros.idl.definitions import INTEGER_RANGES
+from metaros.later import Later
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+else:
+    np = Later("numpy")
 
 __all__ = ["DTYPES", "as_array", "same_values"]
 
-DTYPES: dict[str, np.dtype[Any]] = {
-    "bool": np.dtype(np.bool_),
-    "byte": np.dtype(np.uint8),
-    "char": np.dtype(np.uint8),
-    "int8": np.dtype(np.int8),
-    "uint8": np.dtype(np.uint8),
-    "int16": np.dtype(np.int16),
-    "uint16": np.dtype(np.uint16),
-    "int32": np.dtype(np.int32),
-    "uint32": np.dtype(np.uint32),
-    "int64": np.dtype(np.int64),
-    "uint64": np.dtype(np.uint64),
-    "float32": np.dtype(np.float32),
-    "float64": np.dtype(np.float64),
+_NUMPY_NAMES = {
+    "bool": "bool",
+    "byte": "uint8",
+    "char": "uint8",
+    **{name: name for size in (8, 16, 32, 64) for name in (f"int{size}", f"uint{size}")},
+    "float32": "float32",
+    "float64": "float64",
 }
-_TYPE_CODES = dict(zip(DTYPES, "BBBbBhHiIqQfd", strict=True))
+_TYPE_CODES = dict(zip(_NUMPY_NAMES, "BBBbBhHiIqQfd", strict=True))
+
+
+class _Dtypes(Mapping[str, "np.dtype[Any]"]):
+    """The numpy type of each primitive; numpy is loaded when one is asked for, not to know which there are."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, np.dtype[Any]] = {}
+
+    def __getitem__(self, base: str) -> np.dtype[Any]:
+        if not self._made:
+            self._made = {name: np.dtype(numpy_name) for name, numpy_name in _NUMPY_NAMES.items()}
+        return self._made[base]
+
+    def __contains__(self, base: object) -> bool:
+        return base in _NUMPY_NAMES
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_NUMPY_NAMES)
+
+    def __len__(self) -> int:
+        return len(_NUMPY_NAMES)
+
+
+DTYPES: Final[Mapping[str, np.dtype[Any]]] = _Dtypes()
 
 
 def as_array(value: Any, base: str) -> npt.NDArray[Any]:

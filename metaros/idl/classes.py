@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from metaros.errors import FieldError
 from metaros.idl.arrays import DTYPES, as_array, same_values
 from metaros.idl.catalogue import Catalogue, default_catalogue
 from metaros.idl.definitions import ActionDefinition, Field, FieldType, MessageDefinition, ServiceDefinition
 from metaros.idl.hashing import type_hash
+from metaros.later import Later
 
-__all__ = ["Action", "Message", "Service", "message_class"]
+if TYPE_CHECKING:
+    import numpy as np
+else:
+    np = Later("numpy")
+
+__all__ = ["Action", "Message", "Service", "equality_source", "maker", "message_class", "reject_unknown", "zero"]
 
 _REPR_ITEMS = 32
 
@@ -96,8 +100,8 @@ def _identity(name: str, catalogue: Catalogue) -> dict[str, Any]:
 
 
 def _make_message(definition: MessageDefinition, catalogue: Catalogue) -> type[Any]:
-    scope: dict[str, Any] = {"_as_array": as_array, "_same": same_values, "_zeros": np.zeros, "_reject": _reject}
-    source = "\n".join([*_constructor(definition.fields, catalogue, scope), *_equality(definition.fields)])
+    scope: dict[str, Any] = {"_as_array": as_array, "_same": same_values, "_reject": reject_unknown}
+    source = "\n".join([*_constructor(definition.fields, catalogue, scope), *equality_source(definition.fields)])
     exec(compile(source, f"<{definition.name}>", "exec"), scope)
     members: dict[str, Any] = {
         "__slots__": tuple(field.attribute for field in definition.fields),
@@ -121,10 +125,10 @@ def _constructor(fields: tuple[Field, ...], catalogue: Catalogue, scope: dict[st
             given = name
             if field.type.base in DTYPES and field.type.array:
                 given = f"_as_array({name}, {field.type.base!r})"
-            scope[default] = _maker(field.type, field.default, catalogue)
+            scope[default] = maker(field.type, field.default, catalogue)
             body.append(f"_self.{name} = {default}() if {name} is None else {given}")
         else:
-            scope[default] = _zero(field.type) if field.default is None else field.default
+            scope[default] = zero(field.type) if field.default is None else field.default
             parameters.append(f"{name}={default}")
             body.append(f"_self.{name} = {name}")
     star = ["*"] if parameters else []
@@ -134,7 +138,8 @@ def _constructor(fields: tuple[Field, ...], catalogue: Catalogue, scope: dict[st
     ]
 
 
-def _equality(fields: tuple[Field, ...]) -> list[str]:
+def equality_source(fields: tuple[Field, ...]) -> list[str]:
+    """The lines of an `__eq__`, which calls `_same` for arrays of numbers."""
     tests = ["True"]
     for field in fields:
         name = field.attribute
@@ -150,7 +155,8 @@ def _equality(fields: tuple[Field, ...]) -> list[str]:
     ]
 
 
-def _zero(kind: FieldType) -> Any:
+def zero(kind: FieldType) -> Any:
+    """The value of a primitive that nobody set."""
     if kind.is_string:
         return ""
     if kind.base == "bool":
@@ -158,7 +164,7 @@ def _zero(kind: FieldType) -> Any:
     return 0.0 if kind.base in ("float32", "float64") else 0
 
 
-def _maker(kind: FieldType, default: Any, catalogue: Catalogue) -> Callable[[], Any]:
+def maker(kind: FieldType, default: Any, catalogue: Catalogue) -> Callable[[], Any]:
     """A function without arguments that makes the default value of an array or a nested field."""
     count = kind.capacity if kind.array == "fixed" else 0
     if kind.is_nested:
@@ -174,12 +180,13 @@ def _maker(kind: FieldType, default: Any, catalogue: Catalogue) -> Callable[[], 
     return values.copy
 
 
-def _reject(message: Message, unknown: dict[str, Any]) -> None:
+def reject_unknown(message: Message, unknown: dict[str, Any]) -> None:
+    """Say which keyword of a constructor is no field."""
     known = ", ".join(field.attribute for field in message.__metaros_fields__) or "none"
     raise FieldError(f"{message.__metaros_name__} has no field {min(unknown)!r}; its fields are: {known}")
 
 
 def _shown(value: Any) -> str:
-    if isinstance(value, np.ndarray):
+    if hasattr(value, "dtype"):
         return repr(value.tolist()) if value.size <= _REPR_ITEMS else f"<{value.dtype}[{value.size}]>"
     return repr(value)

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from metaros.errors import FieldError
 from metaros.idl.arrays import DTYPES, as_array
 from metaros.idl.catalogue import Catalogue
 from metaros.idl.classes import Message, message_class
 from metaros.idl.definitions import INTEGER_RANGES, Field, FieldType
+from metaros.later import Later
+
+if TYPE_CHECKING:
+    import numpy as np
+else:
+    np = Later("numpy")
 
 __all__ = ["MAX_LISTED_BYTES", "from_dict", "from_json", "to_json"]
 
@@ -50,7 +54,7 @@ def _plain(kind: FieldType, value: Any) -> Any:
     if kind.is_nested:
         return to_json(value)
     if kind.is_string:
-        return str(value)
+        return str.__str__(value) if isinstance(value, str) else str(value)  # an enum's text, not its name
     if kind.base == "bool":
         return bool(value)
     if kind.base in INTEGER_RANGES:

@@ -1,6 +1,10 @@
 """Nodes: publishers, subscriptions, services, clients and timers on the ROS 2 wire."""
 
-from metaros.node.action import ActionClient, ActionResult, ActionServer, ClientGoal, GoalState, ServerGoal
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from metaros.node.client import Client, RawClient
 from metaros.node.context import Context
 from metaros.node.events import PublisherEvents, SubscriptionEvents
@@ -13,6 +17,9 @@ from metaros.node.service import Service
 from metaros.node.sim_time import SimClock
 from metaros.node.spin import spin
 from metaros.node.subscription import RawSubscription, Subscription
+
+if TYPE_CHECKING:
+    from metaros.node.action import ActionClient, ActionResult, ActionServer, ClientGoal, GoalState, ServerGoal
 
 __all__ = [
     "ActionClient",
@@ -38,3 +45,11 @@ __all__ = [
     "SubscriptionEvents",
     "spin",
 ]
+
+_ACTIONS = ("ActionClient", "ActionResult", "ActionServer", "ClientGoal", "GoalState", "ServerGoal")
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ACTIONS:  # most nodes have no actions: they start sooner without
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module("metaros.node.action"), name)

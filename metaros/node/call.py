@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-import asyncio
 import threading
 from collections.abc import Callable, Generator, Iterable
 from contextlib import suppress
-from typing import Any, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 
 import zenoh
 
 from metaros.errors import MetarosError, PeerError, TimeoutError_, UnavailableError
+from metaros.later import Later
 from metaros.wire import parse_attachment
+
+if TYPE_CHECKING:
+    import asyncio
+else:
+    asyncio = Later("asyncio")
 
 __all__ = ["FOREVER_S", "Call", "Reply"]
 
@@ -24,8 +29,16 @@ _TIMED_OUT: Final = "Timeout"  # what Zenoh puts into the error reply it makes i
 class Call:
     """The answers to one request. It ends once: answered, refused, out of time, cancelled, or failed by the client."""
 
-    def __init__(self, service: str, seq: int, gid: bytes, timeout_s: float) -> None:
+    def __init__(
+        self,
+        service: str,
+        seq: int,
+        gid: bytes,
+        timeout_s: float,
+        lost: type[UnavailableError] = UnavailableError,
+    ) -> None:
         self.seq = seq
+        self.lost = lost  # the error where the server goes before it answers
         self._service, self._gid, self._timeout_s = service, gid, timeout_s
         self._lock = threading.Lock()
         self._wakes: list[Callable[[], object]] = []
@@ -142,7 +155,7 @@ class Call:
         if self._refusal and self._refusal != _TIMED_OUT:
             raise PeerError(f"{self._service} refused the request: {self._refusal}")
         if self.finished and not self._refusal:
-            raise UnavailableError(f"{self._service} ended the call without an answer: its server went, or is overrun")
+            raise self.lost(f"{self._service} ended the call without an answer: its server went, or is overrun")
         raise TimeoutError_(f"no answer from {self._service} within {self._timeout_s:g} s")
 
     def _release(self) -> None:

@@ -79,7 +79,7 @@ class RawClient(Endpoint):
             self._servers.discard(str(token))
             lost = [] if self._servers else list(self._calls)
         for call in lost:
-            call.fail(UnavailableError(f"the server of {self.topic} went away before it answered"))
+            call.fail(call.lost(f"the server of {self.topic} went away before it answered"))
 
     def _abandon(self) -> None:
         for call in list(self._calls):
@@ -112,9 +112,19 @@ class RawClient(Endpoint):
         call.when_finished(lambda: self._replies.put(future))
         return future
 
-    def begin(self, request: Any, convert: Callable[[Any], T], timeout_s: float | None = DEFAULT_TIMEOUT_S) -> Reply[T]:
-        """Send the request; the reply can be awaited or waited for. None as the timeout is as long as it takes."""
-        call = self._send(self._request_bytes(request), FOREVER_S if timeout_s is None else timeout_s)
+    def begin(
+        self,
+        request: Any,
+        convert: Callable[[Any], T],
+        timeout_s: float | None = DEFAULT_TIMEOUT_S,
+        *,
+        lost: type[UnavailableError] = UnavailableError,
+    ) -> Reply[T]:
+        """Send the request; the reply can be awaited or waited for. None as the timeout is as long as it takes.
+
+        `lost` is the error where the server goes before it answers.
+        """
+        call = self._send(self._request_bytes(request), FOREVER_S if timeout_s is None else timeout_s, lost)
         return Reply(call, lambda data: convert(self._response(data)), self.check_can_wait)
 
     def check_can_wait(self) -> None:
@@ -139,20 +149,20 @@ class RawClient(Endpoint):
     def _response(self, data: bytes) -> Any:
         return data
 
-    def _send(self, payload: bytes, timeout_s: float) -> Call:
-        call = self._start(timeout_s)
+    def _send(self, payload: bytes, timeout_s: float, lost: type[UnavailableError] = UnavailableError) -> Call:
+        call = self._start(timeout_s, lost)
         self._get(call, payload, timeout_s, zenoh.handlers.Callback(call.take, call.finish, indirect=False))
         return call
 
-    def _start(self, timeout_s: float) -> Call:
+    def _start(self, timeout_s: float, lost: type[UnavailableError] = UnavailableError) -> Call:
         """A new call; an error at once where it makes no sense."""
         if self.closed:
             raise ClosedError(f"the client of {self.topic} was closed")
         if not 0 < timeout_s <= FOREVER_S:
             raise UsageError(f"a call needs a timeout of more than 0 and at most {FOREVER_S:g} s, not {timeout_s}")
         if not self._servers and not self.service_is_ready():
-            raise UnavailableError(f"no server of {self.topic} with type {self.type_name} is in the graph")
-        return Call(self.topic, self._next_seq(), self.gid, timeout_s)
+            raise lost(f"no server of {self.topic} with type {self.type_name} is in the graph")
+        return Call(self.topic, self._next_seq(), self.gid, timeout_s, lost)
 
     def _get(self, call: Call, payload: bytes, timeout_s: float, handler: Any) -> Any:
         """Send the query; what Zenoh makes of the handler."""

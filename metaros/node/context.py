@@ -27,7 +27,8 @@ class Context:
     """Everything that the nodes of a program share. Use it as a context manager, or `close` it.
 
     `domain_id` defaults to `ROS_DOMAIN_ID` or 0; `connect` to the router on this host, `tcp/localhost:7447` or the
-    port in `METAROS_ZENOH_PORT`; `listen` to any free port of this host.
+    port in `METAROS_ZENOH_PORT`; `listen` to any free port of this host; `shared_memory` to `METAROS_SHARED_MEMORY` or
+    "off". With "auto" large messages to processes of this host that have it, too, go through shared memory.
     """
 
     def __init__(
@@ -36,9 +37,13 @@ class Context:
         connect: str | Sequence[str] | None = None,
         listen: str | Sequence[str] | None = None,
         clock: Clock | None = None,
+        *,
+        shared_memory: str | None = None,
     ) -> None:
         self.clock: Clock = SystemClock() if clock is None else clock
-        self.session = WireSession(domain_id=domain_id, connect=connect, listen=listen)
+        self.session = WireSession(
+            domain_id=domain_id, connect=connect, listen=listen, shared_memory=shared_memory
+        )
         self.graph = Graph(self.session)
         self.ingress = Ingress()
         self.arrivals = Arrivals(self.session, self.ingress)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import threading
+import time
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -17,7 +18,8 @@ _CHANNEL: Final = 1024  # samples
 _PATIENCE_S: Final = 0.1  # a handler may block for so long before its channel is emptied for it
 _AHEAD: Final = 512  # samples that a lane passes on before the executor must have handled half of them
 _YIELD_S: Final = 0.0003
-_BATCH: Final = 64
+_BATCH: Final = 512  # at most: while a full channel is emptied one by one, each sample wakes Zenoh's thread
+_BATCH_S: Final = 0.005  # what handling a batch should not take longer than
 _FLOOD: Final = 8  # samples at once that mean more are on their way
 
 
@@ -92,10 +94,10 @@ class ChannelLane:
 
     def _run(self, channel: Any) -> None:
         receive, handle, stopped, pause = channel.recv, self._handle, self._stopped.is_set, threading.Event()
-        flood = False
+        flood, limit = False, 1
         try:
             while not stopped():
-                batch = self._here(channel)
+                batch = self._here(channel, limit)
                 if not batch and flood:  # let a batch gather: switching threads for every sample costs more
                     self._receiving = flood = False
                     pause.wait(_YIELD_S)
@@ -106,17 +108,20 @@ class ChannelLane:
                 else:
                     flood = len(batch) > _FLOOD
                 self._handled += 1
+                began_s = time.monotonic()
                 handle(batch)
+                quick = time.monotonic() - began_s < _BATCH_S
+                limit = min(limit * 2, _BATCH) if quick else max(limit // 2, 1)
         except zenoh.ZError:  # undeclared
             return
 
-    def _here(self, channel: Any) -> list[zenoh.Sample]:
+    def _here(self, channel: Any, limit: int) -> list[zenoh.Sample]:
         """The oldest samples that are here; without any, the guard leaves the channel alone from now on."""
         with self._lock:
             pending = self._backlog.pending
             if pending:
-                return [pending.popleft() for _ in range(min(len(pending), _BATCH))]
-            batch = list(itertools.islice(iter(channel.try_recv, None), _BATCH))
+                return [pending.popleft() for _ in range(min(len(pending), limit))]
+            batch = list(itertools.islice(iter(channel.try_recv, None), limit))
             self._receiving = not batch
             return batch
 
@@ -158,14 +163,15 @@ def one_by_one(handle: Callable[[zenoh.Sample], object]) -> Callable[[list[zenoh
 def feed(ingress: Ingress, mailbox: Mailbox, lane_stopped: Callable[[], bool]) -> Callable[[list[zenoh.Sample]], None]:
     """A lane's handler that passes samples on to an executor and waits while it has enough to do."""
     pause = threading.Event()
-    pending = mailbox.pending
+    pending, limit_bytes = mailbox.pending, mailbox.limit_bytes
 
     def pass_on(batch: list[zenoh.Sample]) -> None:
         pending.extend(batch)
         if not mailbox.queued:
             ingress.offer(mailbox)
-        if len(pending) >= _AHEAD:
-            while len(pending) > _AHEAD // 2 and not lane_stopped():
+        ahead = min(_AHEAD, limit_bytes // mailbox.size_of(batch[-1]))
+        if len(pending) >= ahead:
+            while len(pending) > ahead // 2 and not lane_stopped():
                 pause.wait(_YIELD_S)
 
     return pass_on

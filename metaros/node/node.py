@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import zenoh
 
@@ -17,20 +17,26 @@ from metaros.errors import ClosedError, UsageError
 from metaros.executor import CallbackGroup, Ingress, Timer, TimerHeap
 from metaros.idl import message_class, names
 from metaros.limits import LIMITS
-from metaros.node.action import ActionClient, ActionServer, ServerGoal
+from metaros.node import heartbeat
+from metaros.node.arguments import process_arguments
 from metaros.node.client import Client, RawClient
 from metaros.node.context import Context, shared_context
 from metaros.node.endpoint import Endpoint, as_qos
 from metaros.node.events import PublisherEvents, SubscriptionEvents
 from metaros.node.introspection import offer_logger_levels, offer_type_description
 from metaros.node.logger import Logger
-from metaros.node.parameters import NodeParameters, ParameterClient, declare_sim_time, make_parameters, offer_parameters
+from metaros.node.parameters import NodeParameters, declare_sim_time, make_parameters, offer_parameters
+from metaros.node.payloads import make_publisher, payload_of
 from metaros.node.publisher import Publisher, RawPublisher
 from metaros.node.rate import Rate
 from metaros.node.service import Service
 from metaros.node.sim_time import SimClock, follow_clock
 from metaros.node.subscription import RawSubscription, Subscription
 from metaros.wire import Graph, NodeToken, QoSProfile, qos_default, qos_rosout, qos_services
+
+if TYPE_CHECKING:
+    from metaros.node.action import ActionClient, ActionServer, ServerGoal
+    from metaros.node.parameters import ParameterClient
 
 __all__ = ["Node"]
 
@@ -65,11 +71,12 @@ class Node:
         use_sim_time: bool = False,
     ) -> None:
         namespace = "/" + namespace.strip("/") if namespace else "/"
-        self.name = names.validate_node(name)
-        self.namespace = names.validate_namespace(namespace)
+        self.arguments = process_arguments().for_node(names.validate_node(name), names.validate_namespace(namespace))
+        self.name, self.namespace = name, namespace = self.arguments.name, self.arguments.namespace
         self.full_name = f"{namespace.rstrip('/')}/{name}"
         self.parameters: NodeParameters = make_parameters(
             self.full_name,
+            given=self.arguments.parameters,
             overrides=parameter_overrides,
             file=parameter_file,
             allow_undeclared=allow_undeclared_parameters,
@@ -91,6 +98,8 @@ class Node:
         self._liveliness = session.check_open().liveliness().declare_token(str(self.token))
         self.graph.add_own(self.token)
         self._logger = Logger(self.full_name.lstrip("/").replace("/", "."), self.clock)
+        if self.arguments.log_level:
+            self._logger.set_level(self.arguments.log_level)
         if enable_rosout:
             self._logger.publish_with(self._rosout())
         if enable_parameters:
@@ -100,6 +109,7 @@ class Node:
             offer_logger_levels(self)
         if isinstance(self.clock, SimClock):
             follow_clock(self, self.clock)
+        heartbeat.follow(self)
 
     @property
     def graph(self) -> Graph:
@@ -111,8 +121,8 @@ class Node:
         return self._logger
 
     def resolve(self, name: str) -> str:
-        """The full name of a topic or service as this node means it: relative, `~/private` or `/absolute`."""
-        return names.resolve(name, self.namespace, self.name)
+        """The full name of a topic or service as this node means it: relative, `~/private`, `/absolute`; remapped."""
+        return self.arguments.remapped(names.resolve(name, self.namespace, self.name))
 
     # -- topics ----------------------------------------------------------------------------------------------------
 
@@ -124,8 +134,11 @@ class Node:
         *,
         events: PublisherEvents | None = None,
     ) -> Publisher:
-        """Publish messages of `message_type` on `topic`; a number for `qos` is the depth of the default profile."""
-        return Publisher(self, message_type, topic, codec(message_type), as_qos(qos), events)
+        """Publish messages of `message_type` on `topic`; a number for `qos` is the depth of the default profile.
+
+        The type is a message class, or str, int, float, bool, bytes, dict or list for plain values.
+        """
+        return make_publisher(self, message_type, topic, as_qos(qos), events)
 
     def create_subscription(
         self,
@@ -139,20 +152,20 @@ class Node:
         events: SubscriptionEvents | None = None,
         group: CallbackGroup | None = None,
     ) -> Subscription:
-        """Call `callback(message)` or `callback(message, info)` for each message on `topic`.
+        """Call `callback(message)` or `callback(message, info)` for each message, or plain value, on `topic`.
 
         `raw` gives the CDR bytes instead of a message; `dedicated` a thread of its own instead of the executor's.
         `group` says what the callback may overlap with on an executor of several threads.
         """
-        code = codec(message_type)
+        payload = payload_of(message_type)
         return Subscription(
             self,
             topic,
-            code.name,
-            code.hash,
+            payload.codec.name,
+            payload.codec.hash,
             as_qos(qos),
             callback,
-            decode=bytes if raw else code.decode,
+            decode=bytes if raw else payload.decode,
             dedicated=dedicated,
             events=events,
             group=group,
@@ -213,6 +226,8 @@ class Node:
 
     def create_parameter_client(self, node_name: str) -> ParameterClient:
         """Read and set the parameters of another node."""
+        from metaros.node.parameters import ParameterClient
+
         return ParameterClient(self, node_name)
 
     # -- actions ---------------------------------------------------------------------------------------------------
@@ -221,10 +236,14 @@ class Node:
         self, action: type[Any], name: str, execute: Callable[[ServerGoal], Any], **options: Any
     ) -> ActionServer:
         """Run `execute(goal)` for the goals of `name`; `ActionServer` tells the options, such as `cancel=`."""
+        from metaros.node.action import ActionServer
+
         return ActionServer(self, action, name, execute, **options)
 
     def create_action_client(self, action: type[Any], name: str) -> ActionClient:
         """Send goals to the action server `name`."""
+        from metaros.node.action import ActionClient
+
         return ActionClient(self, action, name)
 
     # -- timers and decorators -------------------------------------------------------------------------------------
@@ -324,6 +343,7 @@ class Node:
                 return
             self.closed = True
             endpoints = list(self._endpoints)
+        heartbeat.leave(self)
         for rate in self._rates:
             rate.close()
         for endpoint in reversed(endpoints):

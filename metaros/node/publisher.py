@@ -20,6 +20,7 @@ from metaros.node.events.callbacks import PublisherEvents
 from metaros.node.events.publishing import PublisherObserver
 from metaros.wire import Durability, QoSProfile, Reliability
 from metaros.wire.attachment import NEW
+from metaros.wire.shm import SharedPool
 
 if TYPE_CHECKING:
     from metaros.node.node import Node
@@ -28,6 +29,8 @@ __all__ = ["Publisher", "RawPublisher"]
 
 _log = logging.getLogger("metaros.node")
 _UNDECLARE_TRIES = 2000  # of a millisecond: longer than Zenoh blocks a put before it gives up
+_BUFFERS = (bytes, bytearray, memoryview)
+_LARGE = LIMITS.shared_memory_threshold_bytes
 _HEARTBEAT_S = 0.5  # how soon a transient_local subscription learns of a sample it missed; rmw_zenoh's figure
 
 
@@ -58,9 +61,13 @@ class RawPublisher(Endpoint):
     ) -> None:
         super().__init__(node, "MP", topic, type_name, type_hash, qos)
         self.events = PublisherObserver(self, events)
-        publisher = _declare(node.context.session.check_open(), self.key, qos)
+        session = node.context.session
+        publisher = _declare(session.check_open(), self.key, qos)
         self.on_close(lambda: _undeclare(publisher))
-        publish, retire = _publish(self, node.context.clock, publisher.put, message_type=message_type, encode=encode)
+        place = _sized(self.topic, None if qos.durability is Durability.TRANSIENT_LOCAL else session.shared_pool)
+        publish, retire = _publish(
+            self, node.context.clock, publisher.put, message_type=message_type, encode=encode, place=place
+        )
         self.publish = publish if self.events.sent is None else _promising(publish, self.events.sent)
         self.on_close(retire)
         self.announce()
@@ -131,6 +138,21 @@ def _undeclare(publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher) -> None
     _log.warning("a publisher was left to the session's close: its put() does not return")
 
 
+def _sized(topic: str, pool: SharedPool | None) -> Callable[[bytes], Any]:
+    """What becomes of a large payload: refused, as it is, or in shared memory.
+
+    A cache of samples would keep the pool's memory for good, so transient_local publishers do without it.
+    """
+    limit, share = LIMITS.sample_bytes, None if pool is None else pool.place
+
+    def place(data: bytes) -> Any:
+        if len(data) > limit:
+            raise TooLargeError(f"a message of {len(data)} bytes on {topic}: the limit is {limit}")
+        return data if share is None else share(data)
+
+    return place
+
+
 def _publish(
     endpoint: Endpoint,
     clock: Clock,
@@ -138,25 +160,28 @@ def _publish(
     *,
     message_type: type[Any] | None,
     encode: Callable[[Any], bytes],
+    place: Callable[[bytes], Any],
 ) -> tuple[Publish, Callable[[], None]]:
     """The hot path: one class check, one encode, one pack, one put; no lock, no attribute look-up.
 
     The second function ends it: publishing goes on raising ClosedError, so that `undeclare` finds the publisher idle.
     """
-    next_seq, pack, now_ns, limit = itertools.count(1).__next__, NEW.pack, clock.wall_ns, LIMITS.sample_bytes
+    next_seq, pack, now_ns, large = itertools.count(1).__next__, NEW.pack, clock.wall_ns, _LARGE
     gid, topic, type_name = endpoint.gid, endpoint.topic, endpoint.type_name
 
     def publish(message: Any, *, stamp_ns: int | None = None) -> None:
-        if message.__class__ is message_type:
+        kind = message.__class__
+        if kind is message_type:
             data = encode(message)
-        elif isinstance(message, bytes | bytearray | memoryview):
+        elif kind is bytes:
+            data = message
+        elif isinstance(message, _BUFFERS):
             data = bytes(message)
         else:
             raise FieldError(f"{topic} carries {type_name}, not {type(message).__name__}")
-        if len(data) > limit:
-            raise TooLargeError(f"a message of {len(data)} bytes on {topic}: the limit is {limit}")
+        payload = data if len(data) < large else place(data)
         try:
-            put(data, attachment=pack(next_seq(), now_ns() if stamp_ns is None else stamp_ns, gid))
+            put(payload, attachment=pack(next_seq(), now_ns() if stamp_ns is None else stamp_ns, gid))
         except zenoh.ZError as error:
             raise ClosedError(f"publish on {topic}: {error}") from None
         except RuntimeError as error:  # Zenoh's object is being undeclared on another thread at this very moment

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-import asyncio
 import threading
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from metaros.clock import Clock
 from metaros.errors import UsageError
+from metaros.later import Later
 from metaros.node.sim_time import SimClock
+
+if TYPE_CHECKING:
+    import asyncio
+else:
+    asyncio = Later("asyncio")
 
 __all__ = ["Rate"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import struct
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -12,7 +13,7 @@ from metaros.clock import Clock
 from metaros.errors import PeerError, TooLargeError
 from metaros.limits import LIMITS
 from metaros.node.info import MessageInfo
-from metaros.wire.attachment import NEW, parse_attachment
+from metaros.wire.attachment import NEW, Attachment, parse_attachment
 
 __all__ = ["Receiver"]
 
@@ -70,21 +71,27 @@ class Receiver:
         self, decode: Callable[[bytes], Any], callback: Callable[..., Any], clock: Clock | None
     ) -> tuple[Callable[[zenoh.Sample], Any], Callable[[Callable[..., Any], Clock], None]]:
         """The hot path as a closure, and how to give it another callback; everything unusual is left to methods."""
-        expected, unpack, size, limit = self._next, NEW.unpack, NEW.size, LIMITS.sample_bytes
+        expected, unpack, large = self._next, NEW.unpack, LIMITS.shared_memory_threshold_bytes
+        newest, following = b"", 0  # the publisher heard last and the number it has next: most often the same again
 
         def handle(sample: zenoh.Sample) -> Any:
+            nonlocal newest, following
             gid = b""
             try:
-                attachment = sample.attachment
-                data = b"" if attachment is None else attachment.to_bytes()
-                seq, source_ns, gid = unpack(data) if len(data) == size else parse_attachment(data)
-                if expected.get(gid) == seq and source_ns >= 0:
-                    expected[gid] = seq + 1
+                try:
+                    seq, source_ns, gid = unpack(sample.attachment.to_bytes())  # type: ignore[union-attr]
+                except (AttributeError, struct.error):  # there is none, or of another form
+                    seq, source_ns, gid = _attachment(sample)
+                if seq == following and gid == newest and source_ns >= 0:
+                    following += 1
                 else:
-                    self._follow(seq, gid, data)
+                    if newest:
+                        expected[newest] = following
+                    following = self._follow(seq, source_ns, gid, sample)
+                    newest = gid
                 payload = sample.payload.to_bytes()
-                if len(payload) > limit:
-                    raise TooLargeError(f"a message of {len(payload)} bytes: the limit is {limit}")
+                if len(payload) >= large and not self._sound(sample, len(payload), gid):
+                    return None
                 message = decode(payload)
             except PeerError as error:
                 return self._reject(gid, error)
@@ -103,10 +110,15 @@ class Receiver:
 
         return handle, call_instead
 
-    def _follow(self, seq: int, gid: bytes, data: bytes) -> None:
-        """A first sample, or one that is not the next: check it fully, count the gap."""
-        parse_attachment(data)
+    def _follow(self, seq: int, source_ns: int, gid: bytes, sample: zenoh.Sample) -> int:
+        """A sample of another publisher than the last one's, or not its next: check it, count the gap.
+
+        Returns which number the publisher has next.
+        """
         expected = self._next.get(gid)
+        if expected == seq and source_ns >= 0:
+            return seq + 1
+        _attachment(sample)
         if expected is None:
             if len(self._next) >= _PUBLISHERS:
                 del self._next[next(iter(self._next))]
@@ -114,8 +126,9 @@ class Receiver:
         elif seq > expected:
             self._gap(seq - expected, gid)
         elif seq < expected:  # late or repeated: it was counted as lost, or seen before
-            return
+            return expected
         self._next[gid] = seq + 1
+        return seq + 1
 
     def _gap(self, count: int, gid: bytes) -> None:
         """So many samples are missing; those that our own history pushed out are not lost."""
@@ -125,7 +138,27 @@ class Receiver:
             self.lost += count - own
             self._on_lost(self.lost, count - own, gid)
 
+    def _sound(self, sample: zenoh.Sample, size_bytes: int, gid: bytes) -> bool:
+        """Whether a large payload may be read: not too large, and, if shared, not taken back before it was copied.
+
+        A publisher takes back what a process held that did not run for a while, as one that a debugger stopped.
+        """
+        if size_bytes > LIMITS.sample_bytes:
+            raise TooLargeError(f"a message of {size_bytes} bytes: the limit is {LIMITS.sample_bytes}")
+        shared = sample.payload.as_shm()
+        if shared is None or shared.is_valid():
+            return True
+        self.lost += 1
+        self._on_lost(self.lost, 1, gid)
+        return False
+
     def _reject(self, gid: bytes, error: PeerError) -> None:
         self.malformed += 1
         sender = f"publisher {gid.hex()}" if gid else "a publisher"
         self._report(f"{error.code} {gid.hex()}", f"{sender} sent what cannot be read: {error.code}: {error}")
+
+
+def _attachment(sample: zenoh.Sample) -> Attachment:
+    """The sample's attachment in whichever form; AttachmentError where it is missing or not sound."""
+    attachment = sample.attachment
+    return parse_attachment(b"" if attachment is None else attachment.to_bytes())

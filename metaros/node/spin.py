@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from metaros.errors import UsageError
 from metaros.executor import Executor, SingleThreadedExecutor
+from metaros.node import heartbeat
 from metaros.node.node import Node
 
 __all__ = ["spin"]
@@ -22,6 +23,7 @@ def spin(nodes: Node | Iterable[Node], *, executor: Executor | None = None) -> N
         raise UsageError("spin needs a node")
     for node in chosen:
         executor.add_node(node)
+        heartbeat.follow(node)
     first = chosen[0]
     if not first.context.connected() and first.context.session.connect:
         where = ", ".join(first.context.session.connect)
@@ -32,3 +34,5 @@ def spin(nodes: Node | Iterable[Node], *, executor: Executor | None = None) -> N
         pass
     finally:
         executor.shutdown()
+        for node in chosen:
+            heartbeat.leave(node)

@@ -26,3 +26,7 @@ class Pace:
         if self._log_start_s is None:
             self._log_start_s, self._clock_start_s = log_s, now_s
         return max(0.0, self._clock_start_s + (log_s - self._log_start_s) / self._rate - now_s)
+
+    def shift(self, seconds: float) -> None:
+        """Everything is due so much later: it was paused for so long."""
+        self._clock_start_s += seconds

@@ -12,6 +12,8 @@ class EventKind(StrEnum):
     """The life of a supervised process, one word each."""
 
     STARTED = "started"
+    READY = "ready"  # those that come after it may start
+    HUNG = "hung"  # no heartbeat: it is being killed
     EXITED = "exited"
     RESTARTING = "restarting"
     QUARANTINED = "quarantined"

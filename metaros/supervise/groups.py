@@ -13,7 +13,7 @@ import subprocess
 import sys
 from typing import Any
 
-__all__ = ["ask_to_end", "kill", "spawn_options"]
+__all__ = ["ask_to_end", "kill", "set_nice", "spawn_options", "terminate"]
 
 
 def spawn_options() -> dict[str, Any]:
@@ -31,6 +31,22 @@ def ask_to_end(popen: subprocess.Popen[bytes]) -> None:
             popen.send_signal(signal.CTRL_BREAK_EVENT)
         else:
             os.killpg(popen.pid, signal.SIGINT)
+
+
+def terminate(popen: subprocess.Popen[bytes]) -> None:
+    """SIGTERM to the group, or Ctrl-Break; nothing where it is gone."""
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        if sys.platform == "win32":
+            popen.send_signal(signal.CTRL_BREAK_EVENT)
+        else:
+            os.killpg(popen.pid, signal.SIGTERM)
+
+
+def set_nice(popen: subprocess.Popen[bytes], nice: int) -> None:
+    """Its share of the processor; a raise that the system refuses, and Windows, leave it as it is."""
+    if sys.platform != "win32":
+        with contextlib.suppress(OSError):
+            os.setpriority(os.PRIO_PGRP, popen.pid, nice)
 
 
 def kill(popen: subprocess.Popen[bytes]) -> None:

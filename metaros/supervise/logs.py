@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 
 __all__ = ["RotatingLog"]
@@ -13,9 +14,12 @@ _TAIL_LINES = 20
 class RotatingLog:
     """Appends bytes to `path`, at most `size_bytes` in it and as much again in `<path>.1`; keeps the last lines."""
 
-    __slots__ = ("_file", "_partial", "_size", "_tail", "path", "size_bytes")
+    __slots__ = ("_file", "_on_line", "_partial", "_size", "_tail", "path", "size_bytes")
 
-    def __init__(self, path: Path, *, size_bytes: int = 4 * 1024 * 1024) -> None:
+    def __init__(
+        self, path: Path, *, size_bytes: int = 4 * 1024 * 1024, on_line: Callable[[str], object] | None = None
+    ) -> None:
+        self._on_line = on_line
         self.path = path
         self.size_bytes = size_bytes
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -40,7 +44,9 @@ class RotatingLog:
         return [*self._tail, rest] if rest else list(self._tail)
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file; a last line without an end is a line, too."""
+        if self._on_line is not None and self._partial:
+            self._on_line(self._partial.decode(errors="replace").rstrip())
         self._file.close()
 
     def _rotate(self) -> None:
@@ -51,5 +57,9 @@ class RotatingLog:
 
     def _remember(self, data: bytes) -> None:
         *lines, rest = (self._partial + data).split(b"\n")
-        self._tail.extend(text for line in lines if (text := line.decode(errors="replace").rstrip()))
+        texts = [text for line in lines if (text := line.decode(errors="replace").rstrip())]
+        self._tail.extend(texts)
         self._partial = rest[-4096:]
+        if self._on_line is not None:
+            for text in texts:
+                self._on_line(text)

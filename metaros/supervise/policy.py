@@ -1,9 +1,9 @@
 """When to start a process again: a pure function over its history.
 
 The first restart comes at once, the following ones after a doubling, jittered delay; a process that stayed healthy for
-a while starts from the beginning again. One that keeps dying is put in quarantine, from which it is tried again now
-and then; a critical one is never given up, but each further death asks for a safe stop. Exit code 78 (`EX_CONFIG`)
-means that the configuration is wrong: trying again would only repeat the message.
+a while starts from the beginning again. One that keeps dying is put in quarantine, from which it is tried again once
+now and then, until it stays healthy; a critical one is never given up, but each further death asks for a safe stop.
+Exit code 78 (`EX_CONFIG`) means that the configuration is wrong: trying again would only repeat the message.
 """
 
 from __future__ import annotations
@@ -91,6 +91,7 @@ class History:
     started_at: float | None = None
     exits: tuple[float, ...] = ()
     restarts: int = 0  # since the process was last healthy
+    quarantined: bool = False  # it was, and has not been healthy since: one try at a time
 
     def started(self, now: float) -> History:
         """The process was started at `now`."""
@@ -100,7 +101,7 @@ class History:
         """The process ended at `now`; forgets what is out of the window, and all after a healthy run."""
         healthy = self.started_at is not None and now - self.started_at >= policy.healthy_after_s
         exits = tuple(at for at in self.exits if now - at <= policy.window_s)
-        return History(None, (*exits, now), 0 if healthy else self.restarts)
+        return History(None, (*exits, now), 0 if healthy else self.restarts, self.quarantined and not healthy)
 
     def restarted(self) -> History:
         """One more restart was granted."""
@@ -141,9 +142,10 @@ def decide(
     after = history.exited(now, policy)
     if stop := _final(exit_, policy):
         return stop, after
-    looping = len(after.exits) > policy.window_exits
+    looping = after.quarantined or len(after.exits) > policy.window_exits
     if looping and not policy.critical:
-        return Quarantine(now + policy.quarantine_s, len(after.exits)), after.restarted()
+        after = replace(after.restarted(), quarantined=True)
+        return Quarantine(now + policy.quarantine_s, len(after.exits)), after
     return RestartAt(now + _delay_s(after.restarts, rng, policy), safe_stop=looping), after.restarted()
 
 

@@ -11,11 +11,12 @@ import contextlib
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from metaros.supervise import groups, guard
+from metaros.supervise.heartbeats import ENVIRONMENT as HEARTBEAT
 from metaros.supervise.logs import RotatingLog
 from metaros.supervise.output import follow
 from metaros.supervise.policy import Exit, RestartPolicy
@@ -35,14 +36,28 @@ class Launch:
     cwd: Path | None = None
     policy: RestartPolicy = field(default_factory=RestartPolicy)
     log_bytes: int = 4 * 1024 * 1024
+    after: tuple[str, ...] = ()  # it starts when these are ready
+    rest_for_one: bool = False  # it is started again when one of these was
+    heartbeat_s: float = 0.0  # how often its nodes say that they live; 0: they are not asked
+    hang_grace_s: float = 3.0  # between SIGTERM and SIGKILL for one that hangs
+    stop_grace_s: float = 5.0  # between SIGINT and SIGKILL for one that is to be started again or stopped alone
+    nice: int = 0  # of the operating system: 19 yields to all others
+    own_guard: bool = False  # its program asks by itself to die with its parent: `guard.die_with_parent`
 
 
 class Process:
     """A running child. `await wait()` gives how it ended; `ask_to_end` and `kill` reach its whole group."""
 
-    def __init__(self, launch: Launch) -> None:
+    def __init__(
+        self,
+        launch: Launch,
+        *,
+        env: Mapping[str, str] | None = None,
+        on_line: Callable[[str], object] | None = None,
+    ) -> None:
         self.launch = launch
-        self.log = RotatingLog(launch.log_path, size_bytes=launch.log_bytes)
+        self._env = {**launch.env, **(env or {})}
+        self.log = RotatingLog(launch.log_path, size_bytes=launch.log_bytes, on_line=on_line)
         self._loop = asyncio.get_running_loop()
         self._ended: asyncio.Future[Exit] = self._loop.create_future()
         self._popen = self._spawn()
@@ -68,25 +83,37 @@ class Process:
         """SIGINT (Windows: Ctrl-Break) to all of its group that is left."""
         groups.ask_to_end(self._popen)
 
+    def terminate(self) -> None:
+        """SIGTERM (Windows: Ctrl-Break) to all of its group that is left."""
+        groups.terminate(self._popen)
+
     def kill(self) -> None:
         """End its whole group at once."""
         groups.kill(self._popen)
 
+    def kill_if_running(self) -> None:
+        """The same, unless its death was seen: its number may be another's by then."""
+        if self.running:
+            self.kill()
+
     def _spawn(self) -> subprocess.Popen[bytes]:
         launch = self.launch
         argv = list(launch.argv)
-        if sys.platform == "linux":
+        if sys.platform == "linux" and not launch.own_guard:
             argv = [sys.executable, "-I", "-S", guard.__file__, str(os.getpid()), *argv]
-        return subprocess.Popen(
+        popen = subprocess.Popen(
             argv,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
-            env={**os.environ, **launch.env},
+            env={**_inherited(), **self._env, guard.PARENT: str(os.getpid())},
             cwd=launch.cwd,
             bufsize=0,
             **groups.spawn_options(),
         )
+        if launch.nice:
+            groups.set_nice(popen, launch.nice)
+        return popen
 
     def _watch_death(self) -> None:
         if sys.platform == "linux":
@@ -107,3 +134,8 @@ class Process:
         self.log.close()
         if not self._ended.done():
             self._ended.set_result(Exit.from_returncode(returncode))
+
+
+def _inherited() -> dict[str, str]:
+    """Our environment, without what our own supervisor told us alone."""
+    return {name: value for name, value in os.environ.items() if name != HEARTBEAT}

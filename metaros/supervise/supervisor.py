@@ -1,8 +1,8 @@
 """Keeps a table of processes running, and stops them in order.
 
-Single-threaded, on one event loop. Each process has one task that starts it, waits for its death, asks the policy and
-waits again. Nothing here blocks: on Linux output is read without blocking and deaths arrive through a pidfd, elsewhere
-a thread waits for either. No queue: events go straight to `on_event`.
+Single-threaded, on one event loop. Each process has one task that waits for those it comes after, starts it, waits for
+its death, asks the policy and waits again. Nothing here blocks: on Linux output is read without blocking and deaths
+arrive through a pidfd, elsewhere a thread waits for either. No queue: events go straight to `on_event`.
 """
 
 from __future__ import annotations
@@ -10,74 +10,60 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from metaros.clock import Clock
-from metaros.errors import ConfigError
+from metaros.errors import ConfigError, UnavailableError
+from metaros.supervise.child import Child, ProcessStatus
 from metaros.supervise.events import Event, EventKind
+from metaros.supervise.heartbeats import ENVIRONMENT, HeartbeatPort, Pulse
 from metaros.supervise.policy import Exit, History, Quarantine, RestartAt, Stop, decide
 from metaros.supervise.process import Launch, Process
 
 if TYPE_CHECKING:
     from random import Random  # noqa: TID251  (the type of an argument)
 
-__all__ = ["ProcessStatus", "Supervisor"]
+__all__ = ["Supervisor"]
 
 _LEAST_GRACE_S = 0.4
 _CANNOT_START = 71  # EX_OSERR
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProcessStatus:
-    """A process as it is now."""
-
-    name: str
-    state: str  # running, waiting, quarantined, ended, stopped
-    pid: int | None
-    restarts: int
-    last_exit: str
-
-
-class _Child:
-    """The supervisor's memory of one process."""
-
-    def __init__(self, launch: Launch) -> None:
-        self.launch = launch
-        self.history = History()
-        self.process: Process | None = None
-        self.task: asyncio.Task[None] | None = None
-        self.state = "waiting"
-        self.restarts = 0
-        self.last_exit = ""
-
-    def status(self) -> ProcessStatus:
-        running = self.process is not None and self.process.running
-        return ProcessStatus(
-            name=self.launch.name,
-            state=self.state,
-            pid=self.process.pid if self.process and running else None,
-            restarts=self.restarts,
-            last_exit=self.last_exit,
-        )
+_READY_STEP_S = 0.02
+_READY_WITHIN_S = 10.0  # then those that come after it start anyway
 
 
 class Supervisor:
-    """Start processes with `start`, end with `stop`; every change is told to `on_event`."""
+    """Start processes with `start`, end with `stop`; every change is told to `on_event`.
 
-    def __init__(self, *, clock: Clock, rng: Random, on_event: Callable[[Event], None] = lambda event: None) -> None:
+    `is_ready(name)` says whether those that come after a running process may start; without it they may at once.
+    `on_line(name, text)` gets every line that a process writes.
+    """
+
+    def __init__(
+        self,
+        *,
+        clock: Clock,
+        rng: Random,
+        on_event: Callable[[Event], None] = lambda event: None,
+        on_line: Callable[[str, str], object] | None = None,
+        is_ready: Callable[[str], bool] | None = None,
+    ) -> None:
         self._clock = clock
         self._rng = rng
         self._on_event = on_event
-        self._children: dict[str, _Child] = {}
+        self._on_line = on_line
+        self._is_ready = is_ready
+        self._children: dict[str, Child] = {}
+        self._port = HeartbeatPort(clock.monotonic_s)
 
     def start(self, launches: Iterable[Launch]) -> None:
         """Start these processes and keep them running; call it on the event loop's thread."""
         for launch in launches:
             if launch.name in self._children:
                 raise ConfigError(f"two processes are called {launch.name!r}")
-            child = self._children[launch.name] = _Child(launch)
-            child.task = asyncio.get_running_loop().create_task(self._keep(child), name=f"keep {launch.name}")
+            self._children[launch.name] = Child(launch)
+        for child in self._children.values():
+            if child.task is None:
+                self._keep_task(child)
 
     def status(self) -> list[ProcessStatus]:
         """All processes, in the order of their start."""
@@ -88,9 +74,26 @@ class Supervisor:
         process = self._children[name].process
         return process.log.tail() if process else []
 
+    def restart(self, name: str, reason: str = "asked for") -> None:
+        """Start it again: end it where it runs, or end its pause, its quarantine or its rest; its past is forgotten."""
+        child = self._find(name)
+        child.history = History()
+        if child.task is None or child.task.done():
+            self._keep_task(child)
+        elif child.running:
+            self._end_for(child, reason)
+        else:
+            child.nudge.set()
+
+    async def stop_one(self, name: str) -> None:
+        """End it, and leave it so until `restart`."""
+        child = self._find(name)
+        await self._end_tasks([child])
+        await self._stop_one(child, child.launch.stop_grace_s)
+
     async def stop(self, *, grace_s: float = 5.0) -> None:
         """Stop all, last stage first: ask each to end, and kill who still runs when the grace time is over."""
-        await self._end_tasks()
+        await self._end_tasks(self._children.values())
         deadline = self._clock.monotonic_s() + grace_s
         stages = sorted({child.launch.stage for child in self._children.values()}, reverse=True)
         for left, stage in zip(range(len(stages), 0, -1), stages, strict=True):
@@ -98,21 +101,31 @@ class Supervisor:
             share_s = max(_LEAST_GRACE_S, rest_s - _LEAST_GRACE_S * (left - 1))  # a hung stage leaves the others some
             children = [child for child in self._children.values() if child.launch.stage == stage]
             await asyncio.gather(*(self._stop_one(child, share_s) for child in children))
+        self._port.close()
 
     def kill(self) -> None:
         """Kill all at once: for an owner whose user has no patience. `stop` then ends quickly."""
         for child in self._children.values():
-            if child.process is not None and child.process.running:
+            if child.running and child.process is not None:
                 child.process.kill()
 
-    async def _end_tasks(self) -> None:
-        tasks = [child.task for child in self._children.values() if child.task]
+    def _find(self, name: str) -> Child:
+        if name not in self._children:
+            raise UnavailableError(f"no process {name!r} here; there are: {', '.join(self._children)}")
+        return self._children[name]
+
+    # -- ending ----------------------------------------------------------------------------------------------------
+
+    async def _end_tasks(self, children: Iterable[Child]) -> None:
+        tasks = [child.task for child in children if child.task]
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def _stop_one(self, child: _Child, grace_s: float) -> None:
+    async def _stop_one(self, child: Child, grace_s: float) -> None:
         process = child.process
+        child.ready.clear()
+        child.blocked_by = []
         if process is None or not process.running:
             if process is not None and child.state == "running":  # it died while its task was being ended
                 child.last_exit = (await process.wait()).reason
@@ -129,52 +142,159 @@ class Supervisor:
         child.state = "stopped"
         self._tell(child, kind, child.last_exit)
 
-    async def _keep(self, child: _Child) -> None:
+    def _end_for(self, child: Child, reason: str) -> None:
+        """Ask a running process to end because it is to start again; kill it after its grace time."""
+        process = child.process
+        if process is None or child.asked:
+            return
+        child.asked = reason
+        process.ask_to_end()
+        asyncio.get_running_loop().call_later(child.launch.stop_grace_s, process.kill_if_running)
+
+    # -- keeping ---------------------------------------------------------------------------------------------------
+
+    def _keep_task(self, child: Child) -> None:
+        child.task = asyncio.get_running_loop().create_task(self._keep(child), name=f"keep {child.launch.name}")
+
+    async def _keep(self, child: Child) -> None:
         while True:
+            await self._wait_for_others(child)
             exit_ = await self._run(child)
-            now = self._clock.monotonic_s()
-            decision, child.history = decide(child.history, exit_, now, self._rng, child.launch.policy)
-            self._tell(child, EventKind.EXITED, self._why(child, exit_))
-            match decision:
-                case Stop(reason):
-                    child.state = "ended"
-                    self._tell(child, EventKind.ENDED, reason)
-                    return
-                case Quarantine(until, exits):
-                    child.state = "quarantined"
-                    detail = f"{exits} exits within {child.launch.policy.window_s:.0f} s"
-                    self._tell(child, EventKind.QUARANTINED, detail, delay_s=until - now)
-                    await asyncio.sleep(until - now)
-                case RestartAt(at, safe_stop):
-                    child.state = "waiting"
-                    if safe_stop:
-                        self._tell(child, EventKind.SAFE_STOP, "a critical process keeps dying")
-                    self._tell(child, EventKind.RESTARTING, exit_.reason, delay_s=at - now)
-                    await asyncio.sleep(at - now)
+            if child.asked:  # our own doing: no fault of its own
+                self._tell(child, EventKind.RESTARTING, child.asked)
+                child.asked = ""
+            elif not await self._after_death(child, exit_):
+                return
             child.restarts += 1
 
-    async def _run(self, child: _Child) -> Exit:
-        child.process = None
+    async def _after_death(self, child: Child, exit_: Exit) -> bool:
+        """Wait as long as the policy says; False where it is not to start again."""
+        now = self._clock.monotonic_s()
+        decision, child.history = decide(child.history, exit_, now, self._rng, child.launch.policy)
+        self._tell(child, EventKind.EXITED, self._why(child, exit_))
+        child.nudge.clear()
+        match decision:
+            case Stop(reason):
+                child.state = "ended"
+                self._tell(child, EventKind.ENDED, reason)
+                return False
+            case Quarantine(until, exits):
+                child.state = "quarantined"
+                detail = f"{exits} exits within {child.launch.policy.window_s:.0f} s"
+                self._tell(child, EventKind.QUARANTINED, detail, delay_s=until - now)
+                self._take_along(child)
+                await self._pause(child, until - now)
+            case RestartAt(at, safe_stop):
+                child.state = "waiting"
+                if safe_stop:
+                    self._tell(child, EventKind.SAFE_STOP, "a critical process keeps dying")
+                self._tell(child, EventKind.RESTARTING, child.hung or exit_.reason, delay_s=at - now)
+                self._take_along(child)
+                await self._pause(child, at - now)
+        return True
+
+    async def _pause(self, child: Child, seconds: float) -> None:
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(child.nudge.wait(), seconds)
+
+    def _take_along(self, dead: Child) -> None:
+        """Those that come after it and asked for it start again, too, once it is back."""
+        for child in self._children.values():
+            if child.launch.rest_for_one and dead.launch.name in child.launch.after and child.running:
+                self._end_for(child, f"{dead.launch.name} restarted")
+                self._take_along(child)
+
+    async def _wait_for_others(self, child: Child) -> None:
+        others = [self._children[name] for name in child.launch.after if name in self._children]
+        child.blocked_by = [other.launch.name for other in others if not other.ready.is_set()]
+        if child.blocked_by:
+            child.state = "blocked"
+        for other in others:
+            await other.ready.wait()
+            child.blocked_by = [other.launch.name for other in others if not other.ready.is_set()]
+        child.blocked_by = []
+
+    # -- one life --------------------------------------------------------------------------------------------------
+
+    async def _run(self, child: Child) -> Exit:
+        child.process, child.hung = None, ""
+        pulse = Pulse(child.launch.heartbeat_s)
+        token, env = "", {}
+        if pulse.period_s:
+            await self._port.open()
+            token, env[ENVIRONMENT] = self._port.register(pulse)
         try:
-            child.process = Process(child.launch)
+            child.process = Process(child.launch, env=env, on_line=self._line_sink(child))
         except OSError as error:  # no memory, no descriptors, no place for the log: the policy tries again
+            self._port.forget(token)
             child.last_exit = f"cannot be started: {error.strerror}"
             return Exit(code=_CANNOT_START)
-        child.history = child.history.started(self._clock.monotonic_s())
+        child.started_at = self._clock.monotonic_s()
+        child.history = child.history.started(child.started_at)
         child.state = "running"
         self._tell(child, EventKind.STARTED)
-        exit_ = await child.process.wait()
-        child.last_exit = exit_.reason
+        try:
+            exit_ = await self._watched(child, child.process, pulse)
+        finally:
+            self._port.forget(token)
+            child.ready.clear()
+        if exit_.clean and child.launch.policy.restart != "always":  # done, not dead: what comes after it may start
+            child.ready.set()
+        child.last_exit = child.hung or exit_.reason
         return exit_
 
-    def _why(self, child: _Child, exit_: Exit) -> str:
+    async def _watched(self, child: Child, process: Process, pulse: Pulse) -> Exit:
+        watchers = [asyncio.create_task(self._announce_ready(child))]
+        if pulse.period_s:
+            watchers.append(asyncio.create_task(self._watch_pulse(child, process, pulse)))
+        try:
+            return await process.wait()
+        finally:
+            for watcher in watchers:
+                watcher.cancel()
+            await asyncio.gather(*watchers, return_exceptions=True)
+
+    async def _announce_ready(self, child: Child) -> None:
+        name, slow = child.launch.name, ""
+        if self._is_ready is not None:
+            deadline = self._clock.monotonic_s() + _READY_WITHIN_S
+            while not self._is_ready(name):
+                if self._clock.monotonic_s() > deadline:
+                    slow = f"not in the graph after {_READY_WITHIN_S:.0f} s: going on without"
+                    break
+                await asyncio.sleep(_READY_STEP_S)
+            self._tell(child, EventKind.READY, slow)
+        child.ready.set()
+
+    async def _watch_pulse(self, child: Child, process: Process, pulse: Pulse) -> None:
+        """Where its heartbeats stop: SIGTERM, and after its grace time SIGKILL."""
+        step_s = pulse.period_s / 2
+        while True:
+            woken_at = self._clock.monotonic_s()
+            await asyncio.sleep(step_s)
+            if self._clock.monotonic_s() - woken_at > 2 * step_s:
+                await asyncio.sleep(step_s)  # it was us who were late: what waits in the socket comes first
+            if pulse.hung(self._clock.monotonic_s()):
+                break
+        child.state, child.hung = "hung", f"hung: no heartbeat for {pulse.silence_s(self._clock.monotonic_s()):.1f} s"
+        self._tell(child, EventKind.HUNG, child.hung)
+        process.terminate()
+        await asyncio.sleep(child.launch.hang_grace_s)
+        process.kill_if_running()
+
+    def _line_sink(self, child: Child) -> Callable[[str], object] | None:
+        sink, name = self._on_line, child.launch.name
+        return None if sink is None else lambda text: sink(name, text)
+
+    def _why(self, child: Child, exit_: Exit) -> str:
         """The exit in words, with the last line written, which is where a program says what went wrong."""
         if child.process is None:
             return child.last_exit
+        reason = child.hung or exit_.reason
         tail = child.process.log.tail() if exit_.code else []
-        return f"{exit_.reason}: {tail[-1]}" if tail else exit_.reason
+        return f"{reason}: {tail[-1]}" if tail else reason
 
-    def _tell(self, child: _Child, kind: EventKind, detail: str = "", *, delay_s: float = 0.0) -> None:
+    def _tell(self, child: Child, kind: EventKind, detail: str = "", *, delay_s: float = 0.0) -> None:
         pid = child.process.pid if child.process else None
         event = Event(
             name=child.launch.name, kind=kind, detail=detail, pid=pid, restarts=child.restarts, delay_s=delay_s

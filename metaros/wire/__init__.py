@@ -1,5 +1,10 @@
 """The ROS 2 wire on Zenoh: keys, attachments, tokens, QoS text, the session, the router and the graph."""
 
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from metaros.wire.attachment import Attachment, pack_attachment, parse_attachment
 from metaros.wire.gid import gid_of
 from metaros.wire.graph import EndpointInfo, Graph, NodeInfo
@@ -24,9 +29,11 @@ from metaros.wire.qos import (
     qos_services,
     qos_transient_local,
 )
-from metaros.wire.router import Router, open_router, probe
 from metaros.wire.session import WireSession, default_endpoint, domain_from
 from metaros.wire.tokens import EndpointToken, NodeToken, parse_token
+
+if TYPE_CHECKING:
+    from metaros.wire.router import Router, open_router, probe
 
 __all__ = [
     "INFINITE_NS",
@@ -68,3 +75,9 @@ __all__ = [
     "qos_transient_local",
     "ros_name",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in ("Router", "open_router", "probe"):  # only the programs that host a router load it
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module("metaros.wire.router"), name)

@@ -1,7 +1,7 @@
 """One Zenoh session set up as rmw_zenoh sets up its own: a peer that finds others through the router.
 
 Environment, under ROS's own names: `ROS_DOMAIN_ID`, `ZENOH_SESSION_CONFIG_URI` (a file), `ZENOH_CONFIG_OVERRIDE`
-(`key=value;key=value`, JSON5 values), and ours: `METAROS_ZENOH_PORT`. What a program passes wins over the
+(`key=value;key=value`, JSON5 values), and ours: `METAROS_ZENOH_PORT`, `METAROS_SHARED_MEMORY`. What a program passes wins over the
 environment. Zenoh's threads are one receive and one send worker for the whole process, unless `ZENOH_RUNTIME` says
 otherwise.
 """
@@ -23,6 +23,7 @@ import zenoh
 
 from metaros.errors import ClosedError, ConfigError, NameError_
 from metaros.wire.keys import parse_domain
+from metaros.wire.shm import shared_pool
 
 __all__ = ["WireSession", "default_endpoint", "domain_from", "session_config"]
 
@@ -46,6 +47,10 @@ _SETTINGS: Final[Mapping[str, object]] = {
     "queries_default_timeout": 600_000,
     "transport/link/tx/lease": 3000,  # so that a hung process leaves the graph in seconds, not a minute
     "transport/shared_memory/enabled": False,
+}
+_SHARED_MEMORY: Final[Mapping[str, object]] = {
+    "transport/shared_memory/enabled": True,
+    "transport/shared_memory/transport_optimization/enabled": False,  # our own pool counts what it has no room for
 }
 
 
@@ -71,6 +76,7 @@ def session_config(
     *,
     connect: Sequence[str] | None = None,
     listen: Sequence[str] | None = None,
+    shared_memory: bool = False,
 ) -> zenoh.Config:
     """The configuration of a session; ConfigError names the setting that Zenoh refuses."""
     uri = environ.get("ZENOH_SESSION_CONFIG_URI")
@@ -82,6 +88,9 @@ def session_config(
             insert_setting(config, key, json.dumps(value), "session setting")
         insert_setting(config, "connect/endpoints", json.dumps([default_endpoint(environ)]), "connect")
         insert_setting(config, "listen/endpoints", json.dumps(["tcp/localhost:0"]), "listen")
+    if shared_memory:
+        for key, value in _SHARED_MEMORY.items():
+            insert_setting(config, key, json.dumps(value), "shared_memory")
     for key, text in _overrides(environ.get("ZENOH_CONFIG_OVERRIDE", "")):
         insert_setting(config, key, text, "ZENOH_CONFIG_OVERRIDE")
     if connect is not None:
@@ -138,10 +147,17 @@ class WireSession:
         connect: str | Sequence[str] | None = None,
         listen: str | Sequence[str] | None = None,
         environ: Mapping[str, str] | None = None,
+        shared_memory: str | None = None,
     ) -> None:
         environ = os.environ if environ is None else environ
         self.domain = parse_domain(str(domain_id)) if domain_id is not None else domain_from(environ)
-        config = session_config(environ, connect=_endpoints(connect), listen=_endpoints(listen))
+        self.shared_pool = shared_pool(shared_memory, environ)
+        config = session_config(
+            environ,
+            connect=_endpoints(connect),
+            listen=_endpoints(listen),
+            shared_memory=self.shared_pool is not None,
+        )
         self.connect: list[str] = _listed(config.get_json("connect/endpoints"))
         try:
             with _runtime_threads():
@@ -196,6 +212,8 @@ class WireSession:
         atexit.unregister(self.close)
         with suppress(zenoh.ZError):
             self.zenoh.close()  # type: ignore[no-untyped-call]
+        if self.shared_pool is not None:
+            self.shared_pool.close()
 
 
 def _endpoints(given: str | Sequence[str] | None) -> Sequence[str] | None:

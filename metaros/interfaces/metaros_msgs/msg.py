@@ -8,13 +8,17 @@ from metaros.errors import UnknownTypeError
 from metaros.idl import message_class
 
 _NAMES = [
+    "Bytes",
     "HostCpu",
     "HostDisk",
     "HostMemory",
     "HostNetwork",
     "HostTemperature",
+    "Json",
+    "NodeEvent",
     "TopicRate",
     "TopicRates",
+    "VideoPacket",
 ]
 
 __all__ = [*_NAMES]

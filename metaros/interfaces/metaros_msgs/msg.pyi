@@ -9,6 +9,15 @@ import numpy.typing as npt
 
 from metaros.idl import Message
 from metaros.interfaces.builtin_interfaces import msg as builtin_interfaces_msg
+from metaros.interfaces.std_msgs import msg as std_msgs_msg
+
+class Bytes(Message):
+    data: npt.NDArray[np.uint8]
+    def __init__(
+        self,
+        *,
+        data: npt.NDArray[Any] | Sequence[int] | bytes | bytearray | memoryview = ...,
+    ) -> None: ...
 
 class HostCpu(Message):
     stamp: builtin_interfaces_msg.Time
@@ -94,6 +103,32 @@ class HostTemperature(Message):
         values: npt.NDArray[Any] | Sequence[float] = ...,
     ) -> None: ...
 
+class Json(Message):
+    data: str
+    def __init__(
+        self,
+        *,
+        data: str = ...,
+    ) -> None: ...
+
+class NodeEvent(Message):
+    stamp: builtin_interfaces_msg.Time
+    node: str
+    kind: str
+    reason: str
+    pid: int
+    restarts: int
+    def __init__(
+        self,
+        *,
+        stamp: builtin_interfaces_msg.Time = ...,
+        node: str = ...,
+        kind: str = ...,
+        reason: str = ...,
+        pid: int = ...,
+        restarts: int = ...,
+    ) -> None: ...
+
 class TopicRate(Message):
     topic: str
     type: str
@@ -120,4 +155,24 @@ class TopicRates(Message):
         *,
         stamp: builtin_interfaces_msg.Time = ...,
         topics: list[TopicRate] = ...,
+    ) -> None: ...
+
+class VideoPacket(Message):
+    header: std_msgs_msg.Header
+    codec: str
+    key_frame: bool
+    pts: int
+    width: int
+    height: int
+    data: npt.NDArray[np.uint8]
+    def __init__(
+        self,
+        *,
+        header: std_msgs_msg.Header = ...,
+        codec: str = ...,
+        key_frame: bool = ...,
+        pts: int = ...,
+        width: int = ...,
+        height: int = ...,
+        data: npt.NDArray[Any] | Sequence[int] | bytes | bytearray | memoryview = ...,
     ) -> None: ...

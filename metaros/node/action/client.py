@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 from metaros.cdr import codec
-from metaros.errors import FieldError, PeerError, UnavailableError
+from metaros.errors import FieldError, PeerError, PeerRestartedError, UnavailableError
 from metaros.limits import LIMITS
 from metaros.node.action.client_goal import ActionResult, ClientGoal
 from metaros.node.action.goal import NO_ID, TERMINAL, CancelCode, GoalState
@@ -132,10 +132,11 @@ class ActionClient:
 
         def convert(response: Any) -> bool:
             if response.return_code == CancelCode.UNKNOWN_GOAL:
-                raise UnavailableError(f"the server of {self.name} does not know goal {goal.goal_id.hex()} (any more)")
+                raise self._unknown(goal)
             return any(id_of(info.goal_id) == goal.goal_id for info in response.goals_canceling)
 
-        return self._cancel_goal.begin(self._cancel_request(goal.goal_id, 0), convert, timeout_s)
+        request = self._cancel_request(goal.goal_id, 0)
+        return self._cancel_goal.begin(request, convert, timeout_s, lost=PeerRestartedError)
 
     def get_result(self, goal: ClientGoal, timeout_s: float | None) -> Reply[ActionResult]:
         """What `goal.result` does."""
@@ -143,13 +144,20 @@ class ActionClient:
         def convert(response: Any) -> ActionResult:
             status = _state(response.status)
             if status not in TERMINAL:
-                raise UnavailableError(f"the server of {self.name} does not know goal {goal.goal_id.hex()} (any more)")
+                raise self._unknown(goal)
             goal.learn(status)
             self._forget(goal.goal_id)
             return ActionResult(status, response.result)
 
         request = self._types.get_result.Request(goal_id=self._types.goal_id(goal.goal_id))
-        return self._get_result.begin(request, convert, timeout_s)
+        return self._get_result.begin(request, convert, timeout_s, lost=PeerRestartedError)
+
+    def _unknown(self, goal: ClientGoal) -> UnavailableError:
+        """A server that does not know a goal which it accepted, and whose end it never told, is another one."""
+        text = f"the server of {self.name} does not know goal {goal.goal_id.hex()}"
+        if goal.status in TERMINAL:
+            return UnavailableError(f"{text} any more")
+        return PeerRestartedError(f"{text}: it was restarted since")
 
     def _cancel_request(self, goal_id: bytes, stamp_ns: int) -> Any:
         return self._types.cancel_goal.Request(goal_info=self._types.info(goal_id, stamp_ns))

@@ -38,7 +38,8 @@ class ClientGoal:
     def result(self, timeout_s: float | None = None) -> Reply[ActionResult]:
         """Its end, to `await` or `.wait()` for; None as the timeout waits as long as the server lives.
 
-        UnavailableError at once when the server dies, or when it does not know the goal (any more).
+        PeerRestartedError at once when the server dies, or was restarted and does not know the goal;
+        UnavailableError when its end was told and the server has forgotten the result since.
         """
         return self._client.get_result(self, timeout_s)
 

@@ -1,6 +1,20 @@
 """What a node tells of itself: type descriptions and logger levels, by ROS 2's standard services."""
 
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from metaros.node.introspection.logger_levels import offer_logger_levels
 from metaros.node.introspection.type_description import offer_type_description
 
-__all__ = ["offer_logger_levels", "offer_type_description"]
+if TYPE_CHECKING:
+    from metaros.node.introspection.fetch import fetch_type, fetch_type_async, users_of
+
+__all__ = ["fetch_type", "fetch_type_async", "offer_logger_levels", "offer_type_description", "users_of"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in ("fetch_type", "fetch_type_async", "users_of"):  # only who asks other nodes loads it
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module("metaros.node.introspection.fetch"), name)

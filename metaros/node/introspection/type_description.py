@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
-from metaros.errors import UsageError
-from metaros.idl import default_catalogue, definition_text, type_description, type_hash
+from metaros.idl import Catalogue, catalogue_of, default_catalogue, definition_text, type_description, type_hash
 from metaros.idl.definitions import MessageDefinition, Value
 from metaros.idl.derived import root_names, whole_message
 from metaros.node.standard import StandardService, serve
@@ -25,41 +24,42 @@ SERVICE: Final = StandardService(
 
 
 def offer_type_description(node: Node) -> None:
-    """Serve it; any type of the catalogue is described, used by this node or not."""
+    """Serve it; any type of the catalogue and every `@message` class is described, used by this node or not."""
     serve(node, SERVICE, _describe, qos_services)
 
 
 def _describe(request: Any, response: Any) -> None:
     name, wanted = request.type_name, request.type_hash
-    try:
-        known = type_hash(name)
-    except UsageError as error:
-        response.failure_reason = str(error)
+    catalogue = catalogue_of(name, wanted) or default_catalogue()
+    if name not in catalogue:
+        response.failure_reason = f"no interface {name!r} in the catalogue"
         return
+    known = type_hash(name, catalogue)
     if wanted and wanted != known:
         response.failure_reason = f"{name} is {known} here, not {wanted[:80]}"
         return
-    description = type_description(name)
-    response.type_description = _message(description)
+    description = type_description(name, catalogue)
+    response.type_description = _message(description, catalogue)
     if request.include_type_sources:
         parts = (description["type_description"], *description["referenced_type_descriptions"])
-        response.type_sources = [_source(part["type_name"]) for part in parts]
+        response.type_sources = [_source(part["type_name"], catalogue) for part in parts]
     response.successful = True
 
 
-def _message(description: Mapping[str, Any]) -> Any:
+def _message(description: Mapping[str, Any], catalogue: Catalogue) -> Any:
     from metaros.interfaces.type_description_interfaces.msg import TypeDescription
 
+    parts = description["referenced_type_descriptions"]
     return TypeDescription(
-        type_description=_individual(description["type_description"]),
-        referenced_type_descriptions=[_individual(part) for part in description["referenced_type_descriptions"]],
+        type_description=_individual(description["type_description"], catalogue),
+        referenced_type_descriptions=[_individual(part, catalogue) for part in parts],
     )
 
 
-def _individual(part: Mapping[str, Any]) -> Any:
+def _individual(part: Mapping[str, Any], catalogue: Catalogue) -> Any:
     from metaros.interfaces.type_description_interfaces.msg import Field, FieldType, IndividualTypeDescription
 
-    definition = default_catalogue().get(part["type_name"])
+    definition = catalogue.get(part["type_name"])
     if not isinstance(definition, MessageDefinition):
         definition = whole_message(definition)
     defaults = {field.name: field.default for field in definition.fields}
@@ -80,11 +80,11 @@ def _literal(default: Value | None) -> str:
     return f"({', '.join(items + [''] * (2 - len(items)))})"
 
 
-def _source(name: str) -> Any:
+def _source(name: str, catalogue: Catalogue) -> Any:
     """The text that defines the type; the parts of services and actions have none of their own."""
     from metaros.interfaces.type_description_interfaces.msg import TypeSource
 
-    if any(root in default_catalogue() for root in root_names(name)):
+    if any(root in catalogue for root in root_names(name)):
         return TypeSource(type_name=name, encoding="implicit")
-    text = definition_text(default_catalogue().get(name))
+    text = definition_text(catalogue.get(name))
     return TypeSource(type_name=name, encoding=name.split("/")[1], raw_file_contents=text)

@@ -18,16 +18,21 @@ def make_parameters(
     *,
     overrides: Mapping[str, Any] | None = None,
     file: str | Path | None = None,
+    given: Mapping[str, Any] | None = None,
     allow_undeclared: bool = False,
 ) -> NodeParameters:
-    """The parameters of a node with this full name; `overrides` win over what the file says."""
-    given: dict[str, Any] = {}
+    """The parameters of a node with this full name.
+
+    `overrides` win over what the command line has `given`, which wins over what the file says.
+    """
+    values: dict[str, Any] = {}
     if file is not None:
         from metaros.node.parameters.files import load_file
 
-        given.update(load_file(file, node_name))
-    given.update(overrides or {})
-    return NodeParameters(node_name, overrides=given, allow_undeclared=allow_undeclared)
+        values.update(load_file(file, node_name))
+    values.update(given or {})
+    values.update(overrides or {})
+    return NodeParameters(node_name, overrides=values, allow_undeclared=allow_undeclared)
 
 
 def declare_sim_time(parameters: NodeParameters, default: bool) -> bool:

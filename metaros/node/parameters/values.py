@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping
 from enum import IntEnum
-from typing import Any, Final
-
-import numpy as np
+from typing import Any, Final, cast
 
 from metaros.errors import ParameterError
 
@@ -138,8 +137,8 @@ def convert(text: str, kind: ParameterType, parse: Callable[[str], object]) -> V
 
 
 def _plain(value: object) -> Any:
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
+    if _is_numpy(value):
+        value = cast("Any", value).tolist()
     if isinstance(value, bytearray | memoryview):
         return bytes(value)
     if isinstance(value, tuple | list):
@@ -148,6 +147,12 @@ def _plain(value: object) -> Any:
         if isinstance(value, base):
             return base(value)
     return value
+
+
+def _is_numpy(value: object) -> bool:
+    """Whether it is an array or a scalar of numpy's; where numpy was never loaded nothing is."""
+    numpy = sys.modules.get("numpy")
+    return numpy is not None and isinstance(value, numpy.ndarray | numpy.generic)
 
 
 def _integer(value: Any) -> int:

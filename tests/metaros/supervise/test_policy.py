@@ -82,6 +82,19 @@ def test_exits_leave_the_window(clock: ManualClock) -> None:
     assert len(history.exits) <= 10
 
 
+def test_a_try_out_of_quarantine_is_one_try(clock: ManualClock) -> None:
+    history = History()
+    for _ in range(11):
+        decision, history = decide(history.started(clock.monotonic_s()), Exit(code=1), clock.monotonic_s(), Random(1))
+    assert isinstance(decision, Quarantine)
+    clock.advance(300.0)
+    history = history.started(clock.monotonic_s())
+    clock.advance(2.0)  # all earlier exits are out of the window
+    decision, history = decide(history, Exit(code=1), clock.monotonic_s(), Random(1))
+    assert isinstance(decision, Quarantine)
+    assert history.quarantined
+
+
 def test_a_quarantined_process_that_is_well_again_restarts_fast(clock: ManualClock) -> None:
     policy = RestartPolicy()
     history = History()

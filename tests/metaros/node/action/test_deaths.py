@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 import metaros
-from metaros.errors import UnavailableError
+from metaros.errors import PeerRestartedError, UnavailableError
 from metaros.interfaces.example_interfaces.action import Fibonacci
 from metaros.interfaces.std_srvs.srv import Trigger
 from metaros.node.action import GoalState, ServerGoal
@@ -95,14 +95,20 @@ def test_a_server_killed_mid_goal_fails_the_result_at_once(node: metaros.Node, z
         result, call = goal.result(timeout_s=100), trigger.call_future(Trigger.Request(), timeout_s=100)
         server.kill()
         began_s = time.monotonic()
-        with pytest.raises(UnavailableError):
+        with pytest.raises(PeerRestartedError) as raised:
             result.wait()
+        assert raised.value.code == "peer_restarted"
         with pytest.raises(UnavailableError):
             call.result(100)
         assert time.monotonic() - began_s < _SOON_S
         wait_until(lambda: not client.server_is_ready())
-        with pytest.raises(UnavailableError):
+        with pytest.raises(PeerRestartedError):
             goal.cancel().wait()
+    with running(program(SERVER), zenoh_router):  # as a supervisor would: it knows nothing of the goal
+        assert client.wait_for_server(30)
+        with pytest.raises(PeerRestartedError, match="restarted since"):
+            goal.result(timeout_s=30).wait()
+        assert client.send_goal(Fibonacci.Goal()).wait().accepted
 
 
 def test_a_goal_survives_its_client_and_is_kept(node: metaros.Node, zenoh_router: str) -> None:

@@ -1,0 +1,1 @@
+"""The nodes of robot.toml and crash_loop.toml."""

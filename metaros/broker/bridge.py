@@ -1,0 +1,149 @@
+"""The bridge between the hub and the ROS graph: one thread that owns all of it, so that nothing needs a lock."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Sequence
+from typing import Final
+
+import zmq
+
+from metaros.broker.demand import Demand
+from metaros.broker.faults import Faults
+from metaros.broker.frames import join
+from metaros.broker.guess import TypeTable
+from metaros.broker.hub import Hub, HubTotals
+from metaros.broker.incoming import Incoming
+from metaros.broker.outgoing import Outgoing
+from metaros.broker.report import BrokerReport
+from metaros.broker.types import Types
+from metaros.broker.waker import Waker
+from metaros.idl.globs import Glob
+from metaros.node import Node
+
+__all__ = ["Bridge"]
+
+_log = logging.getLogger("metaros.broker")
+_TICK_S: Final = 0.25
+_SLICE_S: Final = 0.004  # of converting in each direction before the sockets have their turn
+_DRAIN: Final = 1000  # messages taken from the hub at a time
+
+
+class Bridge:
+    """Runs from its making until `close`."""
+
+    def __init__(
+        self, hub: Hub, node: Node, *, table: TypeTable, only: Sequence[Glob], two_frames: bool, strict: bool
+    ) -> None:
+        self._hub = hub
+        self._node = node
+        self._two_frames = two_frames
+        self._demand = Demand()
+        self._waker = Waker()
+        self._stopped = False
+        self._graph_changed = True
+        self._totals = HubTotals()
+        self._missed = 0
+        faults = Faults(node)
+        self._types = Types(node, changed=self._on_graph, faults=faults)
+        self._incoming = Incoming(node, table=table, types=self._types, only=only, faults=faults)
+        self._outgoing = Outgoing(
+            node,
+            self._demand,
+            types=self._types,
+            only=only,
+            strict=strict,
+            is_own=self._incoming.is_own,
+            send=self._send,
+            wake=self._waker.wake,
+            faults=faults,
+        )
+        self._forget_graph = node.graph.on_change(self._on_graph)
+        self._thread = threading.Thread(target=self._run, name="metaros-zmq-bridge", daemon=True)
+        self._thread.start()
+
+    def report(self) -> BrokerReport:
+        """What went through since the beginning."""
+        rows = [*self._incoming.rows(), *self._outgoing.rows()]
+        return BrokerReport(
+            rows=tuple(sorted(rows, key=lambda row: (row.topic, row.direction))),
+            hub_frames=self._totals.frames,
+            hub_bytes=self._totals.bytes,
+            hub_missed=self._missed,
+            unreadable=self._incoming.unreadable,
+            subscriptions=tuple(prefix.decode(errors="backslashreplace") for prefix in self._demand.prefixes),
+        )
+
+    def close(self) -> None:
+        """End the thread; the hub's sockets are free then."""
+        self._stopped = True
+        self._waker.wake()
+        self._thread.join()
+        self._forget_graph()
+        self._types.close()
+        self._outgoing.close()
+        self._incoming.close()
+        self._waker.close()
+
+    def _on_graph(self) -> None:
+        self._graph_changed = True
+        self._waker.wake()
+
+    def _send(self, topic: bytes, payload: bytes) -> None:
+        self._hub.said.send_multipart(join(topic, payload, two_frames=self._two_frames))
+
+    def _run(self) -> None:
+        try:
+            self._serve()
+        except zmq.ZMQError as error:
+            if not self._stopped:
+                _log.exception("the bridge ends: %s", error)
+
+    def _serve(self) -> None:
+        poller = zmq.Poller()
+        for source in (self._hub.heard, self._hub.said, self._hub.control, self._waker.fileno()):
+            poller.register(source, zmq.POLLIN)
+        clock, next_tick_s, version, more = self._node.clock, 0.0, -1, False
+        while not self._stopped:
+            poller.poll(0 if more else int(_TICK_S * 1000))
+            self._waker.clear()
+            now_s = clock.monotonic_s()
+            self._read_subscriptions(now_s)
+            if now_s >= next_tick_s:
+                next_tick_s = now_s + _TICK_S
+                self._demand.sweep(now_s=now_s)
+                self._hub.ask_totals()
+            if self._graph_changed:
+                self._graph_changed, version = False, -1
+                self._incoming.refresh()
+            if version != self._demand.version:
+                version = self._demand.version
+                self._outgoing.refresh()
+            more = self._drain()
+            more |= self._incoming.work(_SLICE_S)
+            more |= self._outgoing.work(_SLICE_S)
+
+    def _read_subscriptions(self, now_s: float) -> None:
+        try:
+            while True:
+                (frame, *_) = self._hub.said.recv_multipart(zmq.NOBLOCK)
+                if frame[:1] == b"\x01":
+                    self._demand.subscribe(frame[1:])
+                elif frame[:1] == b"\x00":
+                    self._demand.unsubscribe(frame[1:], now_s=now_s)
+        except zmq.Again:
+            pass
+
+    def _drain(self) -> bool:
+        """Take what the hub has for us; whether more may wait."""
+        totals = self._hub.read_totals()
+        receive, take = self._hub.heard.recv_multipart, self._incoming.take
+        try:
+            for _ in range(_DRAIN):
+                take(receive(zmq.NOBLOCK))
+        except zmq.Again:
+            self._totals = totals
+            self._missed = max(self._missed, totals.frames - self._incoming.frames)
+            return False
+        return True

@@ -1,0 +1,153 @@
+"""The hub that ZeroMQ programs connect to: publishers to its XSUB, subscribers to its XPUB.
+
+Two of libzmq's own forwarding loops in a row, each on a thread that never takes the GIL: what ZeroMQ publishers say
+passes both, and what the bridge says joins between them. So the bridge hears only ZeroMQ's messages, never its own:
+
+    publishers ─▶ XSUB ═▶ XPUB ─┬─▶ XSUB ═▶ XPUB ─▶ subscribers
+                                │     ▲
+                                ▼     │
+                               heard  said      (the two sockets of the bridge)
+
+Frames are opaque here. A subscriber that is `hwm` messages behind misses newer ones; libzmq does not tell how many.
+"""
+
+from __future__ import annotations
+
+import struct
+import sys
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, Final
+
+import zmq
+
+from metaros.errors import ConfigError
+from metaros.limits import LIMITS
+
+__all__ = ["Hub", "HubOptions", "HubTotals", "endpoint"]
+
+_HEARD: Final = "inproc://heard"
+_SAID: Final = "inproc://said"
+_CONTROL: Final = "inproc://control"
+_TRANSPORTS: Final = ("tcp", "ipc")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HubOptions:
+    """Where publishers (`xsub`) and subscribers (`xpub`) connect; `hwm` messages may wait for each."""
+
+    xsub: tuple[str, ...] = ("tcp://127.0.0.1:5555",)
+    xpub: tuple[str, ...] = ("tcp://127.0.0.1:5556",)
+    hwm: int = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class HubTotals:
+    """What came from ZeroMQ publishers since the beginning."""
+
+    frames: int = 0
+    bytes: int = 0
+
+
+def endpoint(text: str, *, host: str = "127.0.0.1") -> str:
+    """`5555`, `tcp://0.0.0.0:5555` or `ipc:///run/robot.sock` as ZeroMQ's endpoint; ConfigError otherwise."""
+    if text.isascii() and text.isdigit():
+        text = f"tcp://{host}:{text}"
+    transport, separator, address = text.partition("://")
+    if not separator or transport not in _TRANSPORTS or not address:
+        raise ConfigError(f"{text!r} is no ZeroMQ endpoint: a port, tcp://ADDRESS:PORT or ipc://PATH")
+    if transport == "ipc" and not zmq.has("ipc"):
+        raise ConfigError(f"{text}: ZeroMQ has no ipc on this platform ({sys.platform}): use tcp")
+    port = address.rpartition(":")[2]
+    if transport == "tcp" and not (port.isascii() and port.isdigit() and 0 < int(port) < 65536):
+        raise ConfigError(f"{text}: a TCP endpoint ends in a port within 1..65535")
+    return text
+
+
+class Hub:
+    """A running hub. `heard` receives every message of a ZeroMQ publisher, `said` sends to every subscriber.
+
+    `said` also receives the subscriptions. Both belong to the one thread that uses them.
+    """
+
+    def __init__(self, options: HubOptions) -> None:
+        self._context = zmq.Context()
+        self._context.set(zmq.MAX_SOCKETS, 1023)
+        self._hwm = options.hwm
+        self._threads: list[threading.Thread] = []
+        self._totals = HubTotals()
+        try:
+            self._open(options)
+        except BaseException:
+            self._context.destroy(linger=0)
+            raise
+
+    def _open(self, options: HubOptions) -> None:
+        front, middle, merge, back, control = (
+            self._socket(kind) for kind in (zmq.XSUB, zmq.XPUB, zmq.XSUB, zmq.XPUB, zmq.PAIR)
+        )
+        front.maxmsgsize = LIMITS.broker_message_bytes
+        self.heard, self.said, self.control = (self._socket(kind) for kind in (zmq.SUB, zmq.XPUB, zmq.PAIR))
+        self.heard.rcvhwm = max(10 * self._hwm, 10_000)  # while the bridge converts one large message
+        control.bind(_CONTROL)
+        self.control.connect(_CONTROL)
+        middle.bind(_HEARD)
+        self.said.bind(_SAID)
+        merge.connect(_HEARD)
+        merge.connect(_SAID)
+        self.heard.connect(_HEARD)
+        self.heard.subscribe(b"")
+        for socket, endpoints in ((front, options.xsub), (back, options.xpub)):
+            for where in endpoints:
+                _bind(socket, where)
+        self._forward(
+            "metaros-zmq-in", front, middle, lambda: zmq.proxy_steerable(front, middle, None, control), control
+        )
+        self._forward("metaros-zmq-out", merge, back, lambda: zmq.proxy(merge, back))
+
+    def _socket(self, kind: int) -> Any:
+        socket: Any = self._context.socket(kind)
+        socket.linger = 0
+        socket.rcvhwm = socket.sndhwm = self._hwm
+        return socket
+
+    def _forward(self, name: str, one: Any, other: Any, loop: Callable[[], object], *more: Any) -> None:
+        def run() -> None:
+            with suppress(zmq.ContextTerminated):
+                loop()
+            for socket in (one, other, *more):
+                socket.close()
+
+        thread = threading.Thread(target=run, name=name, daemon=True)
+        thread.start()
+        self._threads.append(thread)
+
+    def ask_totals(self) -> None:
+        """Have the hub count what it has forwarded; the answer arrives on `control`."""
+        with suppress(zmq.Again):
+            self.control.send(b"STATISTICS", zmq.NOBLOCK)
+
+    def read_totals(self) -> HubTotals:
+        """The newest answer."""
+        with suppress(zmq.Again):
+            while True:
+                answer = self.control.recv_multipart(zmq.NOBLOCK)
+                self._totals = HubTotals(*(struct.unpack("=Q", part)[0] for part in answer[:2]))
+        return self._totals
+
+    def close(self) -> None:
+        """End both loops; messages under way are lost. Call it after the bridge's end."""
+        for socket in (self.heard, self.said, self.control):
+            socket.close()
+        self._context.term()
+        for thread in self._threads:
+            thread.join()
+
+
+def _bind(socket: Any, where: str) -> None:
+    try:
+        socket.bind(where)
+    except zmq.ZMQError as error:
+        raise ConfigError(f"cannot listen on {where}: {error.strerror}") from None

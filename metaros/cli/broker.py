@@ -1,0 +1,168 @@
+"""`metaros broker`: a hub for ZeroMQ publishers and subscribers, bridged both ways to ROS topics."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, StatusFile, ZenohPort
+
+if TYPE_CHECKING:
+    from threading import Event
+
+    from metaros.broker import Broker, BrokerOptions
+    from metaros.cli.output import Output
+
+__all__ = ["register"]
+
+LOOPBACK = ("127.", "localhost", "[::1]")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the noun."""
+    app.command("broker")(broker)
+
+
+def broker(
+    xsub: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--xsub",
+            metavar="ENDPOINT",
+            show_default="5555",
+            help="Where publishers connect: a port, tcp:// or ipc://.",
+        ),
+    ] = None,
+    xpub: Annotated[
+        list[str] | None,
+        typer.Option("--xpub", metavar="ENDPOINT", show_default="5556", help="Where subscribers connect."),
+    ] = None,
+    host: Annotated[str, typer.Option("--host", metavar="ADDRESS", help="Address to listen on.")] = "127.0.0.1",
+    types: Annotated[
+        list[str] | None,
+        typer.Option("--map", metavar="TOPIC=TYPE", help="/chatter=std_msgs/String; wildcards * and ** in TOPIC."),
+    ] = None,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="TOPIC", help="Bridge only these topics; wildcards as above.")
+    ] = None,
+    two_frames: Annotated[
+        bool, typer.Option("--two-frames", help="Send subscribers topic and payload as two frames, not as one.")
+    ] = False,
+    strict_json: Annotated[
+        bool, typer.Option("--strict-json", help="Send null for NaN and infinities, which only Python reads.")
+    ] = False,
+    hwm: Annotated[
+        int, typer.Option("--hwm", min=1, max=1_000_000, metavar="N", help="Messages that may wait for a subscriber.")
+    ] = 1000,
+    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
+    domain: Domain = 0,
+    status_file: StatusFile = "",
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Bridge ZeroMQ programs to ROS topics until Ctrl-C.
+
+    Publishers connect to port 5555, subscribers to 5556, as with the broker of `metaros` 1.x, whose programs work
+    unchanged. Hosts the Zenoh router where none runs.
+    """
+    from metaros.cli import extras, running
+    from metaros.cli.output import Output
+
+    extras.require("zmq")
+    from metaros.broker import Broker, BrokerOptions, HubOptions, TypeTable, endpoint
+    from metaros.idl.globs import Glob
+
+    hub = HubOptions(
+        xsub=tuple(endpoint(text, host=host) for text in xsub or ["5555"]),
+        xpub=tuple(endpoint(text, host=host) for text in xpub or ["5556"]),
+        hwm=hwm,
+    )
+    options = BrokerOptions(
+        hub=hub,
+        types=TypeTable.parse(types or ()),
+        only=tuple(Glob(text) for text in only or ()),
+        two_frames=two_frames,
+        strict_json=strict_json,
+    )
+    _check_ports(hub.xsub + hub.xpub)
+    out = Output(output)
+    with running.stop_on_signals() as stop, _router(zenoh_port) as hosted:
+        from metaros.cli.connection import connect
+
+        with connect(zenoh_port, domain) as context, Broker(context, options) as running_broker:
+            _greet(out, options, zenoh_port, hosted=hosted)
+            running.write_status(running.status_file(status_file), xsub=hub.xsub, xpub=hub.xpub, zenoh_port=zenoh_port)
+            _watch(out, running_broker, stop)
+    if not out.json:
+        typer.echo("stopped")
+
+
+def _check_ports(endpoints: tuple[str, ...]) -> None:
+    """An error that names who has a port: nobody would find the hub on another one, so it never moves."""
+    from metaros.cli.up_ports import port_free, port_owner
+    from metaros.errors import ConfigError
+
+    for where in endpoints:
+        transport, _, address = where.partition("://")
+        name, _, port = address.rpartition(":")
+        if transport == "tcp" and name.replace(".", "").isdigit() and not port_free(int(port), host=name):
+            raise ConfigError(
+                f"port {port} is in use by {port_owner(int(port))}\n"
+                "choose others: metaros broker --xsub PORT --xpub PORT, and tell the ZeroMQ programs"
+            )
+
+
+@contextmanager
+def _router(port: int) -> Iterator[bool]:
+    """Our own Zenoh router where there is none; whether it is ours."""
+    from metaros.cli.up_ports import port_owner
+    from metaros.errors import ConfigError
+    from metaros.wire.router import open_router, probe
+
+    state = probe(port)
+    if state == "foreign":
+        raise ConfigError(
+            f"port {port} is in use by {port_owner(port)}\nchoose another: metaros broker --zenoh-port PORT"
+        )
+    if state == "zenoh":
+        yield False
+    else:
+        with open_router(port):
+            yield True
+
+
+def _greet(out: Output, options: BrokerOptions, zenoh_port: int, *, hosted: bool) -> None:
+    hub = options.hub
+    beyond = [where for where in hub.xsub + hub.xpub if not where.partition("://")[2].startswith(LOOPBACK)]
+    beyond = [where for where in beyond if not where.startswith("ipc:")]
+    if beyond:
+        sys.stderr.write(
+            f"warning: {' and '.join(beyond)} can be reached from other hosts, and ZeroMQ has no authentication: "
+            "whoever reaches it can read and publish every topic\n"
+        )
+    if out.json:
+        return
+    out.line(f"publishers connect to   {out.style('  '.join(hub.xsub), '36')}")
+    out.line(f"subscribers connect to  {out.style('  '.join(hub.xpub), '36')}")
+    router = "hosted here" if hosted else "joined"
+    out.line(f"Zenoh router            tcp/127.0.0.1:{zenoh_port}, {router}  (Ctrl-C stops)")
+
+
+def _watch(out: Output, broker: Broker, stop: Event) -> None:
+    """Show what passes until asked to stop."""
+    from metaros.cli.broker_screen import Watcher, live, report_facts
+    from metaros.clock import SystemClock
+
+    watcher = Watcher(SystemClock())
+    if out.json:
+        while not stop.wait(1.0):
+            out.object_line(report_facts(watcher.look(broker.report())))
+    elif out.tty:
+        live(lambda: watcher.look(broker.report()), stop)
+    else:
+        while not stop.wait(0.5):
+            for line in watcher.news(broker.report()):
+                out.line(line)

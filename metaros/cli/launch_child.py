@@ -1,0 +1,80 @@
+"""Run as `python -m metaros.cli.launch_child module|class WHAT ARGUMENT...`: a node of a launch table.
+
+Asks by itself to die with the launcher, which saves the interpreter that the guard would cost, takes the `--ros-args`
+out of the command line for the nodes, and becomes the module, or makes the class's node and spins it. Only what it
+needs is imported: this is the start of every supervised node.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from metaros.supervise import guard
+
+__all__ = ["main"]
+
+CONFIG_EXIT_CODE = 78
+
+
+def main() -> None:
+    """Be the node; exit code 78 where its configuration is wrong, so that nobody starts it again in vain."""
+    parent = os.environ.get(guard.PARENT, "")
+    if parent.isdigit():
+        guard.die_with_parent(int(parent))
+    from metaros.errors import ConfigError, NameError_, ParameterError
+
+    try:
+        _run(*sys.argv[1:])
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except (ConfigError, NameError_, ParameterError) as error:
+        sys.stderr.write(f"{error}\n")
+        sys.exit(CONFIG_EXIT_CODE)
+
+
+def _run(kind: str, what: str, *arguments: str) -> None:
+    from metaros.node.arguments import take_ros_args
+
+    sys.argv = [what, *take_ros_args(arguments)]
+    if kind == "class":
+        _spin_class(what)
+    else:
+        import runpy
+
+        runpy.run_module(what, run_name="__main__", alter_sys=True)
+
+
+def _spin_class(what: str) -> None:
+    """Make the node and spin it until it is asked to end."""
+    import signal
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that it is closed at either request
+    node = load_class(what)()
+    from metaros.node import spin
+
+    try:
+        spin(node)
+    finally:
+        node.context.close()
+
+
+def load_class(what: str) -> type:
+    """The class `package.module:Class`; ConfigError where there is none."""
+    import importlib
+
+    from metaros.errors import ConfigError
+
+    module_name, _, path = what.partition(":")
+    found: object = importlib.import_module(module_name)
+    for part in path.split("."):
+        if not hasattr(found, part):
+            raise ConfigError(f"module {module_name} has no class {path}")
+        found = getattr(found, part)
+    if not isinstance(found, type):
+        raise ConfigError(f"{what} is no class")
+    return found
+
+
+if __name__ == "__main__":
+    main()

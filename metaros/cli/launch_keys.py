@@ -1,0 +1,10 @@
+"""Where a launcher listens for requests: light, so that asking loads no node."""
+
+from __future__ import annotations
+
+__all__ = ["request_key"]
+
+
+def request_key(domain: int, zid: str = "*") -> str:
+    """The key of one launcher; of all of a domain without an id."""
+    return f"@metaros/{domain}/{zid}/launch"

@@ -1,0 +1,1 @@
+"""The interfaces of foxglove_msgs."""

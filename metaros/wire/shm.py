@@ -1,0 +1,100 @@
+"""Shared memory: large payloads pass between the processes of a host without going through the network stack.
+
+Opt-in, by `Context(shared_memory="auto")` or `METAROS_SHARED_MEMORY=auto`, and on Linux only. A publisher writes a
+large payload into its session's pool and Zenoh sends a reference; peers on other hosts, and those without shared
+memory, get the bytes as ever. Where the pool has no room, or cannot be had, the payload takes the network: counted.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+import threading
+from collections.abc import Mapping
+from typing import Final
+
+import zenoh
+import zenoh.shm
+
+from metaros.errors import ConfigError
+from metaros.limits import LIMITS
+
+__all__ = ["SharedPool", "shared_pool"]
+
+_log = logging.getLogger("metaros.wire")
+_ENV: Final = "METAROS_SHARED_MEMORY"
+_MODES: Final = ("off", "auto")
+_FILES: Final = "/dev/shm"  # noqa: S108 - where Linux keeps POSIX shared memory, not a temporary file of ours
+
+
+def shared_pool(mode: str | None, environ: Mapping[str, str]) -> SharedPool | None:
+    """The pool that the program or the environment asks for; None for `off` and where it does not work."""
+    chosen, source = (environ.get(_ENV) or "off", _ENV) if mode is None else (mode, "shared_memory")
+    if chosen not in _MODES:
+        raise ConfigError(f"{source}: {chosen!r} is none of {', '.join(_MODES)}")
+    return SharedPool() if chosen == "auto" and sys.platform == "linux" else None
+
+
+class SharedPool:
+    """One session's shared memory. Thread-safe; it takes its memory when the first large payload comes.
+
+    `placed` counts payloads that went through it, `refused` those that took the network for want of room.
+    """
+
+    def __init__(
+        self,
+        *,
+        size_bytes: int = LIMITS.shared_memory_bytes,
+        threshold_bytes: int = LIMITS.shared_memory_threshold_bytes,
+    ) -> None:
+        self.size_bytes = size_bytes
+        self.threshold_bytes = threshold_bytes
+        self.placed = 0
+        self.refused = 0
+        self._lock = threading.Lock()
+        self._provider: zenoh.shm.ShmProvider | None = None
+        self._closed = False
+        self._policy = zenoh.shm.GarbageCollect()  # without it nothing that peers gave back is used again
+
+    def place(self, data: bytes) -> bytes | zenoh.shm.ZShmMut:
+        """The payload in shared memory, or as it is where there is no room."""
+        with self._lock:  # of large payloads only: it costs nothing beside the copy
+            buffer = self._room(len(data))
+            if buffer is None:
+                self.refused += 1
+                return data
+            self.placed += 1
+        buffer[:] = data
+        return buffer
+
+    def _room(self, size_bytes: int) -> zenoh.shm.ZShmMut | None:
+        if self._closed:
+            return None
+        try:
+            if self._provider is None:
+                self._provider = self._open()
+            return self._provider.alloc(size_bytes, self._policy)
+        except MemoryError as error:
+            _log.warning("no shared memory, large payloads take the network: %s", error)
+            self._closed = True
+        except zenoh.ZError:  # full, or no piece of it is long enough
+            pass
+        return None
+
+    def _open(self) -> zenoh.shm.ShmProvider:
+        """Writing to a page that the file system has no room for ends a process, so ask beforehand."""
+        free = os.statvfs(_FILES)
+        free_bytes = free.f_bavail * free.f_frsize
+        if free_bytes < 2 * self.size_bytes:
+            raise MemoryError(f"{_FILES} has {free_bytes} bytes left, a pool takes {self.size_bytes}")
+        try:
+            return zenoh.shm.ShmProvider.default_backend(self.size_bytes)
+        except zenoh.ZError as error:
+            raise MemoryError(str(error)) from None
+
+    def close(self) -> None:
+        """Give the memory back; what peers still read goes with their last reference."""
+        with self._lock:
+            self._closed = True
+            self._provider = None

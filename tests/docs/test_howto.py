@@ -1,0 +1,79 @@
+"""The how-to pages: every command on them runs, prints what the page shows, and no command lacks a page."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.docs.console import Command, World, commands_of, environment, matches
+from tests.layout.test_docs import command_tree
+
+ROOT = Path(__file__).resolve().parents[2]
+HOWTO = ROOT / "docs" / "howto"
+PAGES = sorted(HOWTO.glob("*.md"))
+RUN = [page for page in PAGES if commands_of(page.read_text())]
+ALONE = {"run_a_fleet.md"}  # it starts its own robots
+LOOKS = re.compile(r"metaros (topic|node|service|action|graph|top|doctor|status) (?!pub|call|send_goal)")
+SLOW = {"look_around.md", "run_a_fleet.md", "services_and_actions.md", "topics.md"}
+
+
+@pytest.fixture
+def world(zenoh_router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
+    """A router and one simulated robot; the examples are at hand."""
+    for name, value in environment(zenoh_router, tmp_path).items():
+        monkeypatch.setenv(name, value)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    world = World(zenoh_router, tmp_path)
+    with world.page():
+        yield world
+
+
+@pytest.mark.parametrize(
+    "page", [pytest.param(page.name, marks=[pytest.mark.slow] if page.name in SLOW else []) for page in RUN]
+)
+def test_every_command_of_the_page_prints_what_it_shows(page: str, world: World) -> None:
+    text = (HOWTO / page).read_text()
+    if "/sim_1" in text and page not in ALONE:
+        world.run(Command(0, "metaros sim --robots 1 &"))
+    for command in commands_of(text):
+        sample = [line for line in command.sample if line != "^C"]
+        printed = world.run(command)
+        for _ in range(2 if LOOKS.match(command.text) else 0):  # on a busy machine the graph may lag, a topic pause
+            printed = printed if matches(sample, printed) else world.run(command)
+        assert matches(sample, printed), f"{page}:{command.line}: {command.text}\nprinted:\n{printed}"
+
+
+def test_every_command_has_a_page() -> None:
+    text = "\n".join(page.read_text() for page in PAGES)
+    said = [f"metaros {' '.join(path)}" for path, _ in command_tree() if path]
+    assert [command for command in said if re.search(rf"{command}(?![\w-])", text) is None] == []
+
+
+def test_the_index_names_every_page() -> None:
+    index = (HOWTO / "index.md").read_text()
+    assert [page.name for page in PAGES if page.name != "index.md" and f"({page.name})" not in index] == []
+
+
+@pytest.mark.parametrize(
+    ("sample", "printed", "same"),
+    [
+        (["rate: 9.998 Hz"], "rate:  10 Hz\n", True),
+        (["rate: 9.998 Hz"], "rate: – Hz\n", True),
+        (["rate: 9.998 Hz"], "rate: ten Hz\n", False),
+        (["15 kB/s"], "122 B/s\n", True),
+        (["/sim_1/odom"], "/sim_2/odom\n", False),
+        (["a", "…", "b"], "a\nb\n", True),
+        (["a", "…", "b"], "a\n1\n2\nb\n", True),
+        (["a", "…", "b"], "a\n1\n2\n", False),
+        (["a"], "a\nb\n", False),
+        (["id … of 3"], "id 0xff of 4\n", True),
+        ([], "", True),
+        ([], "error: no\n", False),
+    ],
+)
+def test_what_counts_as_alike(sample: list[str], printed: str, same: bool) -> None:
+    assert matches(sample, printed) == same

@@ -1,0 +1,136 @@
+"""`metaros broker` as a command: its ports, its router, its end, and what it shows."""
+
+from __future__ import annotations
+
+import io
+import json
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import zmq
+from rich.console import Console
+
+from metaros.broker import BrokerReport, Direction, TopicRow
+from metaros.cli.broker_screen import Watcher, render, report_facts
+from metaros.clock import ManualClock
+from tests.metaros.cli.conftest import Run
+from tests.support.ports import free_port
+from tests.support.waiting import wait_until
+
+
+def row(topic: str, direction: Direction, messages: int, **facts: int) -> TopicRow:
+    counts = {"bridged": messages, "dropped": 0, "malformed": 0, **facts}
+    kind = "std_msgs/msg/String"
+    return TopicRow(
+        topic=topic, direction=direction, type=kind, messages=messages, bytes=100 * messages, heard=True, **counts
+    )
+
+
+@pytest.mark.parametrize("stop", [signal.SIGINT, signal.SIGTERM])
+def test_it_hosts_the_router_and_bridges_until_told_to_stop(tmp_path: Path, stop: signal.Signals) -> None:
+    status, (xsub, xpub, port) = tmp_path / "status.json", (free_port() for _ in range(3))
+    argv = [sys.executable, "-u", "-m", "metaros", "broker", "--status-file", str(status), "--zenoh-port", str(port)]
+    argv += ["--xsub", str(xsub), "--xpub", f"tcp://127.0.0.1:{xpub}"]
+    log = tmp_path / "log"
+    with log.open("wb") as out, subprocess.Popen(argv, stdout=out, stderr=subprocess.STDOUT) as process:
+        try:
+            wait_until(lambda: status.exists() or process.poll() is not None, timeout_s=30)
+            assert process.poll() is None, log.read_text()
+            assert json.loads(status.read_text())["xsub"] == [f"tcp://127.0.0.1:{xsub}"]
+            with zmq.Context() as context, context.socket(zmq.PUB) as publisher:
+                publisher.linger = 0
+                publisher.connect(f"tcp://127.0.0.1:{xsub}")
+
+                def bridged() -> bool:
+                    publisher.send(b'/chatter {"data": "hello"}')
+                    return "ZeroMQ → ROS  /chatter  std_msgs/msg/String" in log.read_text(encoding="utf-8")
+
+                wait_until(bridged, timeout_s=30, every_s=0.05)
+            process.send_signal(stop)
+            assert process.wait(20) == 0, log.read_text()
+        finally:
+            process.kill()
+    text = log.read_text(encoding="utf-8")
+    assert f"tcp/127.0.0.1:{port}, hosted here" in text
+    assert text.splitlines()[-1] == "stopped"
+
+
+def test_json_lines_for_machines_and_a_warning_beyond_loopback(zenoh_router: str, tmp_path: Path) -> None:
+    argv = [sys.executable, "-u", "-m", "metaros", "broker", "-o", "json", "--host", "0.0.0.0"]
+    argv += ["--zenoh-port", zenoh_router.rsplit(":", 1)[1], "--xsub", str(free_port()), "--xpub", str(free_port())]
+    out, err = tmp_path / "out", tmp_path / "err"
+    with out.open("wb") as out_file, err.open("wb") as err_file:
+        with subprocess.Popen(argv, stdout=out_file, stderr=err_file) as process:
+            try:
+                wait_until(lambda: b"\n" in out.read_bytes() or process.poll() is not None, timeout_s=30)
+            finally:
+                process.terminate()
+                process.wait(20)
+    assert json.loads(out.read_text().splitlines()[0])["rows"] == []
+    assert "ZeroMQ has no authentication" in err.read_text()
+
+
+def test_a_port_in_use_is_an_error_that_names_its_owner(run: Run) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen(1)
+        port = taken.getsockname()[1]
+        done = run("broker", "--xsub", str(port), "--xpub", str(free_port()))
+    assert done.returncode == 2
+    assert f"port {port} is in use by" in done.stderr
+    assert "--xsub PORT" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("--xsub", "udp://1.2.3.4:5"), "udp://1.2.3.4:5"),
+        (("--xpub", "tcp://127.0.0.1"), "port"),
+        (("--map", "/chatter"), "TOPIC=TYPE"),
+        (("--map", "/chatter=no/Such"), "no/Such"),
+        (("--only", "/a b"), "pattern"),
+    ],
+)
+def test_what_cannot_be_is_one_line_and_exit_code_2(run: Run, arguments: tuple[str, ...], word: str) -> None:
+    done = run("broker", *arguments)
+    assert done.returncode == 2, done.stderr
+    assert word in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_table(clock: ManualClock) -> None:
+    watcher = Watcher(clock)
+    first = BrokerReport(rows=(row("/in", Direction.TO_ROS, 10), row("/out", Direction.TO_ZMQ, 5)))
+    watcher.look(first)
+    clock.advance(2.0)
+    rows = (row("/in", Direction.TO_ROS, 50, malformed=3), row("/out", Direction.TO_ZMQ, 5, dropped=7))
+    report = BrokerReport(rows=rows, hub_frames=60, unreadable=4, hub_missed=9, subscriptions=("/out",))
+    look = watcher.look(report)
+    screen = Console(file=io.StringIO(), width=140)
+    screen.print(render(look, 24))
+    text = screen.file.getvalue()  # type: ignore[attr-defined]
+    lines = {line.split()[0]: line for line in text.splitlines() if line.startswith("/")}
+    assert "20.0" in lines["/in"]
+    assert lines["/in"].split()[-1] == "3"
+    assert lines["/out"].split()[-2:] == ["7", "–"]
+    assert "1 ZeroMQ subscription " in text
+    assert "4 without a ROS topic" in text
+    assert "9 too fast" in text
+    facts = report_facts(look)
+    assert (facts["rows"][0]["direction"], facts["rows"][0]["rate_hz"]) == ("to_ros", 20.0)
+
+
+def test_the_table_fits_the_screen_and_news_come_once(clock: ManualClock) -> None:
+    watcher = Watcher(clock)
+    report = BrokerReport(rows=tuple(row(f"/t{number}", Direction.TO_ROS, 1) for number in range(50)))
+    screen = Console(file=io.StringIO(), width=140)
+    screen.print(render(watcher.look(report), 20))
+    text = screen.file.getvalue()  # type: ignore[attr-defined]
+    assert text.count("\n") < 20
+    assert "… and 38 more" in text
+    assert len(watcher.news(report)) == 50
+    assert watcher.news(report) == []

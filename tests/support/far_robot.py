@@ -1,0 +1,61 @@
+"""A program with types of its own, which the process that tests it must not import: run it with `far_robot()`."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+from tests.support.waiting import wait_until
+
+
+@contextmanager
+def far_robot(router: str, log: Path, *, namespace: str = "/") -> Iterator[subprocess.Popen[bytes]]:
+    """The program in a process, from when it publishes until the end of the block."""
+    environment = {**os.environ, "METAROS_ZENOH_PORT": router.rsplit(":", 1)[1]}
+    command = [sys.executable, "-m", "tests.support.far_robot", namespace]
+    with log.open("wb") as out:
+        process = subprocess.Popen(
+            command, stdout=out, stderr=subprocess.STDOUT, env=environment, cwd=Path(__file__).parents[2]
+        )
+    try:
+        wait_until(lambda: b"ready" in log.read_bytes(), timeout_s=30)
+        yield process
+    finally:
+        process.kill()
+        process.wait(10)
+
+
+def main() -> None:
+    """Publish `hand`, of a new type, and `other`, of a type that has a shipped name and other fields."""
+    import metaros
+    from metaros.interfaces.std_msgs.msg import Header
+
+    @metaros.message(name="far_robot/msg/Finger")
+    class Finger:
+        angle: metaros.float32 = 0.25
+
+    @metaros.message(name="far_robot/msg/Hand")
+    class Hand:
+        header: Header
+        fingers: list[Finger]
+        grip: Annotated[str, metaros.Bounded(8)] = "soft"
+
+    @metaros.message(name="std_msgs/msg/Int8")
+    class OtherInt8:
+        data: metaros.int16 = 77
+
+    with metaros.Node("hand", namespace=sys.argv[1]) as node:
+        hands, others = node.create_publisher(Hand, "hand"), node.create_publisher(OtherInt8, "other")
+        node.create_timer(0.05, lambda: hands.publish(Hand(fingers=[Finger(), Finger(angle=1.5)])))
+        node.create_timer(0.05, lambda: others.publish(OtherInt8()))
+        print("ready", flush=True)
+        metaros.spin(node)
+
+
+if __name__ == "__main__":
+    main()
