@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+from edge_agent.outbox import ChannelId, IdLog, SeriesId
 from edge_agent.select import MetricExtractor, Selector
 from edge_agent.topics import Delivery, TopicRule, TopicTable, series_name
 from metaros._proto import link_pb2
@@ -17,7 +18,7 @@ __all__ = ["METRIC_STREAM", "Channel", "Channels"]
 
 METRIC_STREAM = 0
 ANNOUNCE_BYTES = 1 << 20
-CLASS_NUMBERS = {
+CLASS_NUMBERS: dict[Delivery, link_pb2.DeliveryClass] = {
     "event": link_pb2.DELIVERY_CLASS_EVENT,
     "bulk": link_pb2.DELIVERY_CLASS_BULK,
     "live": link_pb2.DELIVERY_CLASS_LIVE,
@@ -82,10 +83,11 @@ class Channel:
 
 
 class Channels:
-    """The registry: channel ids and series ids are given in the order of discovery and never again."""
+    """The registry: channel ids and series ids come from the outbox's file of them, and mean one thing for ever."""
 
-    def __init__(self, table: TopicTable, *, namespace: str, limits: Limits = LIMITS) -> None:
+    def __init__(self, table: TopicTable, ids: IdLog, *, namespace: str, limits: Limits = LIMITS) -> None:
         self._table = table
+        self._ids = ids
         self._namespace = namespace
         self._limits = limits
         self._by_name: dict[tuple[str, str, str], Channel] = {}
@@ -93,6 +95,11 @@ class Channels:
         self._series: list[tuple[int, link_pb2.Series]] = []
         self.revision = 0
         self.refused = 0
+        for known in list(ids.channels.values()):
+            self._recall(known)
+        for series in ids.series.values():
+            self._series.append((self.revision + 1, link_pb2.Series(series_id=series.series, **told(series))))
+        self.revision += 1
 
     def __iter__(self) -> Iterator[Channel]:
         return iter(self._by_id.values())
@@ -114,6 +121,7 @@ class Channels:
         elif keeps_all and channel.rule.delivery == "auto" and channel.delivery == "live":
             channel.delivery, channel.max_rate_hz = decide(channel.rule, keeps_all=True)
             channel.selector = Selector(channel.rule, channel.delivery, max_rate_hz=channel.max_rate_hz)
+            self._ids.describe(replace(self._ids.channels[channel.channel_id], delivery=channel.delivery))
             self._changed(channel)
         if qos and qos != channel.qos:
             channel.qos = qos
@@ -126,6 +134,7 @@ class Channels:
         if len(schema) > self._limits.schema_bytes:
             return
         channel.schema = schema
+        self._ids.describe(replace(self._ids.channels[channel.channel_id], schema=schema.decode()))
         channel.metrics = self._extractor(channel.topic, channel.type_name, channel.rule, catalogue)
         self._changed(channel)
 
@@ -156,8 +165,9 @@ class Channels:
         rule = self._table.rule(topic)
         delivery, max_rate_hz = decide(rule, keeps_all=keeps_all)
         known = catalogue_of(type_name, hash_text) if hash_text.startswith("RIHS01_") else None
+        number = self._ids.channel(topic=topic, type_name=type_name, type_hash=hash_text, delivery=delivery)
         channel = Channel(
-            channel_id=len(self._by_id) + 1,
+            channel_id=number,
             topic=topic,
             type_name=type_name,
             type_hash=hash_text,
@@ -172,6 +182,29 @@ class Channels:
         self._changed(channel)
         return channel
 
+    def _recall(self, known: ChannelId) -> None:
+        """A channel of an earlier run, of which samples are held: it is announced, and used again when it is seen."""
+        rule = self._table.rule(known.topic)
+        delivery, max_rate_hz = decide(rule, keeps_all=known.delivery == "bulk")
+        catalogue = catalogue_of(known.type_name, known.type_hash)
+        same = delivery == known.delivery
+        channel = Channel(
+            channel_id=known.channel,
+            topic=known.topic,
+            type_name=known.type_name,
+            type_hash=known.type_hash,
+            rule=rule,
+            delivery=as_delivery(known.delivery),
+            max_rate_hz=max_rate_hz,
+            selector=Selector(rule, delivery, max_rate_hz=max_rate_hz),
+            metrics=self._extractor(known.topic, known.type_name, rule, catalogue) if same and catalogue else None,
+            schema=known.schema.encode() or (schema_text(known.type_name, catalogue).encode() if catalogue else b""),
+        )
+        self._by_id[channel.channel_id] = channel
+        if same:
+            self._by_name[known.topic, known.type_name, known.type_hash] = channel
+        self._changed(channel)
+
     def _extractor(self, topic: str, type_name: str, rule: TopicRule, catalogue: Catalogue) -> MetricExtractor | None:
         """A reader of those of the row's fields that the type has."""
         fields = [path for path in rule.fields if has_field(type_name, path, catalogue)]
@@ -179,16 +212,28 @@ class Channels:
         if not fields:
             return None
         ids = []
+        known = {series.series_id for _, series in self._series}
         for path in fields:
             name = series_name(topic, path, namespace=self._namespace)
-            ids.append(len(self._series) + 1)
-            series = link_pb2.Series(series_id=ids[-1], name=name, topic=topic, field=path)
-            self._series.append((self.revision + 1, series))
+            ids.append(self._ids.series_number(name=name, topic=topic, field=path))
+            if ids[-1] not in known:
+                series = link_pb2.Series(series_id=ids[-1], name=name, topic=topic, field=path)
+                self._series.append((self.revision + 1, series))
         return MetricExtractor(tuple(ids), field_reader(type_name, fields, catalogue), rate_hz=rule.metrics_rate_hz)
 
     def _changed(self, channel: Channel) -> None:
         self.revision += 1
         channel.revision = self.revision
+
+
+def as_delivery(text: str) -> Delivery:
+    """A class that was read from a file."""
+    return next((known for known in CLASS_NUMBERS if known == text), "bulk")
+
+
+def told(series: SeriesId) -> dict[str, str]:
+    """A series' texts."""
+    return {"name": series.name, "topic": series.topic, "field": series.field}
 
 
 def decide(rule: TopicRule, *, keeps_all: bool) -> tuple[Delivery, float]:

@@ -34,6 +34,9 @@ def run_command(
     host_metrics: Annotated[
         bool | None, typer.Option("--host-metrics/--no-host-metrics", help="Publish this host's CPU, memory, …")
     ] = None,
+    state_dir: Annotated[
+        Path | None, typer.Option(help="Where the outbox lives; default: ~/.metaros/agent/NAME.")
+    ] = None,
     status_file: Annotated[Path | None, typer.Option(help="Write JSON there once the tap runs.")] = None,
 ) -> None:
     """Run the agent until Ctrl-C."""
@@ -51,6 +54,7 @@ def run_command(
         "zenoh_port": zenoh_port,
         "exclude": exclude or None,
         "host_metrics": host_metrics,
+        "state_dir": state_dir,
         "status_file": status_file,
     }
     try:

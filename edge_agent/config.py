@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -15,6 +15,7 @@ from edge_agent.topics import DEFAULT_TOPICS, Delivery, TopicRule
 from metaros.errors import ConfigError, MetarosError
 from metaros.idl.globs import Glob
 from metaros.idl.names import validate_namespace
+from metaros.limits import LIMITS
 
 __all__ = ["OutboxSettings", "Settings", "load_settings", "sanitised_hostname"]
 
@@ -30,17 +31,18 @@ RULE_KEYS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutboxSettings:
-    """Quotas of the in-memory outbox and the live queue, in bytes."""
+    """Quotas of the outbox on disk, of its reserve, and of the live queue in memory, in bytes."""
 
     event_bytes: int = CLASSES["event"].quota_bytes
     metric_bytes: int = CLASSES["metric"].quota_bytes
     bulk_bytes: int = CLASSES["bulk"].quota_bytes
-    live_bytes: int = 8 << 20
+    reserve_bytes: int = LIMITS.outbox_reserve_bytes
+    live_bytes: int = LIMITS.live_bytes
 
     def classes(self) -> dict[str, ClassPolicy]:
         """The outbox's class table with these quotas."""
         quotas = {"event": self.event_bytes, "metric": self.metric_bytes, "bulk": self.bulk_bytes}
-        return {name: ClassPolicy(quotas[name], policy.give_up) for name, policy in CLASSES.items()}
+        return {name: replace(policy, quota_bytes=quotas[name]) for name, policy in CLASSES.items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +56,7 @@ class Settings:
     exclude: tuple[str, ...] = ()
     host_metrics: bool = True
     actuators: tuple[str, ...] = DEFAULT_ACTUATORS
+    state_dir: Path | None = None  # None = ~/.metaros/agent/<name>
     status_file: Path | None = None
     labels: Mapping[str, str] = field(default_factory=dict)
     topics: tuple[TopicRule, ...] = DEFAULT_TOPICS
@@ -119,7 +122,7 @@ def convert(key: str, value: Any, where: str) -> Any:
             return {name: expect(text, str, f"labels.{name}", where) for name, text in table.items()}
         case "outbox":
             return outbox_settings(expect(value, dict, key, where), where)
-        case "status_file":
+        case "status_file" | "state_dir":
             return Path(value)
         case _:
             return expect(value, str, key, where)

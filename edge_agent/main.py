@@ -7,6 +7,7 @@ import contextlib
 import os
 import socket
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 from edge_agent.batch import Linger
 from edge_agent.channels import Channels
@@ -15,18 +16,21 @@ from edge_agent.config import Settings
 from edge_agent.drive_guard import DriveGuard
 from edge_agent.live import LiveQueue
 from edge_agent.metrics import publish_host
-from edge_agent.outbox import Outbox
+from edge_agent.outbox import OsDisk, Outbox, OutboxWriter
 from edge_agent.pipeline import Pipeline
 from edge_agent.publishers import Publishers
 from edge_agent.scope import Scope
+from edge_agent.state_dir import default_state_dir, locked
 from edge_agent.status import status_file
+from edge_agent.store_id import StoreId
 from edge_agent.tap import Tap
 from edge_agent.teleop import Teleop
 from edge_agent.topics import TopicTable
 from edge_agent.uplink.backoff import Backoff
+from edge_agent.uplink.budget import Budget
 from edge_agent.uplink.grpc import GrpcUplink
-from edge_agent.uplink.keeper import Queues, SessionKeeper
-from edge_agent.uplink.session import Identity
+from edge_agent.uplink.keeper import SessionKeeper
+from edge_agent.uplink.session import Identity, Queues
 from metaros.clock import Clock, SystemClock, system_rng
 from metaros.node import Context, Node
 from metaros.signals import on_stop
@@ -52,7 +56,8 @@ async def run_until_signal(settings: Settings) -> None:
 async def run_agent(settings: Settings, *, clock: Clock | None = None) -> None:
     """Tap, queues, uplink, commands and host metrics around one Zenoh session; until cancelled."""
     clock = clock or SystemClock()
-    with Context(connect=[f"tcp/127.0.0.1:{settings.zenoh_port}"], clock=clock) as context:
+    state_dir = settings.state_dir or default_state_dir(settings.name)
+    with locked(state_dir), Context(connect=[f"tcp/127.0.0.1:{settings.zenoh_port}"], clock=clock) as context:
         with contextlib.ExitStack() as stack:
             node = stack.enter_context(
                 Node(NODE_NAME, namespace=settings.namespace, context=context, enable_parameters=False)
@@ -68,18 +73,29 @@ async def run_agent(settings: Settings, *, clock: Clock | None = None) -> None:
                         enable_parameters=False,
                     )
                 )
-            await run_parts(settings, node, host, clock)
+            await run_parts(settings, state_dir, node, host, clock)
 
 
-async def run_parts(settings: Settings, node: Node, host: Node | None, clock: Clock) -> None:
+async def run_parts(settings: Settings, state_dir: Path, node: Node, host: Node | None, clock: Clock) -> None:
     """Build the parts on their nodes and run them in one task group."""
     rng = system_rng()
     scope = Scope(settings.namespace, settings.exclude)
+    disk = OsDisk(state_dir / "outbox")
+    outbox = Outbox(
+        disk,
+        clock,
+        new_epoch=lambda: rng.getrandbits(64),
+        writer=os.urandom(8).hex(),
+        boot_id=boot_id(),
+        classes=settings.outbox.classes(),
+        reserve_bytes=settings.outbox.reserve_bytes,
+    )
     queues = Queues(
-        Channels(TopicTable(settings.topics), namespace=settings.namespace),
-        Outbox(clock, rng.getrandbits(64) or 1, classes=settings.outbox.classes()),
+        Channels(TopicTable(settings.topics), outbox.ids, namespace=settings.namespace),
+        outbox,
         LiveQueue(max_bytes=settings.outbox.live_bytes),
         Linger(),
+        Budget(now_s=clock.monotonic_s()),
     )
     publishers = Publishers(node)
     teleop = Teleop(DriveGuard(clock, settings.actuators), publishers, scope)
@@ -90,15 +106,18 @@ async def run_parts(settings: Settings, node: Node, host: Node | None, clock: Cl
         teleop,
         commands,
         clock,
+        store_id=StoreId(OsDisk(state_dir)),
         malformed=lambda: pipeline.malformed + tap.ingress.malformed.total(),
         wake=lambda: uplink.wake(),
     )
     uplink = GrpcUplink(settings.gateway, keeper, Backoff(rng))
-    pipeline = Pipeline(queues.outbox, queues.live, queues.linger, wake=uplink.wake)
+    writer = OutboxWriter(outbox, disk, on_flushed=uplink.wake)
+    pipeline = Pipeline(outbox, queues.live, queues.linger, wake_writer=writer.wake, wake_uplink=uplink.wake)
     tap = Tap(node, queues.channels, scope, pipeline.take, uplink.wake, clock)
     try:
         with status_file(settings.status_file, name=settings.name, namespace=settings.namespace):
             async with asyncio.TaskGroup() as group:
+                group.create_task(writer.run())
                 group.create_task(uplink.run())
                 group.create_task(teleop.run())
                 if host is not None:
@@ -107,6 +126,14 @@ async def run_parts(settings: Settings, node: Node, host: Node | None, clock: Cl
         tap.close()
         await commands.close()
         publishers.close()
+
+
+def boot_id() -> str:
+    """Which run of the operating system this is; empty where it does not say."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+    except OSError:
+        return ""
 
 
 def identity(settings: Settings) -> Identity:

@@ -17,6 +17,7 @@ from typing import NamedTuple
 from edge_agent.errors import BehindError, DiskError, DiskFullError
 from edge_agent.outbox.classes import BACKFILL_BIT, CLASSES, LOGS, ClassPolicy, LogName, log_name
 from edge_agent.outbox.disk import Disk
+from edge_agent.outbox.ids import IdLog
 from edge_agent.outbox.log import AppendJob, SegmentLog, Taken
 from edge_agent.outbox.pending import Lost, Pending, Row, Sample, pack
 from edge_agent.outbox.rewrite import RewriteJob
@@ -24,6 +25,7 @@ from edge_agent.outbox.state import OutboxState
 from metaros.clock import Clock
 from metaros.errors import FrameError
 from metaros.limits import LIMITS, Limits
+from metaros.link import CHANNEL_MASK
 
 __all__ = ["Depth", "FlushJob", "Outbox", "StreamRange"]
 
@@ -93,6 +95,7 @@ class Outbox:
         self.state = self._open()
         self.state.add_writer(writer)
         self._save()
+        self.ids = IdLog(disk, held={held.stream_id & CHANNEL_MASK for held in self.ranges()} - {0})
 
     # -- what came in -----------------------------------------------------------------------------------------------
 

@@ -38,15 +38,28 @@ def steps(outbox: Outbox, disk: Disk, name: LogName) -> Steps:
         if not (yield from rewriting(outbox, room)):
             break
     if (job := outbox.flush_job(name)) is not None:
-        while (error := (yield job.append)) is not None:
-            relieved = isinstance(error, DiskFullError) and (yield from relieving(outbox, name))
-            if not relieved:
-                outbox.refused(job, error.code)
-                break
-        else:
+        error: DiskError | None = None
+        if (ids := outbox.ids.job()) is not None:
+            error = yield from trying(outbox, ids, name)
+            if error is None:
+                outbox.ids.written(ids)
+        if error is None:
+            error = yield from trying(outbox, job.append, name)
+        if error is None:
             outbox.flushed(job)
+        else:
+            outbox.refused(job, error.code)
     for garbage in outbox.sweep():
         yield Removal(disk, garbage)
+
+
+def trying(outbox: Outbox, job: Job, name: LogName) -> Generator[Job, DiskError | None, DiskError | None]:
+    """Run a write, again whenever room could be made for it; the error that stayed."""
+    while (error := (yield job)) is not None:
+        relieved = isinstance(error, DiskFullError) and (yield from relieving(outbox, name))
+        if not relieved:
+            return error
+    return None
 
 
 def relieving(outbox: Outbox, name: LogName) -> Generator[Job, DiskError | None, bool]:

@@ -1,6 +1,6 @@
 """The link over gRPC: one channel and one bidirectional stream a lane; a thin shell around AgentSession.
 
-Each lane has a reader and a writer task; control has a connection of its own, so its frames never wait behind data.
+Each lane has a connection of its own with a reader and a writer task, so control never waits behind data.
 A write waits for HTTP/2 flow control, which is the back-pressure. Any lane's end is the session's end.
 """
 
@@ -13,17 +13,16 @@ from typing import Any, Protocol
 import grpc
 import grpc.aio
 
-from edge_agent.errors import LinkError, RefusedError
+from edge_agent.errors import DiskError, LinkError, RefusedError
 from edge_agent.uplink.backoff import Backoff
-from edge_agent.uplink.session import CONTROL, DATA, AgentSession, Established, Event
-from metaros._proto import link_pb2, link_pb2_grpc
+from edge_agent.uplink.session import LANES, AgentSession, Established, Event
+from metaros._proto import link_pb2
 from metaros.errors import FrameError
 from metaros.limits import LIMITS
 
 __all__ = ["GrpcUplink", "SessionOwner"]
 
 LOG = logging.getLogger("metaros.agent.uplink")
-LANES = (CONTROL, DATA)
 OPEN_S = 5.0
 CHECK_S = 0.5
 OPTIONS = (
@@ -46,8 +45,8 @@ class SessionOwner(Protocol):
     def handle(self, session: AgentSession, event: Event) -> None:
         """An event of the session that runs."""
 
-    def session_ended(self) -> None:
-        """The session is over; whatever hung on it stops."""
+    def session_ended(self, error: BaseException | None = None) -> None:
+        """The session is over, and why; whatever hung on it stops."""
 
 
 class GrpcUplink:
@@ -74,7 +73,7 @@ class GrpcUplink:
             except RefusedError as error:
                 delay_s = error.retry_after_s
                 self._say(f"link down: {error}")
-            except (LinkError, FrameError, grpc.RpcError, TimeoutError) as error:
+            except (LinkError, DiskError, FrameError, grpc.RpcError, TimeoutError) as error:
                 self._say(f"link down: {describe(error)}")
             await asyncio.sleep(max(delay_s, self._backoff.next_s()))
 
@@ -86,19 +85,19 @@ class GrpcUplink:
         finally:
             task.cancel()
             await asyncio.wait({task})
-            self._owner.session_ended()
+            self._owner.session_ended(None if task.cancelled() else task.exception())
         await task
 
     async def _run_session(self, session: AgentSession) -> None:
-        """Open both lanes and run them; always raises, with the first reason."""
+        """Open all lanes and run them; always raises, with the first reason."""
         channels: list[grpc.aio.Channel] = []
         calls: dict[link_pb2.Lane, Any] = {}
         try:
             for lane in LANES:
                 channels.append(grpc.aio.insecure_channel(self._target, options=OPTIONS))
-                calls[lane] = link_pb2_grpc.LinkStub(channels[-1]).Connect()
+                calls[lane] = open_stream(channels[-1])
                 async with asyncio.timeout(OPEN_S):
-                    await write(calls[lane], session.hello(lane))
+                    await write(calls[lane], session.hello(lane).SerializeToString())
                     await self._read_one(session, lane, calls[lane])
             await self._run_lanes(session, calls)
         finally:
@@ -156,7 +155,16 @@ class GrpcUplink:
         self._said = text
 
 
-async def write(call: Any, frame: link_pb2.AgentFrame) -> None:
+def open_stream(channel: grpc.aio.Channel) -> Any:
+    """`Link.Connect` with frames that are serialised already: most of them were packed when they were accepted."""
+    return channel.stream_stream(
+        "/metaros.v1.Link/Connect",
+        request_serializer=bytes,
+        response_deserializer=link_pb2.GatewayFrame.FromString,
+    )()
+
+
+async def write(call: Any, frame: bytes) -> None:
     """Write a frame; a stream that has ended is a LinkError."""
     try:
         await call.write(frame)

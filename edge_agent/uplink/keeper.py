@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
-from dataclasses import dataclass
 
-from edge_agent.batch import Linger
-from edge_agent.channels import Channels
 from edge_agent.commands import Commands
-from edge_agent.live import LiveQueue
-from edge_agent.outbox import Outbox
+from edge_agent.errors import RefusedError
+from edge_agent.store_id import StoreId
 from edge_agent.teleop import Teleop
-from edge_agent.uplink.session import AgentSession, CommandArrived, Established, Event, Identity, TeleopArrived
+from edge_agent.uplink.lane import Compression
+from edge_agent.uplink.session import (
+    AgentSession,
+    CommandArrived,
+    Established,
+    Event,
+    Identity,
+    Queues,
+    TeleopArrived,
+)
+from edge_agent.uplink.statistics import LinkFacts
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 
-__all__ = ["Queues", "SessionKeeper"]
+__all__ = ["SessionKeeper"]
 
 
-@dataclass(frozen=True, slots=True)
-class Queues:
-    """What is known of the robot's topics, and what of them waits for the link."""
-
-    channels: Channels
-    outbox: Outbox
-    live: LiveQueue
-    linger: Linger
+LOG = logging.getLogger("metaros.agent.uplink")
 
 
 class SessionKeeper:
@@ -39,6 +40,8 @@ class SessionKeeper:
         commands: Commands,
         clock: Clock,
         *,
+        store_id: StoreId,
+        compression: Compression = "none",
         malformed: Callable[[], int],
         wake: Callable[[], None],
     ) -> None:
@@ -50,7 +53,9 @@ class SessionKeeper:
         self._malformed = malformed
         self._wake = wake
         self._number = clock.wall_ns() // 1_000_000  # so that a restarted agent fences its older self
-        self._store_id = ""
+        self._store_id = store_id
+        self._compression = compression
+        self.facts = LinkFacts()
 
     def new_session(self) -> AgentSession:
         """The next session, with a higher number."""
@@ -58,27 +63,32 @@ class SessionKeeper:
         return AgentSession(
             self._who,
             self._number,
-            channels=self._queues.channels,
-            outbox=self._queues.outbox,
-            live=self._queues.live,
-            linger=self._queues.linger,
+            self._queues,
             clock=self._clock,
-            store_id=self._store_id,
+            store_id=self._store_id.value,
+            compression=self._compression,
             malformed=self._malformed,
+            facts=self.facts,
         )
 
     def handle(self, session: AgentSession, event: Event) -> None:
         """An event of the session that runs."""
         match event:
             case Established():
-                self._store_id = event.store_id
+                self._store_id.learn(event.store_id)
+                self._queues.outbox.online = True
             case TeleopArrived():
                 self._teleop.drive(event)
             case CommandArrived():
                 self._commands.handle(event, lambda result: self._answer(session, result))
 
-    def session_ended(self) -> None:
+    def session_ended(self, error: BaseException | None = None) -> None:
         """Nobody watches or drives any more: stop what moves, drop what was only for viewers."""
+        self._queues.outbox.online = False
+        self.facts.reconnects += 1
+        if isinstance(error, RefusedError) and error.reason == "forked":
+            LOG.warning("another copy of this outbox has spoken to the gateway: what is held goes under a new epoch")
+            self._queues.outbox.relabel()
         self._teleop.link_lost()
         self._queues.channels.demand({})
         self._queues.live.clear()

@@ -90,7 +90,9 @@ class World:
         return dict(self.keeper.marks)
 
     def step(self) -> None:
-        act = self.rng.choice(["append"] * 4 + ["flush"] * 4 + ["send"] * 3 + ["ack", "link", "crash", "fail", "fill", "resume"])
+        act = self.rng.choice(
+            ["append"] * 4 + ["flush"] * 4 + ["send"] * 3 + ["ack", "link", "crash", "fail", "fill", "resume"]
+        )
         getattr(self, act)()
 
     def append(self) -> None:

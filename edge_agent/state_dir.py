@@ -1,0 +1,69 @@
+"""The agent's own directory: outbox, store id, budget; one process at a time.
+
+The lock is the operating system's and goes with the process, however it ends.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from edge_agent.errors import DiskError
+from metaros.errors import ConfigError
+
+__all__ = ["default_state_dir", "locked"]
+
+
+def default_state_dir(name: str) -> Path:
+    """Where the agent of a robot keeps its state when nobody says."""
+    return Path.home() / ".metaros" / "agent" / name
+
+
+@contextmanager
+def locked(directory: Path) -> Iterator[Path]:
+    """Hold the directory while the block runs.
+
+    Raises:
+        ConfigError: another agent holds it; names its process.
+        DiskError: the directory cannot be made.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(directory / "lock", os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError as error:
+        raise DiskError(f"cannot use {directory}: {error.strerror}") from error
+    try:
+        if not take_lock(descriptor):
+            pid = os.pread(descriptor, 32, 0).decode(errors="replace").strip() if hasattr(os, "pread") else ""
+            raise ConfigError(
+                f"another agent{f' (process {pid})' if pid else ''} uses {directory}\n"
+                "Give this one its own with --state-dir, or another --name."
+            )
+        with contextlib.suppress(OSError):  # a full disk: the number is only for people
+            os.ftruncate(descriptor, 0)
+            os.write(descriptor, str(os.getpid()).encode())
+        yield directory
+    finally:
+        os.close(descriptor)
+
+
+def take_lock(descriptor: int) -> bool:
+    """Lock an open file for this process; False when another has it."""
+    try:
+        if sys.platform == "win32":
+            import msvcrt
+
+            os.lseek(descriptor, 1 << 20, os.SEEK_SET)  # behind the number, so that others can read it
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+            os.lseek(descriptor, 0, os.SEEK_SET)
+        else:
+            import fcntl
+
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
