@@ -75,7 +75,7 @@ class Gateway:
 
     async def start(self) -> None:
         """Know the robots of earlier days; start the store."""
-        self.store.start(self.links.committed)
+        self.store.start(self.links.committed, self.links.refused)
         stored = sorted(await self.store.robots(), key=lambda item: -item.last_seen_ns)
         for position, item in enumerate(stored):
             record = self.registry.add(RobotRecord(item.robot, seen_ns=item.last_seen_ns))

@@ -18,7 +18,8 @@
     │   └── CommandRefusedError      the robot's agent refused; keeps the agent's code  command_refused
     ├── LinkError                    an agent's fault on the link
     │   ├── ProtocolError            a frame breaks the protocol                        protocol
-    │   └── FencedError              a newer session of this robot is alive             fenced
+    │   ├── FencedError              a newer session of this robot is alive             fenced
+    │   └── ForkedError              another copy of the robot's outbox has spoken      forked
     └── StoreError                   the store cannot do it now                         store_unavailable
 
 The library's errors (`metaros.errors`) pass through with their own codes; the table below covers them too.
@@ -38,6 +39,7 @@ __all__ = [
     "CommandTimeoutError",
     "ErrorRow",
     "FencedError",
+    "ForkedError",
     "GatewayError",
     "HostError",
     "InvalidRequestError",
@@ -178,6 +180,12 @@ class FencedError(LinkError):
     """A newer session of the same robot is alive."""
 
     code = "fenced"
+
+
+class ForkedError(LinkError):
+    """Another copy of the robot's outbox has spoken under the same epoch."""
+
+    code = "forked"
 
 
 class StoreError(GatewayError):

@@ -20,6 +20,7 @@ __all__ = [
     "Resulted",
     "RowsArrived",
     "Send",
+    "WriterKnown",
 ]
 
 
@@ -46,23 +47,29 @@ class Announced:
 
 @dataclass(frozen=True, slots=True)
 class Arrived:
-    """New samples of one channel; `durable` ones are acknowledged once their watermark is stored."""
+    """New samples of one channel; `durable` ones are acknowledged once they are stored.
+
+    `fresh` ones are of now, the others of a time without a link.
+    """
 
     run: Run
     epoch: int
     seq: int
     durable: bool
     duplicates: int
+    fresh: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class RowsArrived:
-    """New metric rows."""
+    """New metric rows; `fresh` ones are of now."""
 
     rows: Rows
+    stream_id: int
     epoch: int
     seq: int
     duplicates: int
+    fresh: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +79,13 @@ class GapDeclared:
     stream_id: int
     epoch: int
     gap: Gap
+
+
+@dataclass(frozen=True, slots=True)
+class WriterKnown:
+    """This process of the agent now writes under these epochs."""
+
+    writers: dict[int, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,4 +117,16 @@ class Closed:
     message: str = ""
 
 
-Event = Send | Online | Announced | Arrived | RowsArrived | GapDeclared | Reported | Resulted | Measured | Closed
+Event = (
+    Send
+    | Online
+    | Announced
+    | Arrived
+    | RowsArrived
+    | GapDeclared
+    | WriterKnown
+    | Reported
+    | Resulted
+    | Measured
+    | Closed
+)

@@ -12,13 +12,15 @@ from metaros._proto import link_pb2
 from metaros.errors import NameError_
 from metaros.idl import names
 from metaros.limits import Limits
+from metaros.link.columns import MAX_SEQ
 
 __all__ = ["LANES", "PROTOCOL", "check_hello", "read_channel", "read_series"]
 
 PROTOCOL = 1
-LANES = (link_pb2.LANE_CONTROL, link_pb2.LANE_DATA)
+LANES = (link_pb2.LANE_CONTROL, link_pb2.LANE_DATA, link_pb2.LANE_BACKFILL)
 MAX_LABELS = 32
 MAX_TEXT = 256
+MAX_WRITERS = 256
 
 _TYPE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/(msg|srv|action))?/[A-Za-z][A-Za-z0-9_]*")
 
@@ -37,6 +39,10 @@ def check_hello(hello: link_pb2.Hello, *, limits: Limits) -> Robot:
         raise ProtocolError("the session number is out of range")
     if len(hello.streams) > 2 * limits.channels_per_robot:
         raise ProtocolError(f"{len(hello.streams)} streams are over the limit of {2 * limits.channels_per_robot}")
+    if len(hello.writers) > MAX_WRITERS or any(not 1 <= len(writer) <= 64 for writer in hello.writers):
+        raise ProtocolError(f"a Hello names at most {MAX_WRITERS} writers of 1 to 64 characters")
+    if any(not 0 <= s.base_seq <= s.last_seq <= MAX_SEQ for s in hello.streams):
+        raise ProtocolError("a stream's numbers are out of range")
     texts = [hello.agent_version, hello.hostname, *hello.labels.keys(), *hello.labels.values()]
     if len(hello.labels) > MAX_LABELS or any(len(text) > MAX_TEXT for text in texts):
         raise ProtocolError(f"a Hello has at most {MAX_LABELS} labels and texts of {MAX_TEXT} characters")

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
-from gateway.domain.channel import METRIC_STREAM
 from gateway.domain.sample import Run
-from gateway.errors import FencedError, RobotOfflineError
+from gateway.errors import FencedError, ForkedError, RobotOfflineError
 from gateway.ingest.events import (
     Announced,
     Arrived,
@@ -25,13 +24,14 @@ from gateway.ingest.events import (
     Resulted,
     RowsArrived,
     Send,
+    WriterKnown,
 )
 from gateway.ingest.hello import LANES, check_hello
 from gateway.ingest.outbox import LaneOutbox
 from gateway.ingest.registry import Registry, RobotRecord
 from gateway.ingest.session import Session
 from gateway.ingest.streams import StreamTable
-from gateway.store import RobotWrite, Store, StreamWrite, Write
+from gateway.store import RobotWrite, Store, StreamWrite, Write, WriterWrite
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
@@ -43,6 +43,7 @@ log = logging.getLogger(__name__)
 OUTBOX_BYTES = 4 * LIMITS.frame_bytes
 SEEN_EVERY_S = 60.0
 FENCED_RETRY_MS = 5000
+RETRY_MS = 250  # how long agents keep durable frames while the store cannot take them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +100,11 @@ class Links:
             if record is None:
                 record = self._registry.add(RobotRecord(robot, seen_ns=self._clock.wall_ns()))
             if record.streams is None:
-                record.streams = StreamTable(await self._store.streams(robot.id))
+                stored, writers = await self._store.streams(robot.id), await self._store.writers(robot.id)
+                record.streams = StreamTable(stored, writers=writers)
+            if record.streams.forked(hello):
+                record.forks += 1
+                raise ForkedError(f"another copy of the outbox of {robot.id} has spoken under its epoch")
             live = self._admit(hello, record, record.streams)
             outbox = LaneOutbox(max_bytes=OUTBOX_BYTES)
             events = live.session.open_lane(hello, now_s=self._clock.monotonic_s(), wall_ns=self._clock.wall_ns())
@@ -111,6 +116,8 @@ class Links:
         """A frame of a lane; waits while the store's queue is full, so that the agent's window fills instead."""
         while not await self._store.room(timeout_s=1.0):
             lane.live.session.touch(lane.number, now_s=self._clock.monotonic_s())
+        if self._store.error is not None:
+            self._apply(lane.live, lane.live.session.refuse("store_error", retry_after_ms=RETRY_MS))
         now_s, wall_ns = self._clock.monotonic_s(), self._clock.wall_ns()
         self._apply(lane.live, lane.live.session.receive(lane.number, frame, now_s=now_s, wall_ns=wall_ns))
 
@@ -143,6 +150,15 @@ class Links:
             if live is not None:
                 acks = [(stream_id, epoch, seq) for (stream_id, epoch), seq in seqs.items()]
                 self._apply(live, live.session.committed(acks))
+
+    def refused(self, robots: Collection[str]) -> None:
+        """The store gave up what these robots had queued: they send it again later."""
+        for robot_id in robots:
+            live = self._live.get(robot_id)
+            if live is not None:
+                self._apply(live, live.session.refuse("store_error", retry_after_ms=RETRY_MS))
+            elif (record := self._registry.find(robot_id)) is not None and record.streams is not None:
+                record.streams.refuse()
 
     def tick(self) -> None:
         """Heartbeats and dead links; call about twice a second."""
@@ -192,16 +208,19 @@ class Links:
         record, robot_id = live.record, live.record.robot.id
         wall_ns, now_s = self._clock.wall_ns(), self._clock.monotonic_s()
         if isinstance(event, Arrived):
-            record.count_run(event.run, event.duplicates, now_s=now_s)
-            if event.run.count:
+            record.count_run(event.run, event.duplicates, now_s=now_s, fresh=event.fresh)
+            if event.run.count and event.fresh:
                 self._hooks.on_samples(event.run)
             if event.durable:
-                self._store_stream(live, event.run.columns.stream_id, event.epoch, event.seq)
+                self._store_run(live, event)
         elif isinstance(event, RowsArrived):
-            newest = record.count_rows(event.rows, event.duplicates, wall_ns=wall_ns, now_s=now_s)
+            newest = record.count_rows(event.rows, event.duplicates, wall_ns=wall_ns, now_s=now_s, fresh=event.fresh)
             if newest:
                 self._hooks.on_values(robot_id, newest)
             self._store_rows(live, event)
+        elif isinstance(event, WriterKnown):
+            for epoch, writer in event.writers.items():
+                self._store.submit(WriterWrite(robot=robot_id, epoch=epoch, writer=writer))
         elif isinstance(event, GapDeclared):
             self._store_gap(live, event)
         elif isinstance(event, Announced):
@@ -219,14 +238,21 @@ class Links:
         elif isinstance(event, Closed):
             self._closed(live, event)
 
-    def _store_stream(self, live: _Live, stream_id: int, epoch: int, seq: int) -> None:
-        robot_id = live.record.robot.id
-        self._store.submit(StreamWrite(robot=robot_id, stream_id=stream_id, epoch=epoch, seq=seq))
+    def _store_run(self, live: _Live, event: Arrived) -> None:
+        columns = event.run.columns
+        write = StreamWrite(
+            robot=live.record.robot.id,
+            stream_id=columns.stream_id,
+            epoch=event.epoch,
+            seq=event.seq,
+            run=event.run if event.run.count else None,
+        )
+        self._store.submit(write)
 
     def _store_rows(self, live: _Live, event: RowsArrived) -> None:
         write = StreamWrite(
             robot=live.record.robot.id,
-            stream_id=METRIC_STREAM,
+            stream_id=event.stream_id,
             epoch=event.epoch,
             seq=event.seq,
             rows=event.rows if len(event.rows) else None,

@@ -15,6 +15,7 @@ from gateway.domain.sample import Gap, Rows, Run
 from gateway.errors import UnknownRobotError
 from gateway.ingest.streams import StreamTable
 from metaros._proto import link_pb2
+from metaros.link import CHANNEL_MASK
 
 __all__ = ["ChannelState", "Counts", "RateMeter", "Registry", "RobotRecord", "SeriesState"]
 
@@ -90,6 +91,7 @@ class RobotRecord:
         self.channels: dict[int, ChannelState] = {}
         self.series: dict[str, SeriesState] = {}
         self.byte_rate = RateMeter()
+        self.forks = 0  # how often a copy of the robot's outbox was found out
         self.revision = 1
         self._process = b""
         self._former: dict[str, ChannelState] = {}
@@ -129,17 +131,20 @@ class RobotRecord:
             self.series.setdefault(item.name, SeriesState(item)).series = item
         self.revision += 1
 
-    def count_run(self, run: Run, duplicates: int, *, now_s: float) -> None:
-        """Samples of a channel arrived."""
+    def count_run(self, run: Run, duplicates: int, *, now_s: float, fresh: bool = True) -> None:
+        """Samples of a channel arrived; those that are not `fresh` are of a time without a link."""
         self._arrived(run.count, run.size_bytes, duplicates, run.receive_ns, now_s)
         state = self.channels.get(run.channel.channel_id)
         if state is not None and run.count:
             state.received += run.count
             state.received_bytes += run.size_bytes
-            state.last_stamp_ns = int(run.columns.stamps_ns[-1])
+            if fresh or state.last_stamp_ns is None:
+                state.last_stamp_ns = int(run.columns.stamps_ns[-1])
 
-    def count_rows(self, rows: Rows, duplicates: int, *, wall_ns: int, now_s: float) -> dict[str, tuple[int, float]]:
-        """Metric rows arrived; returns the newest (stamp, value) of each series in them."""
+    def count_rows(
+        self, rows: Rows, duplicates: int, *, wall_ns: int, now_s: float, fresh: bool = True
+    ) -> dict[str, tuple[int, float]]:
+        """Metric rows arrived; the newest (stamp, value) of each series in them, where that is newer than what was."""
         self._arrived(len(rows), 20 * len(rows), duplicates, wall_ns, now_s)
         if not len(rows):
             return {}
@@ -152,16 +157,17 @@ class RobotRecord:
             if count:
                 state = self.series.setdefault(series.name, SeriesState(series))
                 state.samples += count
-                state.stamp_ns, state.value = stamp_ns, value
-                newest[series.name] = (stamp_ns, value)
+                if fresh or state.stamp_ns is None or stamp_ns > state.stamp_ns:
+                    state.stamp_ns, state.value = stamp_ns, value
+                    newest[series.name] = (stamp_ns, value)
         return newest
 
     def count_gap(self, stream_id: int, gap: Gap) -> None:
         """A loss was declared."""
         self.counts.gaps += 1
         self.counts.lost += gap.count
-        state = self.channels.get(stream_id)
-        if stream_id != METRIC_STREAM and state is not None:
+        state = self.channels.get(stream_id & CHANNEL_MASK)
+        if stream_id & CHANNEL_MASK != METRIC_STREAM and state is not None:
             state.lost += gap.count
         self.revision += 1
 

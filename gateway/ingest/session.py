@@ -1,7 +1,7 @@
 """The gateway's half of a link session: frames and the time in, events out. No I/O, no clock of its own.
 
-A session is one robot's (session id, session number) with a control and a data lane. The first frame of a lane is
-its Hello, answered with a Welcome. Whatever breaks the protocol ends the whole session with a Goodbye that says why;
+A session is one robot's (session id, session number) with three lanes. The first frame of a lane is its Hello,
+answered with a Welcome. Whatever breaks the protocol ends the whole session with a Goodbye that says why;
 the agent comes back with a higher session number and resumes at the watermarks. A session that is silent on all lanes
 for `dead_after_s` is dead.
 """
@@ -16,7 +16,7 @@ import numpy as np
 from gateway.domain.channel import LIVE, METRIC_STREAM, Channel, Series
 from gateway.domain.robot import Robot
 from gateway.domain.sample import Gap, Rows, Run
-from gateway.errors import LinkError, ProtocolError
+from gateway.errors import ForkedError, LinkError, ProtocolError
 from gateway.ingest.events import (
     Announced,
     Arrived,
@@ -29,17 +29,18 @@ from gateway.ingest.events import (
     Resulted,
     RowsArrived,
     Send,
+    WriterKnown,
 )
 from gateway.ingest.hello import LANES, check_hello, read_channel, read_series
 from gateway.ingest.streams import StreamTable
 from metaros._proto import link_pb2
 from metaros.errors import FrameError
 from metaros.limits import LIMITS, Limits
-from metaros.link import Reassembler, SampleColumns, unpack_metrics
+from metaros.link import CHANNEL_MASK, Reassembler, SampleColumns, expand, unpack_metrics
 
 __all__ = ["Session"]
 
-CONTROL, DATA = LANES
+CONTROL, DATA, BACKFILL = LANES
 REMEMBERED_BEATS = 4
 
 
@@ -49,6 +50,7 @@ class _Lane:
 
     heard_s: float
     pieces: Reassembler
+    refusing: int = 0  # the token that ends it; durable frames are dropped until then
 
 
 class Session:
@@ -86,11 +88,13 @@ class Session:
             "statistics": lambda lane, frame, now_s, wall_ns: [Reported(frame.statistics)],
             "result": lambda lane, frame, now_s, wall_ns: [Resulted(frame.result)],
             "heartbeat": self._on_heartbeat,
+            "resumed": self._on_resumed,
         }
+        self._token = 0
 
     @property
     def online(self) -> bool:
-        """True while control and data lane are both open."""
+        """True while all lanes are open."""
         return not self._closed and all(lane in self._lanes for lane in LANES)
 
     def open_lane(self, hello: link_pb2.Hello, *, now_s: float, wall_ns: int) -> list[Event]:
@@ -98,12 +102,18 @@ class Session:
 
         Raises:
             ProtocolError: this Hello opens no lane here; only its own connection gets the Goodbye.
+            ForkedError: likewise, as the agent's outbox is a copy of one that was here meanwhile.
         """
         check_hello(hello, limits=self._limits)
         if self._closed or hello.lane in self._lanes:
             raise ProtocolError("this lane of the session is open already, or the session is over")
+        if self._streams.forked(hello):
+            raise ForkedError(f"another copy of the outbox of {self.robot.id} has spoken under its epoch")
         self._lanes[hello.lane] = _Lane(now_s, Reassembler(limits=self._limits))
         lost: list[Event] = []
+        self._streams.begin(hello.streams)
+        if writers := self._streams.written_by(hello):
+            lost.append(WriterKnown(writers))
         for stream_id, epoch, gap in self._streams.missing(hello.streams, wall_ns=wall_ns):
             lost += self._skip(stream_id, epoch, gap)
         events: list[Event] = [Send(hello.lane, self._welcome(hello)), *lost]
@@ -137,6 +147,22 @@ class Session:
         if self._closed or lane not in self._lanes or not ack.watermarks:
             return []
         return [Send(lane, link_pb2.GatewayFrame(ack=ack))]
+
+    def refuse(self, reason: str, *, retry_after_ms: int) -> list[Event]:
+        """Nothing durable can be taken now: every lane is told when to send again what was not acknowledged."""
+        if not self.online:
+            return []
+        self._streams.refuse()
+        events: list[Event] = []
+        for number, lane in self._lanes.items():
+            if lane.refusing:
+                continue
+            self._token += 1
+            lane.refusing = self._token
+            lane.pieces = Reassembler(limits=self._limits)
+            later = link_pb2.RetryLater(token=self._token, retry_after_ms=retry_after_ms, reason=reason)
+            events.append(Send(number, link_pb2.GatewayFrame(retry_later=later)))
+        return events
 
     def touch(self, lane: int, *, now_s: float) -> None:
         """The shell was not reading this lane for a reason of its own: silence does not count."""
@@ -208,28 +234,33 @@ class Session:
     def _on_batches(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
         events: list[Event] = []
         for batch in frame.batches.batches:
-            channel = self.channels.get(batch.stream_id)
+            channel = self.channels.get(batch.stream_id & CHANNEL_MASK)
             if channel is None:
                 raise ProtocolError(f"stream {batch.stream_id} was not announced")
-            columns = self._lanes[lane].pieces.feed(batch)
+            if self._lanes[lane].refusing and channel.delivery != LIVE:
+                continue
+            columns = self._lanes[lane].pieces.feed(expand(batch, limits=self._limits))
             if columns is not None:
-                events += self._samples(channel, columns, wall_ns)
+                events += self._samples(lane, channel, columns, wall_ns)
         return events
 
-    def _samples(self, channel: Channel, columns: SampleColumns, wall_ns: int) -> list[Event]:
+    def _samples(self, lane: int, channel: Channel, columns: SampleColumns, wall_ns: int) -> list[Event]:
         if channel.delivery == LIVE:
             return [Arrived(Run(channel, columns, wall_ns), columns.epoch, columns.last_seq, False, 0)]
         accepted = self._streams.accept(columns.stream_id, columns.epoch, columns.first_seq, columns.last_seq)
         fresh = _without_first(columns, accepted.duplicates)
-        return [Arrived(Run(channel, fresh, wall_ns), columns.epoch, accepted.seq, True, accepted.duplicates)]
+        run = Run(channel, fresh, wall_ns)
+        return [Arrived(run, columns.epoch, accepted.seq, True, accepted.duplicates, lane != BACKFILL)]
 
     def _on_metrics(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
+        if self._lanes[lane].refusing:
+            return []
         columns = unpack_metrics(frame.metrics, limits=self._limits)
         numbers, index = np.unique(columns.series_ids, return_inverse=True)
         unknown = [number for number in numbers.tolist() if number not in self._series]
         if unknown:
             raise ProtocolError(f"series {unknown[0]} was not announced")
-        accepted = self._streams.accept(METRIC_STREAM, columns.epoch, columns.first_seq, columns.last_seq)
+        accepted = self._streams.accept(columns.stream_id, columns.epoch, columns.first_seq, columns.last_seq)
         fresh = slice(accepted.duplicates, None)
         rows = Rows(
             tuple(self._series[number] for number in numbers.tolist()),
@@ -237,11 +268,16 @@ class Session:
             columns.stamps_ns[fresh],
             columns.values[fresh],
         )
-        return [RowsArrived(rows, columns.epoch, accepted.seq, accepted.duplicates)]
+        return [
+            RowsArrived(rows, columns.stream_id, columns.epoch, accepted.seq, accepted.duplicates, lane != BACKFILL)
+        ]
 
     def _on_gap(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
         gap = frame.gap
-        if gap.stream_id != METRIC_STREAM and gap.stream_id not in self.channels:
+        if self._lanes[lane].refusing:
+            return []
+        channel_id = gap.stream_id & CHANNEL_MASK
+        if channel_id != METRIC_STREAM and channel_id not in self.channels:
             raise ProtocolError(f"stream {gap.stream_id} was not announced")
         declared = Gap(gap.from_seq, gap.to_seq, gap.reason[:64], gap.from_ns, gap.to_ns)
         return self._skip(gap.stream_id, gap.epoch, declared)
@@ -249,6 +285,11 @@ class Session:
     def _skip(self, stream_id: int, epoch: int, gap: Gap) -> list[Event]:
         fresh = self._streams.skip(stream_id, epoch, gap)
         return [] if fresh is None else [GapDeclared(stream_id, epoch, fresh)]
+
+    def _on_resumed(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
+        if frame.resumed.token == self._lanes[lane].refusing:
+            self._lanes[lane].refusing = 0
+        return []
 
     def _on_heartbeat(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
         beat = frame.heartbeat

@@ -24,9 +24,19 @@ class Accepted:
 
 
 class StreamTable:
-    """One robot's watermarks. `accepted` moves when a frame arrives, `stored` when its commit is done."""
+    """One robot's watermarks, and who last wrote under each epoch.
 
-    def __init__(self, stored: Mapping[Key, int] | None = None, *, max_streams: int = 65536) -> None:
+    `accepted` moves when a frame arrives, `stored` when its commit is done.
+    """
+
+    def __init__(
+        self,
+        stored: Mapping[Key, int] | None = None,
+        *,
+        writers: Mapping[int, str] | None = None,
+        max_streams: int = 65536,
+    ) -> None:
+        self.writers: dict[int, str] = dict(writers or {})
         self._stored: dict[Key, int] = dict(stored or {})
         self._accepted: dict[Key, int] = dict(self._stored)
         self._max_streams = max_streams
@@ -68,16 +78,41 @@ class StreamTable:
         key = (stream_id, epoch)
         if seq > self._stored.get(key, 0):
             self._put(self._stored, key, seq)
+        if seq > self._accepted.get(key, 0):  # it was on its way when the rest was refused
+            self._put(self._accepted, key, seq)
+
+    def forked(self, hello: link_pb2.Hello) -> bool:
+        """Whether another copy of the agent's outbox has spoken under one of its epochs."""
+        known = {self.writers.get(state.epoch) for state in hello.streams} - {None}
+        return bool(hello.writers) and not known <= set(hello.writers)
+
+    def written_by(self, hello: link_pb2.Hello) -> dict[int, str]:
+        """Note the agent's process as the writer of its epochs; those of which that is new."""
+        if not hello.writers:
+            return {}
+        writer = hello.writers[-1]
+        news = {state.epoch: writer for state in hello.streams if self.writers.get(state.epoch) != writer}
+        self.writers.update(news)
+        return news
+
+    def refuse(self) -> None:
+        """What was accepted and is not stored is forgotten: its agent sends it again."""
+        self._accepted = dict(self._stored)
+
+    def begin(self, states: Iterable[link_pb2.StreamState]) -> None:
+        """Streams that were never seen begin after their base: what is before it has another epoch."""
+        for state in states:
+            key = (state.stream_id, state.epoch)
+            if state.base_seq and key not in self._accepted:
+                self._put(self._accepted, key, state.base_seq)
+                self._put(self._stored, key, state.base_seq)
 
     def missing(self, states: Iterable[link_pb2.StreamState], *, wall_ns: int) -> list[tuple[int, int, Gap]]:
-        """Gaps nobody can fill: the agent's oldest sample is newer than what we have, so it was given up or lost here.
-
-        A stream of which nothing was ever accepted is left alone: it may be live, or its agent declares the gap.
-        """
+        """Gaps nobody can fill: the agent's oldest sample is newer than what we have, so it is lost."""
         gaps = []
         for state in states:
             watermark = self.accepted(state.stream_id, state.epoch)
-            if watermark and watermark + 1 < state.first_seq <= MAX_SEQ:
+            if watermark + 1 < state.first_seq <= MAX_SEQ:
                 gap = Gap(watermark + 1, state.first_seq - 1, "not_held", wall_ns, wall_ns)
                 gaps.append((state.stream_id, state.epoch, gap))
         return gaps

@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from gateway.store.store import Store
-from gateway.store.writes import RobotWrite, StreamWrite, Write
+from gateway.store.writes import RobotWrite, StreamWrite, Write, WriterWrite
 
-__all__ = ["RobotWrite", "Store", "StreamWrite", "Write"]
+__all__ = ["RobotWrite", "Store", "StreamWrite", "Write", "WriterWrite"]

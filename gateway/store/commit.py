@@ -8,10 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 import orjson
 
+from gateway.domain.channel import Channel
 from gateway.domain.robot import Robot
-from gateway.domain.sample import Gap, Rows
+from gateway.domain.sample import Gap, Rows, Run
 from gateway.store.schema import signed
-from gateway.store.writes import RobotWrite, StreamWrite, Write
+from gateway.store.writes import RobotWrite, StreamWrite, Write, WriterWrite
 
 __all__ = ["Committer"]
 
@@ -34,14 +35,19 @@ class Committer:
         self._connection = connection
         self._robots: dict[str, int] = {}
         self._series: dict[tuple[int, str], int] = {}
+        self._channels: dict[tuple[int, str, str, str, str, str], int] = {}
 
     def commit(self, writes: Sequence[Write], *, now_ns: int) -> None:
         """Store all of `writes` or none; raises sqlite3.Error after rolling back."""
         self._connection.execute("BEGIN IMMEDIATE")
         try:
+            # Always something to write: a commit of nothing must not look like a disk that works.
+            self._connection.execute("INSERT OR REPLACE INTO meta VALUES ('last_commit_ns', ?)", (str(now_ns),))
             for write in writes:
                 if isinstance(write, RobotWrite):
                     self._put_robot(write.robot, write.seen_ns)
+                elif isinstance(write, WriterWrite):
+                    self._put_writer(write, now_ns)
                 else:
                     self._put_stream(write, now_ns)
             self._connection.execute("COMMIT")
@@ -51,6 +57,7 @@ class Committer:
             # Numbers given inside the rolled back transaction do not exist.
             self._robots.clear()
             self._series.clear()
+            self._channels.clear()
             raise
 
     def _put_robot(self, robot: Robot, seen_ns: int) -> None:
@@ -61,11 +68,60 @@ class Committer:
     def _put_stream(self, write: StreamWrite, now_ns: int) -> None:
         robot = self._robot_number(write.robot, now_ns)
         key = (robot, write.stream_id, signed(write.epoch))
+        if write.run is not None:
+            self._put_run(key, write.run, now_ns)
         if write.rows is not None:
             self._put_rows(robot, write.rows, now_ns)
         if write.gap is not None:
             self._put_gap(key, write.gap, now_ns)
         self._connection.execute(_UPSERT_STREAM, (*key, write.seq, now_ns))
+
+    def _put_writer(self, write: WriterWrite, now_ns: int) -> None:
+        robot = self._robot_number(write.robot, now_ns)
+        self._connection.execute(
+            "INSERT OR REPLACE INTO writers VALUES (?, ?, ?)", (robot, signed(write.epoch), write.writer)
+        )
+
+    def _put_run(self, key: tuple[int, int, int], run: Run, now_ns: int) -> None:
+        columns = run.columns
+        stamps = columns.stamps_ns
+        channel = self._channel_number(key[0], run.channel)
+        lengths = np.diff(columns.offsets).astype("<u4").tobytes()
+        self._connection.execute(
+            "INSERT INTO sample_batches (robot, stream_id, epoch, first_seq, count, channel, first_ns, last_ns,"
+            " receive_ns, stored_ns, stamps, lengths, payload) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            (
+                *key,
+                columns.first_seq,
+                columns.count,
+                channel,
+                int(stamps.min()),
+                int(stamps.max()),
+                run.receive_ns,
+                now_ns,
+                stamps.tobytes(),
+                lengths,
+                columns.payload,
+            ),
+        )
+
+    def _channel_number(self, robot: int, channel: Channel) -> int:
+        key = (robot, channel.topic, channel.schema_name, channel.type_hash, channel.encoding, channel.delivery)
+        number = self._channels.get(key)
+        if number is None:
+            self._connection.execute(
+                "INSERT INTO channels (robot, topic, schema_name, type_hash, encoding, class, schema_encoding, schema,"
+                " qos) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (robot, topic, schema_name, type_hash, encoding,"
+                " class) DO UPDATE SET schema_encoding = excluded.schema_encoding, schema = excluded.schema,"
+                " qos = excluded.qos",
+                (*key, channel.schema_encoding, channel.schema, channel.qos),
+            )
+            find = (
+                "SELECT channel FROM channels WHERE robot = ? AND topic = ? AND schema_name = ? AND type_hash = ?"
+                " AND encoding = ? AND class = ?"
+            )
+            number = self._channels[key] = int(self._connection.execute(find, key).fetchone()[0])
+        return number
 
     def _put_rows(self, robot: int, rows: Rows, now_ns: int) -> None:
         numbers = np.array([self._series_number(robot, s.name, s.topic, s.field) for s in rows.series], np.uint32)

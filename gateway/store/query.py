@@ -14,7 +14,16 @@ from gateway.domain.channel import Series
 from gateway.domain.robot import Robot
 from gateway.store.schema import unsigned
 
-__all__ = ["SeriesFacts", "SeriesRange", "StoredRobot", "read_range", "read_robots", "read_series", "read_streams"]
+__all__ = [
+    "SeriesFacts",
+    "SeriesRange",
+    "StoredRobot",
+    "read_range",
+    "read_robots",
+    "read_series",
+    "read_streams",
+    "read_writers",
+]
 
 Stamps = npt.NDArray[np.int64]
 Values = npt.NDArray[np.float64]
@@ -64,6 +73,12 @@ def read_streams(connection: sqlite3.Connection, robot_id: str) -> dict[tuple[in
     """The robot's watermarks by (stream, epoch)."""
     query = "SELECT stream_id, epoch, seq FROM streams JOIN robots USING (robot) WHERE id = ?"
     return {(row[0], unsigned(row[1])): row[2] for row in connection.execute(query, (robot_id,))}
+
+
+def read_writers(connection: sqlite3.Connection, robot_id: str) -> dict[int, str]:
+    """Who last wrote under each of the robot's epochs."""
+    query = "SELECT epoch, writer FROM writers JOIN robots USING (robot) WHERE id = ?"
+    return {unsigned(row[0]): row[1] for row in connection.execute(query, (robot_id,))}
 
 
 def read_series(connection: sqlite3.Connection, robot_id: str) -> list[SeriesFacts]:

@@ -37,7 +37,6 @@ def purge_step(connection: sqlite3.Connection, retention: Retention, *, now_ns: 
     connection.execute("BEGIN IMMEDIATE")
     try:
         deleted = connection.execute(f"DELETE FROM metric_chunks WHERE chunk IN ({oldest})", parameters).rowcount
-        connection.execute("DELETE FROM streams WHERE updated_ns < :before", parameters)
         connection.execute("DELETE FROM gaps WHERE stored_ns < :before", parameters)
         connection.execute("COMMIT")
     except BaseException:

@@ -83,6 +83,46 @@ MIGRATIONS: tuple[str, ...] = (
     CREATE INDEX metric_chunks_age ON metric_chunks (stored_ns);
     CREATE INDEX metric_chunks_open ON metric_chunks (series) WHERE count < 1000;
     """,
+    """
+    CREATE TABLE writers (
+        robot INTEGER NOT NULL REFERENCES robots,
+        epoch INTEGER NOT NULL,
+        writer TEXT NOT NULL,
+        PRIMARY KEY (robot, epoch)
+    ) WITHOUT ROWID;
+    CREATE TABLE channels (
+        channel INTEGER PRIMARY KEY,
+        robot INTEGER NOT NULL REFERENCES robots,
+        topic TEXT NOT NULL,
+        class TEXT NOT NULL,
+        encoding TEXT NOT NULL,
+        schema_name TEXT NOT NULL,
+        schema_encoding TEXT NOT NULL,
+        schema BLOB NOT NULL,
+        type_hash TEXT NOT NULL,
+        qos TEXT NOT NULL,
+        UNIQUE (robot, topic, schema_name, type_hash, encoding, class)
+    );
+    CREATE TABLE sample_batches (
+        batch INTEGER PRIMARY KEY,
+        robot INTEGER NOT NULL REFERENCES robots,
+        stream_id INTEGER NOT NULL,
+        epoch INTEGER NOT NULL,
+        first_seq INTEGER NOT NULL,
+        count INTEGER NOT NULL,
+        channel INTEGER NOT NULL REFERENCES channels,
+        first_ns INTEGER NOT NULL,
+        last_ns INTEGER NOT NULL,
+        receive_ns INTEGER NOT NULL,
+        stored_ns INTEGER NOT NULL,
+        stamps BLOB NOT NULL,
+        lengths BLOB NOT NULL,
+        payload BLOB NOT NULL,
+        UNIQUE (robot, stream_id, epoch, first_seq)
+    );
+    CREATE INDEX sample_batches_range ON sample_batches (channel, last_ns);
+    CREATE INDEX sample_batches_age ON sample_batches (stored_ns);
+    """,
 )
 
 

@@ -6,7 +6,7 @@ import asyncio
 import secrets
 import sqlite3
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TypeVar
@@ -19,11 +19,12 @@ from gateway.store.query import (
     read_robots,
     read_series,
     read_streams,
+    read_writers,
 )
 from gateway.store.retention import Retention
 from gateway.store.schema import connect, migrate
 from gateway.store.writer import Pace, Writer
-from gateway.store.writes import Write
+from gateway.store.writes import StreamWrite, Write
 from metaros.clock import Clock
 from metaros.errors import ConfigError
 
@@ -56,7 +57,15 @@ class Store:
         self._room.set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._listener: Callable[[Sequence[Write]], None] | None = None
-        self._writer = Writer(connection, clock=clock, on_commit=self._on_commit, retention=retention, pace=pace)
+        self._refused_listener: Callable[[Collection[str]], None] | None = None
+        self._writer = Writer(
+            connection,
+            clock=clock,
+            on_commit=self._on_commit,
+            on_refused=self._on_refused,
+            retention=retention,
+            pace=pace,
+        )
         self._local = threading.local()
         self._readers: list[sqlite3.Connection] = []
         self._pool = ThreadPoolExecutor(max_workers=2, thread_name_prefix="gateway-read")
@@ -66,10 +75,17 @@ class Store:
         """Why commits fail now; None while they work."""
         return self._writer.error
 
-    def start(self, listener: Callable[[Sequence[Write]], None] | None = None) -> None:
-        """Start writing; `listener` is called in the running event loop with the writes of each commit."""
+    def start(
+        self,
+        listener: Callable[[Sequence[Write]], None] | None = None,
+        refused: Callable[[Collection[str]], None] | None = None,
+    ) -> None:
+        """Start writing; in the running event loop `listener` is called with the writes of each commit, and `refused`
+        with the robots whose queued writes were given up, as they cannot be committed now.
+        """
         self._loop = asyncio.get_running_loop()
         self._listener = listener
+        self._refused_listener = refused
         self._writer.start()
 
     def submit(self, write: Write) -> None:
@@ -110,6 +126,10 @@ class Store:
         """The robot's watermarks by (stream, epoch)."""
         return await self._read(lambda connection: read_streams(connection, robot_id))
 
+    async def writers(self, robot_id: str) -> dict[int, str]:
+        """Who last wrote under each of the robot's epochs."""
+        return await self._read(lambda connection: read_writers(connection, robot_id))
+
     async def series(self, robot_id: str) -> list[SeriesFacts]:
         """The robot's series with counts and newest rows."""
         return await self._read(lambda connection: read_series(connection, robot_id))
@@ -136,10 +156,22 @@ class Store:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._committed, writes)
 
-    def _committed(self, writes: Sequence[Write]) -> None:
+    def _on_refused(self, writes: Sequence[Write]) -> None:
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._refused, writes)
+
+    def _refused(self, writes: Sequence[Write]) -> None:
+        self._release(writes)
+        if self._refused_listener is not None:
+            self._refused_listener({write.robot for write in writes if isinstance(write, StreamWrite)})
+
+    def _release(self, writes: Sequence[Write]) -> None:
         self._queued_bytes -= sum(write.size_bytes for write in writes)
         if self._queued_bytes <= self._queue_bytes:
             self._room.set()
+
+    def _committed(self, writes: Sequence[Write]) -> None:
+        self._release(writes)
         if self._listener is not None:
             self._listener(writes)
 

@@ -1,7 +1,7 @@
 """The single writer: one thread that commits what all links have queued, then merges and purges when idle.
 
-A failed commit (full disk, I/O error) is tried again with the same writes until it works: nothing queued is given
-up, nothing is acknowledged meanwhile, and `healthy` is False so that `/readyz` says so.
+A failed commit (full disk, I/O error) gives up what streams had queued: their robots still have it and are told to
+send it again later. What only the gateway knows (robots, writers) is kept. Until a commit works again `error` says why.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ from dataclasses import dataclass
 from gateway.store.commit import Committer
 from gateway.store.merge import merge_step, waiting_batches
 from gateway.store.retention import Retention, purge_step
-from gateway.store.writes import Write
+from gateway.store.writes import StreamWrite, Write
 from metaros.clock import Clock
 
 __all__ = ["Pace", "Writer"]
 
 log = logging.getLogger(__name__)
+_KEPT_WRITES = 4096
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +31,7 @@ class Pace:
     """When the writer does what."""
 
     commit_every_s: float = 0.02  # at once when idle, never more often than this under load
-    retry_every_s: float = 0.5
+    retry_every_s: float = 0.25
     commit_writes: int = 4096  # one commit's bound
     merge_at_batches: int = 512  # merge when so many batches wait,
     merge_after_s: float = 30.0  # or when one has waited so long
@@ -47,12 +48,15 @@ class Writer:
         *,
         clock: Clock,
         on_commit: Callable[[Sequence[Write]], None],
+        on_refused: Callable[[Sequence[Write]], None] = lambda writes: None,
         retention: Retention,
         pace: Pace | None = None,
     ) -> None:
         self._connection = connection
         self._clock = clock
         self._on_commit = on_commit
+        self._on_refused = on_refused
+        self._kept: list[Write] = []  # of commits that failed
         self._retention = retention
         self._pace = pace if pace is not None else Pace()
         self._committer = Committer(connection)
@@ -100,15 +104,21 @@ class Writer:
 
     def _turn(self) -> None:
         writes, waiting, ended = self._take(block=True)
-        if writes or waiting:
+        if writes or waiting or self._error is not None:
             self._finish(writes, waiting)
-        if not ended:
+        if not ended and self._error is None:
             self._housekeeping()
 
     def _finish(self, writes: list[Write], waiting: list[Future[None]]) -> None:
-        if writes and not self._commit(writes):
+        writes, self._kept = [*self._kept, *writes], []
+        if (writes or self._error is not None) and not self._commit(writes):
+            own: list[Write] = [write for write in writes if not isinstance(write, StreamWrite)]
+            self._kept = own[-_KEPT_WRITES:]
+            self._on_refused([write for write in writes if isinstance(write, StreamWrite)])
             for future in waiting:
                 future.cancel()
+            self._purge()
+            self._stopped.wait(self._pace.retry_every_s)
             return
         for future in waiting:
             future.set_result(None)
@@ -120,7 +130,8 @@ class Writer:
         first = True
         while len(writes) < self._pace.commit_writes:
             try:
-                item = self._queue.get(timeout=1.0) if block and first else self._queue.get_nowait()
+                wait_s = 1.0 if self._error is None else self._pace.retry_every_s
+                item = self._queue.get(timeout=wait_s) if block and first else self._queue.get_nowait()
             except queue.Empty:
                 break
             if item is None:
@@ -135,19 +146,14 @@ class Writer:
         return writes, waiting, False
 
     def _commit(self, writes: list[Write]) -> bool:
-        """Commit until it works; False only when the writer is closed meanwhile."""
-        while True:
-            try:
-                self._committer.commit(writes, now_ns=self._clock.wall_ns())
-            except sqlite3.Error as error:
-                if self._error is None:
-                    log.error("the store cannot commit, will try again: %s", error)
-                self._error = str(error)
-                self._purge()
-                if self._stopped.wait(self._pace.retry_every_s):
-                    return False
-            else:
-                break
+        """Commit all or nothing; False when it did not work."""
+        try:
+            self._committer.commit(writes, now_ns=self._clock.wall_ns())
+        except sqlite3.Error as error:
+            if self._error is None:
+                log.error("the store cannot commit; robots keep their samples meanwhile: %s", error)
+            self._error = str(error)
+            return False
         if self._error is not None:
             log.warning("the store commits again")
         self._error = None

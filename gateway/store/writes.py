@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gateway.domain.robot import Robot
-from gateway.domain.sample import Gap, Rows
+from gateway.domain.sample import Gap, Rows, Run
 
-__all__ = ["RobotWrite", "StreamWrite", "Write"]
+__all__ = ["RobotWrite", "StreamWrite", "Write", "WriterWrite"]
 
 ROW_OVERHEAD_BYTES = 256  # what a queued write costs beside its columns
 
@@ -27,7 +27,7 @@ class RobotWrite:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamWrite:
-    """A stream's watermark moves to `seq`, with the rows and gaps that moved it; all of it or nothing."""
+    """A stream's watermark moves to `seq`, with the samples, rows or gap that moved it; all of it or nothing."""
 
     robot: str
     stream_id: int
@@ -35,12 +35,27 @@ class StreamWrite:
     seq: int
     rows: Rows | None = None
     gap: Gap | None = None
-    session_number: int = 0
+    run: Run | None = None
 
     @property
     def size_bytes(self) -> int:
         """What it holds of the writer's queue."""
-        return ROW_OVERHEAD_BYTES + (20 * len(self.rows) if self.rows is not None else 0)
+        rows = 20 * len(self.rows) if self.rows is not None else 0
+        return ROW_OVERHEAD_BYTES + rows + (12 * self.run.count + self.run.size_bytes if self.run is not None else 0)
 
 
-Write = RobotWrite | StreamWrite
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WriterWrite:
+    """A process of the robot's agent now writes under an epoch; it goes before what it sends."""
+
+    robot: str
+    epoch: int
+    writer: str
+
+    @property
+    def size_bytes(self) -> int:
+        """What it holds of the writer's queue."""
+        return ROW_OVERHEAD_BYTES
+
+
+Write = RobotWrite | StreamWrite | WriterWrite
