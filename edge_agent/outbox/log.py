@@ -66,7 +66,6 @@ class SegmentLog:
         self.garbage: list[str] = []  # files that nobody needs any more; the writer removes them
         self.flight: deque[Flight] = deque()
         self.flight_bytes = 0
-        self._sent: dict[Key, int] = {}
         self._disk = disk
         self._segment_bytes = segment_bytes
         self._boot_id = boot_id
@@ -117,7 +116,6 @@ class SegmentLog:
         """Take everything again that lies after these marks (0 where there is none)."""
         self.flight.clear()
         self.flight_bytes = 0
-        self._sent.clear()
         self.acked = {key: marks.get(key, 0) for key in self.streams()}
         self._cursor.rewind()
 
@@ -209,7 +207,6 @@ class SegmentLog:
             if frame.last_seq > self.acked.get(key, 0):
                 self.flight.append(Flight(segment.number, key, frame.last_seq, size))
                 self.flight_bytes += size
-                self._sent[key] = frame.last_seq
                 return Taken(segment.header.era, frame)
             self._collect()
         self._collect()
@@ -222,11 +219,6 @@ class SegmentLog:
         while self.flight and self.acked.get(self.flight[0].key, 0) >= self.flight[0].last_seq:
             self.flight_bytes -= self.flight.popleft().size_bytes
         self._collect()
-
-    def sent_up_to(self, era: int, stream_id: int) -> int:
-        """The newest number that was taken since the last rewind, or acknowledged."""
-        key = (era, stream_id)
-        return max(self.acked.get(key, 0), self._sent.get(key, 0))
 
     # -- what it holds ----------------------------------------------------------------------------------------------
 

@@ -11,7 +11,8 @@ a log is under way.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import contextlib
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import NamedTuple
 
 from edge_agent.errors import BehindError, DiskError, DiskFullError
@@ -93,8 +94,7 @@ class Outbox:
         self.lost = dict.fromkeys(classes, 0)  # samples that became gaps since the program started
         self.writer = writer
         self.state = self._open()
-        self.state.add_writer(writer)
-        self._save()
+        self._save(self.state.with_writer(writer))
         self.ids = IdLog(disk, held={held.stream_id & CHANNEL_MASK for held in self.ranges()} - {0})
 
     # -- what came in -----------------------------------------------------------------------------------------------
@@ -261,20 +261,24 @@ class Outbox:
             self.logs[name].rewind(dict(self.logs[name].acked))
 
     def relabel(self) -> None:
-        """Put everything that is held under new epochs: another outbox has spoken under the old ones."""
+        """Put everything that is held under new epochs: another outbox has spoken under the old ones.
+
+        Raises:
+            DiskError: it could not be noted; nothing has changed.
+        """
         bases: dict[int, dict[int, int]] = {}
         for log in self.logs.values():
             for era, stream in log.streams():
                 bases.setdefault(era, {})[stream] = log.first_held(era, stream) - 1
-        self.state.relabel(self._new_epoch, bases)
-        self._save()
+        self._save(self.state.relabelled(self._new_epoch, bases))
 
-    def welcomed(self) -> None:
-        """The gateway knows this writer now."""
-        if self.state.writers != [self.writer]:
-            self.state.writers = [self.writer]
-            self.state.forget_eras({segment.header.era for log in self.logs.values() for segment in log.segments})
-            self._save()
+    def writers_stored(self, stored: Collection[str]) -> None:
+        """The gateway's store has these writers of our epochs: those before them need not be named any more."""
+        held = {segment.header.era for log in self.logs.values() for segment in log.segments}
+        state = self.state.known(stored, held)
+        if state != self.state:
+            with contextlib.suppress(DiskError):  # then the list stays long for now
+                self._save(state)
 
     def take(self, name: LogName) -> Taken | None:
         """The next frame of a log to send."""
@@ -285,16 +289,17 @@ class Outbox:
         return self.state.epochs[era]
 
     def acknowledge(self, stream_id: int, epoch: int, seq: int) -> None:
-        """The gateway has a stream up to `seq`; FrameError for what was never sent on this session."""
+        """The gateway has a stream up to `seq`, sent now or earlier; FrameError for what was never accepted."""
         era = next((era for era, known in self.state.epochs.items() if known == epoch), None)
         name = self._log_of.get(stream_id)
         if era is None or name is None:
             return
         log = self.logs[name]
-        if seq > (sent := log.sent_up_to(era, stream_id)):
+        last = log.last_of(era, self.state.era).get(stream_id, 0)
+        if seq > last:
             if (era, stream_id) not in log.streams():
                 return  # of an era that is over, and of which nothing is held
-            raise FrameError(f"ack of {seq} on stream {stream_id}, sent was {sent}")
+            raise FrameError(f"ack of {seq} on stream {stream_id}, accepted was {last}")
         log.acknowledge(era, stream_id, seq)
 
     def depth(self, delivery: str) -> Depth:
@@ -332,14 +337,15 @@ class Outbox:
             self._log_of.update({stream: name for _, stream in log.streams()})
         return state
 
-    def _save(self) -> None:
-        """Save the state, with the reserve's space where there is no other."""
+    def _save(self, state: OutboxState) -> None:
+        """Save a new state, with the reserve's space where there is no other, and only then go by it."""
         try:
-            self.state.save(self._disk)
+            state.save(self._disk)
         except DiskFullError:
             if not self.release_reserve():
                 raise
-            self.state.save(self._disk)
+            state.save(self._disk)
+        self.state = state
 
     def _segment_bytes(self, name: LogName) -> int:
         return max(64 * 1024, min(self._limits.outbox_segment_bytes, self._policy(name).quota_bytes // 8))

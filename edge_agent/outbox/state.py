@@ -8,8 +8,8 @@ what a directory does that was copied, when its twin has already spoken under th
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field, replace
 
 from edge_agent.outbox.disk import Disk
 
@@ -58,20 +58,20 @@ class OutboxState:
         """Another era after the present one."""
         self.epochs[max(self.epochs, default=0) + 1] = fresh(new_epoch)
 
-    def relabel(self, new_epoch: Callable[[], int], bases: dict[int, dict[int, int]]) -> None:
-        """Give every era another epoch, in which each stream begins after its number in `bases`."""
-        for era in self.epochs:
-            self.epochs[era] = fresh(new_epoch)
-        self.bases = bases
+    def relabelled(self, new_epoch: Callable[[], int], bases: dict[int, dict[int, int]]) -> OutboxState:
+        """With another epoch for every era, in which each stream begins after its number in `bases`."""
+        return replace(self, epochs={era: fresh(new_epoch) for era in self.epochs}, bases=bases)
 
-    def forget_eras(self, held: set[int]) -> None:
-        """Eras of which nothing is held and that are over."""
-        self.epochs = {era: epoch for era, epoch in self.epochs.items() if era in held or era == self.era}
-        self.bases = {era: streams for era, streams in self.bases.items() if era in self.epochs}
-
-    def add_writer(self, writer: str) -> None:
+    def with_writer(self, writer: str) -> OutboxState:
         """A process begins to write; the one that the gateway knows is kept."""
-        self.writers = [*self.writers[:1], *self.writers[1:][-(_WRITERS - 2) :], writer]
+        return replace(self, writers=[*self.writers[:1], *self.writers[1:][-(_WRITERS - 2) :], writer])
+
+    def known(self, stored: Collection[str], held: Collection[int]) -> OutboxState:
+        """The gateway has these writers in store: those before them, and eras of which nothing is held, go."""
+        places = [self.writers.index(writer) for writer in stored if writer in self.writers]
+        epochs = {era: epoch for era, epoch in self.epochs.items() if era in held or era == self.era}
+        bases = {era: streams for era, streams in self.bases.items() if era in epochs}
+        return OutboxState(epochs, self.writers[min(places, default=0) :], bases)
 
 
 def fresh(new_epoch: Callable[[], int]) -> int:

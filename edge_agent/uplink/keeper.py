@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable
 
 from edge_agent.commands import Commands
-from edge_agent.errors import RefusedError
+from edge_agent.errors import DiskError, RefusedError
 from edge_agent.store_id import StoreId
 from edge_agent.teleop import Teleop
 from edge_agent.uplink.lane import Compression
@@ -88,7 +88,10 @@ class SessionKeeper:
         self.facts.reconnects += 1
         if isinstance(error, RefusedError) and error.reason == "forked":
             LOG.warning("another copy of this outbox has spoken to the gateway: what is held goes under a new epoch")
-            self._queues.outbox.relabel()
+            try:
+                self._queues.outbox.relabel()
+            except DiskError as failed:  # the gateway will say so again
+                LOG.error("%s", failed)
         self._teleop.link_lost()
         self._queues.channels.demand({})
         self._queues.live.clear()

@@ -137,6 +137,8 @@ class Links:
         """A commit is done: move the stored watermarks and acknowledge, one Ack a robot."""
         newest: dict[str, dict[tuple[int, int], int]] = {}
         for write in writes:
+            if isinstance(write, WriterWrite) and (streams := self._registry.get(write.robot).streams) is not None:
+                streams.commit_writer(write.epoch, write.writer)
             if isinstance(write, StreamWrite):
                 seqs = newest.setdefault(write.robot, {})
                 key = (write.stream_id, write.epoch)

@@ -206,6 +206,7 @@ class Session:
             window_bytes=self._limits.window_bytes,
             window_batches=self._limits.window_batches,
             heartbeat_s=self._limits.heartbeat_s,
+            stored_writers=self._streams.stored_writers(hello),
         )
         return link_pb2.GatewayFrame(welcome=welcome)
 

@@ -37,6 +37,7 @@ class StreamTable:
         max_streams: int = 65536,
     ) -> None:
         self.writers: dict[int, str] = dict(writers or {})
+        self._stored_writers: dict[int, str] = dict(writers or {})
         self._stored: dict[Key, int] = dict(stored or {})
         self._accepted: dict[Key, int] = dict(self._stored)
         self._max_streams = max_streams
@@ -85,6 +86,14 @@ class StreamTable:
         """Whether another copy of the agent's outbox has spoken under one of its epochs."""
         known = {self.writers.get(state.epoch) for state in hello.streams} - {None}
         return bool(hello.writers) and not known <= set(hello.writers)
+
+    def commit_writer(self, epoch: int, writer: str) -> None:
+        """A commit with this writer is done."""
+        self._stored_writers[epoch] = writer
+
+    def stored_writers(self, hello: link_pb2.Hello) -> set[str]:
+        """The writers of the agent's epochs that are stored."""
+        return {writer for state in hello.streams if (writer := self._stored_writers.get(state.epoch)) is not None}
 
     def written_by(self, hello: link_pb2.Hello) -> dict[int, str]:
         """Note the agent's process as the writer of its epochs; those of which that is new."""
