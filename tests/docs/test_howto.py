@@ -17,7 +17,7 @@ PAGES = sorted(HOWTO.glob("*.md"))
 RUN = [page for page in PAGES if commands_of(page.read_text())]
 ALONE = {"run_a_fleet.md"}  # it starts its own robots
 LOOKS = re.compile(r"metaros (topic|node|service|action|graph|top|doctor|status) (?!pub|call|send_goal)")
-SLOW = {"look_around.md", "run_a_fleet.md", "services_and_actions.md", "topics.md"}
+SLOW = {"launch_a_robot.md", "look_around.md", "run_a_fleet.md", "services_and_actions.md", "topics.md"}
 
 
 @pytest.fixture
