@@ -119,7 +119,11 @@ def test_a_damaged_chunk_is_named_and_passed_over(tmp_path: Path) -> None:
 def test_what_is_no_recording(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"hello")
     (tmp_path / "empty").mkdir()
-    for place, text in ((tmp_path / "a.mcap", "no MCAP"), (tmp_path / "empty", "no .mcap"), (tmp_path / "x", "no such")):
+    for place, text in (
+        (tmp_path / "a.mcap", "no MCAP"),
+        (tmp_path / "empty", "no .mcap"),
+        (tmp_path / "x", "no such"),
+    ):
         with pytest.raises(RecordingError, match=text):
             open_bag(place)
 
