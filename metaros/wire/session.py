@@ -1,9 +1,9 @@
 """One Zenoh session set up as rmw_zenoh sets up its own: a peer that finds others through the router.
 
 Environment, under ROS's own names: `ROS_DOMAIN_ID`, `ZENOH_SESSION_CONFIG_URI` (a file), `ZENOH_CONFIG_OVERRIDE`
-(`key=value;key=value`, JSON5 values), and ours: `METAROS_ZENOH_PORT`, `METAROS_SHARED_MEMORY`. What a program passes wins over the
-environment. Zenoh's threads are one receive and one send worker for the whole process, unless `ZENOH_RUNTIME` says
-otherwise.
+(`key=value;key=value`, JSON5 values), and ours: `METAROS_ZENOH_PORT`, `METAROS_SHARED_MEMORY`. What a program passes
+wins over the environment. Zenoh's threads are one receive and one send worker for the whole process, unless
+`ZENOH_RUNTIME` says otherwise.
 """
 
 from __future__ import annotations

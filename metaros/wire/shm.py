@@ -8,7 +8,7 @@ memory, get the bytes as ever. Where the pool has no room, or cannot be had, the
 from __future__ import annotations
 
 import logging
-import os
+import shutil
 import sys
 import threading
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ __all__ = ["SharedPool", "shared_pool"]
 _log = logging.getLogger("metaros.wire")
 _ENV: Final = "METAROS_SHARED_MEMORY"
 _MODES: Final = ("off", "auto")
-_FILES: Final = "/dev/shm"  # noqa: S108 - where Linux keeps POSIX shared memory, not a temporary file of ours
+_FILES: Final = "/dev/shm"
 
 
 def shared_pool(mode: str | None, environ: Mapping[str, str]) -> SharedPool | None:
@@ -84,13 +84,12 @@ class SharedPool:
 
     def _open(self) -> zenoh.shm.ShmProvider:
         """Writing to a page that the file system has no room for ends a process, so ask beforehand."""
-        free = os.statvfs(_FILES)
-        free_bytes = free.f_bavail * free.f_frsize
+        free_bytes = shutil.disk_usage(_FILES).free
         if free_bytes < 2 * self.size_bytes:
             raise MemoryError(f"{_FILES} has {free_bytes} bytes left, a pool takes {self.size_bytes}")
         try:
             return zenoh.shm.ShmProvider.default_backend(self.size_bytes)
-        except zenoh.ZError as error:
+        except zenoh.ZError as error:  # such as more locked memory than the system lets a process have
             raise MemoryError(str(error)) from None
 
     def close(self) -> None:
