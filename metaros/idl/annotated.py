@@ -33,11 +33,13 @@ T = TypeVar("T")
 
 
 @overload
-def message(cls: type[T], /) -> type[T]: ...
+def message(cls: type[T], /) -> type[T]:
+    """`@message` alone."""
 
 
 @overload
-def message(*, name: str = "", catalogue: Catalogue | None = None) -> Callable[[type[T]], type[T]]: ...
+def message(*, name: str = "", catalogue: Catalogue | None = None) -> Callable[[type[T]], type[T]]:
+    """`@message(name=…)`."""
 
 
 @dataclass_transform(kw_only_default=True, field_specifiers=(dataclass_field,))
