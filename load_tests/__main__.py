@@ -16,6 +16,7 @@ BENCHMARKS = {
     "ingest": "metric rows and samples through a real gateway",
     "peers": "Meta-ROS beside raw zenoh, cyclonedds-python, pyzmq, metaros 1.1.5 and rospy",
     "pubsub": "typed publish and receive against raw eclipse-zenoh",
+    "record": "MCAP writers beside a plain file, PyPI's mcap and rosbags; a recorder on the wire",
     "restart": "kill -9 of a supervised node to the first message of its replacement, against bare python with zenoh",
     "service": "service round trips and action goals against raw eclipse-zenoh queries",
     "timer": "how late timers are called, per executor",
