@@ -13,7 +13,7 @@ from load_tests.peers.goals import Verdict, judge, ratio
 from load_tests.peers.results import Cell, Results
 from load_tests.peers.rows import ROWS, size_name
 
-__all__ = ["COST", "SPEED", "TITLES", "as_markdown", "as_terminal", "cost_cells", "speed_cells"]
+__all__ = ["COST", "SPEED", "TITLES", "as_markdown", "as_terminal", "cost_cells", "print_results", "speed_cells"]
 
 SPEED = ("msg/s", "min..max", "÷ raw", "arrived", "RTT p50 µs", "p99 µs")
 COST = ("CPU µs pub+sub", "threads", "resident MiB", ".so MiB", "wire ÷ payload", "alone +B", "20 subs: threads")
@@ -105,7 +105,7 @@ def _footer(results: Results) -> list[str]:
     """What the figures are, in words."""
     machine, (busy, runs) = results.machine, results.disturbed()
     lines = [
-        f"medians of {results.rounds} interleaved rounds of {results.seconds:g} s, two processes over loopback; "
+        f"medians of {results.done} interleaved rounds of {results.seconds:g} s, two processes over loopback; "
         f"{machine['cores']} × {machine['cpu']}, Python {machine['python']}, eclipse-zenoh {machine['zenoh']}",
         "raw: zenoh with a 33-byte attachment; alone +B: bytes on the wire beyond the payload of one message by itself",
     ]

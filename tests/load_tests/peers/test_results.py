@@ -37,6 +37,7 @@ def test_results_survive_the_file(tmp_path: Path) -> None:
     loaded = Results.load(tmp_path / "deep" / "results.json")
     assert loaded == results
     assert loaded.disturbed() == (1, 2)
+    assert (loaded.rounds, loaded.done) == (5, 1)
     assert loaded.median(64, "nobody", "rate") is None
 
 
