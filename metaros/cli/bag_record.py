@@ -221,7 +221,7 @@ def _clear() -> str:
 
 def _conclude(out: Output, path: Path, report: RecordingReport) -> None:
     """What there is now, and what is missing."""
-    from metaros.cli.bag_view import missing_lines
+    from metaros.cli.bag_view import missing_text
     from metaros.cli.output import human_bytes
 
     if out.json:
@@ -240,7 +240,7 @@ def _conclude(out: Output, path: Path, report: RecordingReport) -> None:
         sys.stderr.write(_clear())
     files = f", {len(report.files)} files" if len(report.files) > 1 else ""
     out.line(f"{path}: {report.written} messages of {report.topics} topics, {human_bytes(report.size_bytes)}{files}")
-    for line in missing_lines(report.missing):
-        out.line(line)
+    if missing := missing_text(report.missing):
+        out.line(f"missing: {missing}; `metaros bag info` tells which")
     if report.malformed:
         out.line(f"{report.malformed} samples without a sound attachment were passed over")
