@@ -192,7 +192,7 @@ def test_the_definition_says_it_all() -> None:
         "float32[] temps",
         "bool[<=3] flags",
         "float64[3] xyz [1.0, 2.0, 3.0]",
-        "uint16[] ids []",
+        "uint16[] ids",
         "float32[6] grid",
         "float64[] rows",
         "string<=5[] names",
@@ -203,6 +203,19 @@ def test_the_definition_says_it_all() -> None:
     assert message_class("tests/msg/Battery") is Battery
     assert catalogue_of("tests/msg/Battery", Battery.__metaros_hash__) is not None
     assert catalogue_of("tests/msg/Battery", "RIHS01_" + "0" * 64) is None
+
+
+def test_defaults_that_no_msg_file_holds_stay_in_python() -> None:
+    @metaros.message(catalogue=Catalogue())
+    class Far:
+        range_max: float = float("inf")
+        unknown: metaros.float32 = float("nan")
+        text: str = 'a "quote", a \\ and\na line'
+        pair: tuple[float, ...] = (1.0, float("nan"))
+
+    text = schema_text(Far.__metaros_name__, Far.__metaros_catalogue__)
+    assert text.startswith('float64 range_max\nfloat32 unknown\nstring text "a ')
+    assert (Far().range_max, Far().pair[0], Far().text) == (float("inf"), 1.0, 'a "quote", a \\ and\na line')
 
 
 def test_inheritance_super_and_post_init() -> None:
