@@ -13,11 +13,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import metaros
 from metaros.cdr import codec
 from metaros.errors import DecodeError, FieldError
-from metaros.idl import Catalogue, catalogue_of, message_class, schema_text
+from metaros.idl import Catalogue, catalogue_of, definition_text, message_class, schema_text
 from metaros.idl.annotated_names import field_name
 from metaros.idl.json import from_json, to_json
 from metaros.interfaces.geometry_msgs.msg import Point
@@ -388,3 +389,17 @@ def test_any_value_crosses(battery: Battery) -> None:
     assert through(battery) == battery
     by_name = codec("tests/msg/Battery").decode(codec(Battery).encode(battery))
     assert by_name == battery
+
+
+def test_rosbags_reads_the_definition_and_agrees_on_the_hash() -> None:
+    home = Battery.__metaros_catalogue__
+    store = get_typestore(Stores.EMPTY)
+    types: dict[str, Any] = {}
+    for name in ("tests/msg/Battery", *home.dependencies("tests/msg/Battery")):
+        types.update(get_types_from_msg(definition_text(home.get(name)), name))
+    store.register(types)
+    assert store.hash_rihs01("tests/msg/Battery") == Battery.__metaros_hash__
+    data = codec(Battery).encode(Battery(names=["a"], temps=[1.5], ids=(3, 4)))
+    heard = store.deserialize_cdr(data, "tests/msg/Battery")
+    assert (heard.colour, heard.temps.tolist(), heard.ids.tolist(), heard.label) == ("blue", [1.5], [3, 4], "hi")
+    assert bytes(store.serialize_cdr(heard, "tests/msg/Battery")) == data
