@@ -13,6 +13,7 @@ from edge_agent.channels import Channels
 from edge_agent.commands import Commands
 from edge_agent.config import Settings
 from edge_agent.drive_guard import DriveGuard
+from edge_agent.host_turn import host_turn, turn_path
 from edge_agent.live import LiveQueue
 from edge_agent.metrics import publish_host
 from edge_agent.outbox import Outbox
@@ -57,22 +58,25 @@ async def run_agent(settings: Settings, *, clock: Clock | None = None) -> None:
             node = stack.enter_context(
                 Node(NODE_NAME, namespace=settings.namespace, context=context, enable_parameters=False)
             )
-            host = None
-            if settings.host_metrics:
-                host = stack.enter_context(
-                    Node(
-                        HOST_NODE_NAME,
-                        namespace=settings.namespace,
-                        context=context,
-                        enable_rosout=False,
-                        enable_parameters=False,
-                    )
-                )
-            await run_parts(settings, node, host, clock)
+            await run_parts(settings, node, clock)
 
 
-async def run_parts(settings: Settings, node: Node, host: Node | None, clock: Clock) -> None:
-    """Build the parts on their nodes and run them in one task group."""
+async def run_host(settings: Settings, context: Context, channels: Channels, clock: Clock) -> None:
+    """Publish this host's metrics, when it is our turn, as a node of their own."""
+    path = turn_path(zenoh_port=settings.zenoh_port, domain=context.domain_id, namespace=settings.namespace)
+    async with host_turn(path):
+        with Node(
+            HOST_NODE_NAME,
+            namespace=settings.namespace,
+            context=context,
+            enable_rosout=False,
+            enable_parameters=False,
+        ) as host:
+            await publish_host(host, channels, clock)
+
+
+async def run_parts(settings: Settings, node: Node, clock: Clock) -> None:
+    """Build the parts on their node and run them in one task group."""
     rng = system_rng()
     scope = Scope(settings.namespace, settings.exclude)
     queues = Queues(
@@ -101,8 +105,8 @@ async def run_parts(settings: Settings, node: Node, host: Node | None, clock: Cl
             async with asyncio.TaskGroup() as group:
                 group.create_task(uplink.run())
                 group.create_task(teleop.run())
-                if host is not None:
-                    group.create_task(publish_host(host, queues.channels, clock))
+                if settings.host_metrics:
+                    group.create_task(run_host(settings, node.context, queues.channels, clock))
     finally:
         tap.close()
         await commands.close()
