@@ -22,6 +22,7 @@ from urllib.parse import unquote, urlsplit
 import zenoh
 
 from metaros.errors import ClosedError, ConfigError, NameError_
+from metaros.wire.allocator import keep_large_blocks
 from metaros.wire.keys import parse_domain
 from metaros.wire.shm import shared_pool
 
@@ -151,6 +152,7 @@ class WireSession:
     ) -> None:
         environ = os.environ if environ is None else environ
         self.domain = parse_domain(str(domain_id)) if domain_id is not None else domain_from(environ)
+        keep_large_blocks(environ)
         self.shared_pool = shared_pool(shared_memory, environ)
         config = session_config(
             environ,
