@@ -16,7 +16,7 @@ from mcap.records import Channel
 
 from metaros.cdr import codec
 from metaros.errors import MetarosError, RecordingError
-from metaros.idl import Catalogue, add_schema_text, default_catalogue
+from metaros.idl import Catalogue, add_schema_text, catalogue_of, default_catalogue
 from metaros.idl.globs import Glob
 from metaros.record.bag_index import FileIndex, read_chunk, read_index, records_of
 from metaros.record.ledger import GAPS
@@ -217,12 +217,13 @@ def _messages(
 
 
 def _decoder(topic: BagTopic) -> Callable[[bytes], Any]:
-    """From the schema in the file, so that an old recording is read as it was meant."""
+    """From the type of that very hash, or the schema in the file: an old recording is read as it was meant."""
     if topic.encoding != "cdr":
         raise RecordingError(f"{topic.name} is encoded as {topic.encoding!r}, which is not read here")
-    catalogue = Catalogue(base=default_catalogue())
+    known = catalogue_of(topic.type_name, topic.type_hash) if topic.type_hash else None
+    catalogue = known or Catalogue(base=default_catalogue())
     try:
-        if topic.schema:
+        if topic.schema and known is None:
             add_schema_text(topic.type_name, topic.schema, catalogue)
         return codec(topic.type_name, catalogue).decode
     except MetarosError as error:

@@ -5,15 +5,13 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
-import pytest
 from rosbags.highlevel import AnyReader
 
 import metaros
-from metaros.idl import Catalogue, default_catalogue, parse_definition, type_description, type_hash
+from metaros.idl import default_catalogue, type_hash
 from metaros.record import Recorder, open_bag
-from metaros.record.schemas import _from_fields, _from_sources, known_schema
+from metaros.record.schemas import find_schema, known_schema
 from tests.support.waiting import wait_until
 
 PART = "# how warm\nfloat32[<=3] values [1.5]\nstring<=8 label\n"
@@ -38,59 +36,23 @@ with metaros.Context(connect=sys.argv[1]) as context, metaros.Node("oven", conte
 """
 
 
-def answer(catalogue: Catalogue, *, sources: bool) -> SimpleNamespace:
-    """What `get_type_description` says of the oven."""
-
-    def part(item: dict) -> SimpleNamespace:
-        fields = [SimpleNamespace(name=f["name"], type=SimpleNamespace(**f["type"])) for f in item["fields"]]
-        return SimpleNamespace(type_name=item["type_name"], fields=fields)
-
-    described = type_description("heat_pkg/msg/Oven", catalogue)
-    texts = {
-        "heat_pkg/msg/Oven": WHOLE,
-        "heat_pkg/msg/Part": PART,
-        "std_msgs/msg/Header": "builtin_interfaces/Time stamp\nstring frame_id\n",
-        "builtin_interfaces/msg/Time": "int32 sec\nuint32 nanosec\n",
-    }
-    return SimpleNamespace(
-        type_description=SimpleNamespace(
-            type_description=part(described["type_description"]),
-            referenced_type_descriptions=[part(item) for item in described["referenced_type_descriptions"]],
-        ),
-        type_sources=[
-            SimpleNamespace(type_name=name, encoding="msg", raw_file_contents=text)
-            for name, text in (texts.items() if sources else ())
-        ],
-    )
-
-
-@pytest.fixture
-def catalogue() -> Catalogue:
-    made = Catalogue(base=default_catalogue())
-    made.add(parse_definition(PART, "heat_pkg/msg/Part"))
-    made.add(parse_definition(WHOLE, "heat_pkg/msg/Oven"))
-    return made
-
-
-def test_text_from_sources_and_from_fields(catalogue: Catalogue) -> None:
-    wanted = type_hash("heat_pkg/msg/Oven", catalogue)
-    text = _from_sources("heat_pkg/msg/Oven", wanted, answer(catalogue, sources=True))
-    assert "# how warm" in text
-    assert "MSG: heat_pkg/Part\n" in text
-    assert _from_sources("heat_pkg/msg/Oven", wanted, answer(catalogue, sources=False)) == ""
-    assert _from_sources("heat_pkg/msg/Oven", "RIHS01_" + "0" * 64, answer(catalogue, sources=True)) == ""
-    written = _from_fields("heat_pkg/msg/Oven", wanted, answer(catalogue, sources=False))
-    assert "heat_pkg/Part[2] parts\n" in written
-    assert "float32[<=3] values\n" in written
-    assert _from_fields("heat_pkg/msg/Oven", "RIHS01_" + "0" * 64, answer(catalogue, sources=False)) == ""
-
-
 def test_the_catalogue_knows_only_the_same_hash() -> None:
     name = "std_msgs/msg/String"
     assert known_schema(name, type_hash(name)) == "string data\n"
     assert known_schema(name, "TypeHashNotSupported") == "string data\n"
     assert known_schema(name, "RIHS01_" + "0" * 64) == ""
     assert known_schema("nobody/msg/Knows", "RIHS01_" + "0" * 64) == ""
+
+
+def test_nobody_to_ask(zenoh_router: str) -> None:
+    with (
+        metaros.Context(connect=zenoh_router) as context,
+        metaros.Node("asker", context=context, enable_rosout=False, enable_parameters=False) as node,
+    ):
+        text, reason = find_schema(node, "nobody/msg/Knows", "RIHS01_" + "0" * 64)
+    assert text == ""
+    assert "nobody/msg/Knows" in reason
+    assert "\n" not in reason
 
 
 def test_a_type_of_another_process(zenoh_router: str, tmp_path: Path) -> None:
@@ -108,7 +70,7 @@ def test_a_type_of_another_process(zenoh_router: str, tmp_path: Path) -> None:
     assert told == []
     assert "heat_pkg/msg/Oven" not in default_catalogue()
     (topic,) = open_bag(tmp_path / "run").topics
-    assert "# how warm" in topic.schema or "float32[<=3] values" in topic.schema
+    assert "MSG: heat_pkg/Part\nfloat32[<=3] values [1.5]\n" in topic.schema
     messages = [message.decode() for message in open_bag(tmp_path / "run").messages()]
     assert [m.parts[1].label for m in messages] == ["b"] * len(messages)
     with AnyReader([tmp_path / "run"]) as reader:
