@@ -9,6 +9,7 @@ from queue import SimpleQueue
 
 import pytest
 import zenoh
+from mcap.writer import Writer
 
 import metaros
 from metaros.clock import SystemClock
@@ -113,6 +114,16 @@ def test_the_recordings_clock(bag: Path, contexts: tuple) -> None:
         times = [decode(sample.payload.to_bytes()).clock for sample in ears.wait(10)]
     assert times[0].sec * 10**9 + times[0].nanosec == START_NS
     assert [t.sec * 10**9 + t.nanosec for t in times] == [START_NS + n * 10**8 for n in range(10)]
+
+
+def test_topics_that_are_no_cdr(contexts: tuple, tmp_path: Path) -> None:
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2")
+        writer.add_message(writer.register_channel("/j", "json", 0), 6, b"{}", 6, 1)
+        writer.finish()
+    with pytest.raises(RecordingError, match="/j is not encoded as CDR"):
+        Player(contexts[1], tmp_path / "a.mcap")
 
 
 def test_what_cannot_be_played(bag: Path, contexts: tuple) -> None:
