@@ -14,6 +14,7 @@ BENCHMARKS = {
     "cdr": "CDR encode and decode against rosbags",
     "executor": "shares of the fair executor and a critical node's timer beside them",
     "ingest": "metric rows and samples through a real gateway",
+    "memory": "resident size over an hour of 1 kHz, accelerated, and over images in shared memory",
     "peers": "Meta-ROS beside raw zenoh, cyclonedds-python, pyzmq, metaros 1.1.5 and rospy",
     "pubsub": "typed publish and receive against raw eclipse-zenoh",
     "record": "MCAP writers beside a plain file, PyPI's mcap and rosbags; a recorder on the wire",
