@@ -21,7 +21,7 @@ from metaros.errors import DecodeError, FieldError
 from metaros.idl import Catalogue, catalogue_of, definition_text, message_class, schema_text
 from metaros.idl.annotated_names import field_name
 from metaros.idl.json import from_json, to_json
-from metaros.interfaces.geometry_msgs.msg import Point
+from metaros.interfaces.geometry_msgs.msg import Point, Vector3
 from metaros.interfaces.std_msgs.msg import Header
 
 
@@ -403,3 +403,16 @@ def test_rosbags_reads_the_definition_and_agrees_on_the_hash() -> None:
     heard = store.deserialize_cdr(data, "tests/msg/Battery")
     assert (heard.colour, heard.temps.tolist(), heard.ids.tolist(), heard.label) == ("blue", [1.5], [3, 4], "hi")
     assert bytes(store.serialize_cdr(heard, "tests/msg/Battery")) == data
+
+
+def test_a_shipped_type_rebuilt_keeps_its_shipped_class_for_all_others() -> None:
+    @metaros.message(name="geometry_msgs/msg/Accel")
+    class Accel:
+        linear: Vector3
+        angular: Vector3
+
+    shipped = message_class("geometry_msgs/msg/Accel")
+    assert shipped is not Accel
+    assert shipped.__metaros_hash__ == Accel.__metaros_hash__
+    assert type(through(Accel())) is Accel
+    assert type(through(shipped())) is shipped
