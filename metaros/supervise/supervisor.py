@@ -153,6 +153,7 @@ class Supervisor:
         if process is None or child.asked:
             return
         child.asked = reason
+        child.ready.clear()  # those that are restarted with it wait for the next one
         process.ask_to_end()
         asyncio.get_running_loop().call_later(child.launch.stop_grace_s, process.kill_if_running)
 
@@ -168,6 +169,7 @@ class Supervisor:
             if child.asked:  # our own doing: no fault of its own
                 self._tell(child, EventKind.RESTARTING, child.asked)
                 child.asked = ""
+                self._take_along(child)
             elif not await self._after_death(child, exit_):
                 return
             child.restarts += 1
