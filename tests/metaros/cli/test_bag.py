@@ -86,6 +86,7 @@ def test_errors(bag_run: Run, tmp_path: Path) -> None:
     for arguments, code, text in (
         (("info", str(tmp_path / "no")), 1, "no such recording"),
         (("record",), 2, "what is to be recorded?"),
+        (("play", str(tmp_path), "--start-paused"), 2, "needs a terminal"),
         (("play", str(tmp_path), "--zenoh-port", "1"), 1, "router"),
     ):
         done = bag_run(*arguments)
