@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from tests.support.ports import free_port
 from tests.support.waiting import wait_until
 
@@ -33,6 +35,7 @@ def test_a_robot_whose_consumer_hears_its_driver(tmp_path: Path) -> None:
         assert running.wait(LONG_S) == 0
 
 
+@pytest.mark.slow
 def test_a_crash_loop_ends_in_quarantine_and_a_bystander_hears_of_it(tmp_path: Path) -> None:
     running = launch("crash_loop.toml", tmp_path)
     try:
