@@ -53,7 +53,7 @@ async def run_until_signal(settings: Settings) -> None:
 async def run_agent(settings: Settings, *, clock: Clock | None = None) -> None:
     """Tap, queues, uplink, commands and host metrics around one Zenoh session; until cancelled."""
     clock = clock or SystemClock()
-    with Context(connect=[f"tcp/127.0.0.1:{settings.zenoh_port}"], clock=clock) as context:
+    with Context(connect=[f"tcp/127.0.0.1:{settings.zenoh_port}"], clock=clock, shared_memory="off") as context:
         with contextlib.ExitStack() as stack:
             node = stack.enter_context(
                 Node(NODE_NAME, namespace=settings.namespace, context=context, enable_parameters=False)

@@ -34,18 +34,18 @@ _IMAGE_BYTES = 256 << 10
 _TOPIC = "/bench_memory"
 
 
-@metaros.message(name="bench_interfaces/msg/Reading")
-class Reading:
-    """What a sensor says a thousand times a second."""
-
-    stamp_ns: int = 0
-    frame_id: str = ""
-    values: list[float] = field(default_factory=list)
-
-
 def message_of(kind: str) -> Any:
-    """What is published."""
+    """What is published; the type is made in the two processes only, since whoever makes one has it in its catalogue."""
     if kind == "typed":
+
+        @metaros.message(name="bench_interfaces/msg/Reading")
+        class Reading:
+            """What a sensor says a thousand times a second."""
+
+            stamp_ns: int = 0
+            frame_id: str = ""
+            values: list[float] = field(default_factory=list)
+
         return Reading(stamp_ns=1, frame_id="base_link", values=[0.5] * 8)
     return Image(height=512, width=512, step=512, encoding="mono8", data=bytes(_IMAGE_BYTES))
 

@@ -21,7 +21,7 @@ import zenoh.shm
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS
 
-__all__ = ["SharedPool", "shared_pool"]
+__all__ = ["SharedPool", "intact", "shared_pool"]
 
 _log = logging.getLogger("metaros.wire")
 _ENV: Final = "METAROS_SHARED_MEMORY"
@@ -35,6 +35,15 @@ def shared_pool(mode: str | None, environ: Mapping[str, str]) -> SharedPool | No
     if chosen not in _MODES:
         raise ConfigError(f"{source}: {chosen!r} is none of {', '.join(_MODES)}")
     return SharedPool() if chosen == "auto" and sys.platform == "linux" else None
+
+
+def intact(payload: zenoh.ZBytes) -> bool:
+    """Whether bytes that were copied from the payload just now are what was sent; ask after copying, for large ones.
+
+    A publisher takes shared memory back from a process that did not run for a while, as one that a debugger stopped.
+    """
+    shared = payload.as_shm()
+    return shared is None or shared.is_valid()
 
 
 class SharedPool:
