@@ -35,7 +35,7 @@ _TOPIC = "/bench_memory"
 
 
 def message_of(kind: str) -> Any:
-    """What is published; the type is made in the two processes only, since whoever makes one has it in its catalogue."""
+    """What is published. The type is made in the two processes only: its maker has it in its catalogue."""
     if kind == "typed":
 
         @metaros.message(name="bench_interfaces/msg/Reading")
