@@ -14,6 +14,7 @@ from edge_agent.channels import Channels
 from edge_agent.commands import Commands
 from edge_agent.config import Settings
 from edge_agent.drive_guard import DriveGuard
+from edge_agent.host_turn import host_turn, turn_path
 from edge_agent.live import LiveQueue
 from edge_agent.metrics import publish_host
 from edge_agent.outbox import OsDisk, Outbox, OutboxWriter
@@ -57,27 +58,33 @@ async def run_agent(settings: Settings, *, clock: Clock | None = None) -> None:
     """Tap, queues, uplink, commands and host metrics around one Zenoh session; until cancelled."""
     clock = clock or SystemClock()
     state_dir = settings.state_dir or default_state_dir(settings.name)
-    with locked(state_dir), Context(connect=[f"tcp/127.0.0.1:{settings.zenoh_port}"], clock=clock) as context:
+    with (
+        locked(state_dir),
+        Context(connect=[f"tcp/127.0.0.1:{settings.zenoh_port}"], clock=clock, shared_memory="off") as context,
+    ):
         with contextlib.ExitStack() as stack:
             node = stack.enter_context(
                 Node(NODE_NAME, namespace=settings.namespace, context=context, enable_parameters=False)
             )
-            host = None
-            if settings.host_metrics:
-                host = stack.enter_context(
-                    Node(
-                        HOST_NODE_NAME,
-                        namespace=settings.namespace,
-                        context=context,
-                        enable_rosout=False,
-                        enable_parameters=False,
-                    )
-                )
-            await run_parts(settings, state_dir, node, host, clock)
+            await run_parts(settings, state_dir, node, clock)
 
 
-async def run_parts(settings: Settings, state_dir: Path, node: Node, host: Node | None, clock: Clock) -> None:
-    """Build the parts on their nodes and run them in one task group."""
+async def run_host(settings: Settings, context: Context, channels: Channels, clock: Clock) -> None:
+    """Publish this host's metrics, when it is our turn, as a node of their own."""
+    path = turn_path(zenoh_port=settings.zenoh_port, domain=context.domain_id, namespace=settings.namespace)
+    async with host_turn(path):
+        with Node(
+            HOST_NODE_NAME,
+            namespace=settings.namespace,
+            context=context,
+            enable_rosout=False,
+            enable_parameters=False,
+        ) as host:
+            await publish_host(host, channels, clock)
+
+
+async def run_parts(settings: Settings, state_dir: Path, node: Node, clock: Clock) -> None:
+    """Build the parts on their node and run them in one task group."""
     rng = system_rng()
     scope = Scope(settings.namespace, settings.exclude)
     disk = OsDisk(state_dir / "outbox")
@@ -120,8 +127,8 @@ async def run_parts(settings: Settings, state_dir: Path, node: Node, host: Node 
                 group.create_task(writer.run())
                 group.create_task(uplink.run())
                 group.create_task(teleop.run())
-                if host is not None:
-                    group.create_task(publish_host(host, queues.channels, clock))
+                if settings.host_metrics:
+                    group.create_task(run_host(settings, node.context, queues.channels, clock))
     finally:
         tap.close()
         await commands.close()

@@ -24,5 +24,8 @@ class Scope:
         return name.startswith(self._prefix) and not any(glob.matches(name) for glob in self._exclude)
 
     def taps(self, topic: str) -> bool:
-        """Whether a topic is tapped: those in scope, and /rosout, whose samples are then sorted by their sender."""
-        return topic == ROSOUT or self.includes(topic)
+        """Whether a topic is tapped: those in scope, and /rosout, whose samples are then sorted by their sender.
+
+        What is hidden at the root (`/_…`) is no robot's: tools talk to themselves there.
+        """
+        return topic == ROSOUT or (self.includes(topic) and not topic.startswith("/_"))

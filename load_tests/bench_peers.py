@@ -23,18 +23,19 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from load_tests.peers.chart import as_svg
+from load_tests.peers.pair import WARM_UP_S
 from load_tests.peers.results import Cell, Results, ResultsFileError, machine
 from load_tests.peers.rows import QUICK_SIZES, SIZES, Row, UnknownRow, chosen, pings_of, planned, size_name
 from load_tests.peers.tables import as_markdown, print_results
 from load_tests.peers.venvs import FOLDER, ROOT, HomeFailed, python_of
 
-__all__ = ["main", "measure"]
+__all__ = ["QUICK_S", "estimate_s", "main", "measure"]
 
 MIN_ROUNDS = 5
-_QUICK_S = 0.3
+QUICK_S = 0.2
 _PAIR_S = 150  # a pair that takes longer is given up
 _TRIES = 2  # a cell that failed so often is left out of the further rounds
-_STARTS_S = 1.4  # what a cell takes beside its measured time: four processes that start and connect
+_STARTS_S = 1.3  # what a cell takes beside its measured time: four processes that start and connect
 _MANY, _MANY_S = 20, 0.2
 
 Step = Callable[[str], None]
@@ -113,15 +114,16 @@ def _run(job: dict[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _estimate_s(cells: int, rounds: int, seconds: float) -> float:
-    return cells * rounds * (_STARTS_S + 1.5 * seconds + 0.3)
+def estimate_s(cells: int, rounds: int, seconds: float) -> float:
+    """How long such a run takes, roughly."""
+    return cells * rounds * (_STARTS_S + min(WARM_UP_S, seconds) + 1.35 * seconds)
 
 
 def _measure_shown(options: argparse.Namespace, console: Console) -> Results:
     """With a bar on a terminal, with a line a cell elsewhere."""
-    rows = chosen(options.only)
+    rows = chosen(options.only, quick=options.quick)
     cells = len(planned(rows, options.sizes))
-    minutes = _estimate_s(cells, options.rounds, options.seconds) / 60
+    minutes = estimate_s(cells, options.rounds, options.seconds) / 60
     console.print(f"{cells} cells × {options.rounds} rounds, about {max(1, round(minutes))} min", highlight=False)
     total = cells * options.rounds + sum(not row.smallest for row in rows) + len({row.home for row in rows})
     columns = (
@@ -151,7 +153,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m load_tests peers", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="two sizes, short rounds: about three minutes")
     parser.add_argument("--rounds", type=int, default=MIN_ROUNDS, help="interleaved rounds (5)")
-    parser.add_argument("--seconds", type=float, help="measured time a round and cell (1; quick 0.3)")
+    parser.add_argument("--seconds", type=float, help="measured time a round and cell (1; quick 0.2)")
     parser.add_argument("--only", type=comma(str), default=[], help="peers or rows, separated by commas")
     parser.add_argument("--sizes", type=comma(int), help="payload sizes in bytes, separated by commas")
     parser.add_argument("--json", type=Path, help="write the results here")
@@ -164,7 +166,7 @@ def main(argv: Sequence[str] = ()) -> int:
     """Measure and print; exit code 2 for what cannot be asked."""
     parser, console = _parser(), Console()
     options = parser.parse_args(list(argv))
-    options.seconds = options.seconds or (_QUICK_S if options.quick else 1.0)
+    options.seconds = options.seconds or (QUICK_S if options.quick else 1.0)
     options.sizes = options.sizes or list(QUICK_SIZES if options.quick else SIZES)
     if options.rounds < 1 or options.seconds < 0.05 or min(options.sizes) < 1 or max(options.sizes) > 15 << 20:
         parser.error("--rounds from 1, --seconds from 0.05, --sizes within 1..15728640")

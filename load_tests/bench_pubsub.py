@@ -4,10 +4,11 @@
 
 Raw is `put(bytes)` with an attachment of 33 bytes to `payload.to_bytes()` in eclipse-zenoh's default callback. Typed is
 `publish(message)` (encode, attachment) to a callback that gets the decoded message with its sequence checked: `shared`
-on the executor, `dedicated` on a thread of its own; `bytes` is `publish(cdr)` to a dedicated `raw=True` subscription.
-With `shm` both ends have shared memory, raw by Zenoh's own optimisation. All publish flat out, reliable and keep-all, so
-that nothing is lost; counted is what reaches the callback. Round trips are one message there and back at a time. Rounds
-are interleaved; figures are medians over the rounds, CPU is user and system time of a whole process per message.
+on the executor, `dedicated` on a thread of its own; `bytes` is `publish(cdr)` to a dedicated `raw=True` one. With `shm`
+both ends have shared memory, raw by Zenoh's own optimisation. All publish flat out, reliable and keep-all, so that
+nothing is lost; counted is what reaches the callback. Round trips are one message there and back at a time, with the
+default profile. Rounds are interleaved; figures are medians over the rounds, CPU is user and system time of a whole
+process per message.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """`make campaign`: kill the gateway or the agent with SIGKILL, over and over, and time the recovery.
 
 Each cycle kills one of the real programs at a random moment, starts it again as a supervisor would, and waits until the
-robot is online. Prints one line a cycle and a summary; the pass mark is the 95th percentile.
+robot is online again, in a new session; the time is from the kill. Prints one line a cycle and a summary; the pass mark
+is the 95th percentile.
 """
 
 from __future__ import annotations
@@ -19,13 +20,20 @@ from tests.support.waiting import wait_until
 __all__ = ["main"]
 
 
+def online_since(stack: Stack) -> str | None:
+    """When the robot's present session began, as the gateway says; None while it is offline."""
+    answer = stack.get("/api/v1/robots") or {"robots": []}
+    return next((robot["since"] for robot in answer["robots"] if robot["state"] == "online"), None)
+
+
 def recover(stack: Stack, victim: str) -> float:
-    """Kill `victim`, start it again, and time how long until the robot is online again."""
+    """Kill `victim`, start it again, and time how long from the kill until the robot is online in a new session."""
     program = next(running for running in stack.programs if running.name == victim)
+    before = online_since(stack)
+    began = time.monotonic()
     program.kill()
     stack.restart(program)
-    began = time.monotonic()
-    wait_until(lambda: stack.online() == {"sim_1"}, timeout_s=30)
+    wait_until(lambda: online_since(stack) not in (None, before), timeout_s=30)
     return time.monotonic() - began
 
 
@@ -55,7 +63,7 @@ def main(argv: list[str] | None = None) -> int:
     worst = 0.0
     for victim, seconds in times.items():
         if len(seconds) >= 2:
-            p95 = statistics.quantiles(seconds, n=20)[-1]
+            p95 = statistics.quantiles(seconds, n=20, method="inclusive")[-1]
             worst = max(worst, p95)
             middle = statistics.median(seconds)
             print(f"{victim}: n={len(seconds)} median {middle:.2f} s, p95 {p95:.2f} s, max {max(seconds):.2f} s")

@@ -23,7 +23,7 @@ import metaros
 from metaros.cdr import codec
 from metaros.interfaces.sensor_msgs.msg import Image
 from metaros.interfaces.std_msgs.msg import String
-from metaros.wire import qos_reliable_all
+from metaros.wire import QoSProfile, qos_default, qos_reliable_all
 
 __all__ = ["main"]
 
@@ -70,18 +70,19 @@ class RawEnd:
 class OurEnd:
     """A node."""
 
-    def __init__(self, path: str, *, shared_memory: bool, **endpoints: str) -> None:
+    def __init__(self, path: str, *, shared_memory: bool, qos: QoSProfile, **endpoints: str) -> None:
         mode = "auto" if shared_memory else "off"
         endpoints = {"connect": [], "listen": []} | endpoints  # type: ignore[dict-item]
         context = metaros.Context(domain_id=0, shared_memory=mode, **endpoints)
         self._node = metaros.Node(f"bench_{os.getpid()}", context=context, enable_rosout=False, enable_parameters=False)
+        self._qos = qos
         self._bytes, self._dedicated = path == "bytes", path in ("bytes", "dedicated")
         self._spinning = False
 
     def sender(self, key: str, size: int) -> Callable[[], None]:
         """A function that sends once."""
         message = message_of(size)
-        publish = self._node.create_publisher(type(message), key, qos_reliable_all).publish
+        publish = self._node.create_publisher(type(message), key, self._qos).publish
         if self._bytes:
             message = codec(type(message)).encode(message)
         return lambda: publish(message)
@@ -92,7 +93,7 @@ class OurEnd:
             type(message_of(size)),
             key,
             lambda _message: heard(),
-            qos_reliable_all,
+            self._qos,
             raw=self._bytes,
             dedicated=self._dedicated,
         )
@@ -179,10 +180,11 @@ def main(argv: Sequence[str] = ()) -> int:
     parser.add_argument("--shm", action="store_true")
     options = parser.parse_args(list(argv))
     where = {"listen" if options.role in ("count", "echo") else "connect": options.endpoint}
+    qos = qos_reliable_all if options.role in ("count", "flood") else qos_default
     end = (
         RawEnd(shared_memory=options.shm, **where)
         if options.path == "raw"
-        else OurEnd(options.path, shared_memory=options.shm, **where)
+        else OurEnd(options.path, shared_memory=options.shm, qos=qos, **where)
     )
     if options.role == "count":
         _count(end, options.size, options.seconds)

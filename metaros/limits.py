@@ -60,6 +60,7 @@ class Limits:
     broker_queue_bytes: int = 32 * MIB  # the same, in bytes
     broker_message_bytes: int = 64 * MIB  # one ZeroMQ message: JSON of a 16 MiB sample is about four times as long
     broker_linger_s: float = 2.0  # a topic stays subscribed for so long after its last ZeroMQ subscriber left
+    subscription_rows: int = 1024  # subscriptions of one context that tell what they dropped
     type_cache: int = 4096  # compiled codecs and classes kept
 
 

@@ -20,9 +20,9 @@ from load_tests.peers import measure
 from load_tests.peers.namespace import own_network
 from load_tests.peers.process import PeerFailed, PeerProcess
 
-__all__ = ["main"]
+__all__ = ["WARM_UP_S", "main"]
 
-_WARM_UP_S = 0.3
+WARM_UP_S = 0.3
 _CONNECT_S = 20.0
 _POLL_S = 0.02
 _PORTS = 3
@@ -69,7 +69,7 @@ def _flood(job: dict[str, Any], processes: list[PeerProcess], *, counted: bool) 
         if time.monotonic() > deadline_s:
             raise PeerFailed(f"nothing arrived in {_CONNECT_S:g} s")
         time.sleep(_POLL_S)
-    time.sleep(_WARM_UP_S)
+    time.sleep(min(WARM_UP_S, job["seconds"]))
     began, pub_began, window = subscriber.ask(), publisher.ask(), _Window(processes, counted=counted)
     time.sleep(job["seconds"])
     ended, pub_ended, (wire_bytes, others) = subscriber.ask(), publisher.ask(), window.close()
@@ -93,7 +93,7 @@ def _flood(job: dict[str, Any], processes: list[PeerProcess], *, counted: bool) 
 def _ping(job: dict[str, Any], processes: list[PeerProcess], *, counted: bool) -> dict[str, Any]:
     """Round trips, and the bytes that one message costs when it travels alone."""
     ping = processes[-1]
-    patience_s = _CONNECT_S + 3 * job["ping_s"]
+    patience_s = 1.5 * _CONNECT_S + 3 * job["ping_s"]
     ping.ask("warm", timeout_s=patience_s)
     window = _Window(processes, counted=counted)
     result: dict[str, Any] = ping.ask("go", timeout_s=patience_s)

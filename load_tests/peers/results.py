@@ -78,6 +78,11 @@ class Results:
         """The rows that were tried at a size, in the table's order."""
         return [(row, self.cells[size, row.key]) for row in ROWS if (size, row.key) in self.cells]
 
+    @property
+    def done(self) -> int:
+        """Rounds of which there are figures: fewer than `rounds` in a run that was interrupted."""
+        return max((len(cell.flood) for cell in self.cells.values()), default=0)
+
     def disturbed(self) -> tuple[int, int]:
         """How many runs had others busy beside them, and of how many."""
         entries = [entry for cell in self.cells.values() for entry in (*cell.flood, *cell.ping)]

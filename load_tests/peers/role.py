@@ -20,13 +20,16 @@ import os
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable
 from typing import Any
 
 __all__ = ["Pings", "Tally", "main", "quantile"]
 
 _WARM_UP_PINGS = 50
-_LOST_AFTER_S = 1.0
+_WARM_UP_PATIENCE_S = 0.2  # the first pings may find nobody yet
+_STRAY_S = 0.2  # answers to a ping that was given up are waited for, and ignored
+_HOPELESS = 12  # pings lost in a row
 
 
 class Tally:
@@ -69,22 +72,33 @@ class Pings:
         else:
             self._changed.set()
 
-    def run(self, count: int, limit_s: float, *, pause_s: float = 0.0) -> None:
-        """Up to `count` round trips in about `limit_s`, each given up and sent again after a second."""
-        self.took_ns, self._wanted, self._pause_s = [], count, pause_s
+    def run(self, count: int, limit_s: float, *, pause_s: float = 0.0, patience_s: float = 1.0) -> None:
+        """Up to `count` round trips in about `limit_s`; one that takes over `patience_s` is given up and sent again."""
+        self.took_ns, self.resent, self._wanted, self._pause_s, lost = [], 0, count, pause_s, 0
         self._end_ns = time.perf_counter_ns() + int(limit_s * 1e9)
         while len(self.took_ns) < count and (not self.took_ns or time.perf_counter_ns() < self._end_ns):
-            if pause_s:
-                time.sleep(pause_s)
+            time.sleep(pause_s)
             self._changed.clear()
             self._began_ns = time.perf_counter_ns()
             self.send()
-            seen = -1
-            while not self._changed.wait(_LOST_AFTER_S) and seen != len(self.took_ns):
-                seen = len(self.took_ns)
-            if not self._changed.is_set():
-                self.resent += 1
-        self._wanted = 0
+            if self._chain_ends(patience_s):
+                lost = 0
+                continue
+            self._began_ns = 0
+            time.sleep(_STRAY_S)
+            self.resent, lost, patience_s = self.resent + 1, lost + 1, min(2.0, patience_s * 1.5)
+            if lost > _HOPELESS:
+                raise TimeoutError(f"{lost} pings in a row were not answered")
+        self._began_ns = 0
+
+    def _chain_ends(self, patience_s: float) -> bool:
+        """Wait for the last answer of the chain; False when the chain has broken."""
+        seen = -1
+        while not self._changed.wait(patience_s):
+            if seen == len(self.took_ns):
+                return False
+            seen = len(self.took_ns)
+        return True
 
 
 def quantile(values: list[int], share: float) -> float:
@@ -167,10 +181,10 @@ def _ping(peer: Any, job: dict[str, Any], answer: Callable[[object], None]) -> N
     answer("ready")
     pause_s = job.get("ping_pause_s", 0.0)
     sys.stdin.readline()
-    pings.run(1 if pause_s else _WARM_UP_PINGS, job["ping_s"], pause_s=pause_s)
+    pings.run(1 if pause_s else _WARM_UP_PINGS, job["ping_s"], pause_s=pause_s, patience_s=_WARM_UP_PATIENCE_S)
+    time.sleep(_STRAY_S)
     answer("warm")
     sys.stdin.readline()
-    pings.resent = 0
     pings.run(job["pings"], job["ping_s"], pause_s=pause_s)
     p50, p99 = quantile(pings.took_ns, 0.5), quantile(pings.took_ns, 0.99)
     answer({"p50_us": p50 / 1e3, "p99_us": p99 / 1e3, "pings": len(pings.took_ns), "resent": pings.resent})
@@ -195,8 +209,8 @@ def main(argv: list[str]) -> None:
         peer = importlib.import_module(f"load_tests.peers.{job['module']}")
         _ROLES[job["role"]](peer, job, answer)
     except Exception as error:
+        traceback.print_exc()
         answer({"error": f"{type(error).__name__}: {error}"})
-        raise
     finally:
         sys.stderr.flush()
         os._exit(0)  # a measured session need not be taken down tidily

@@ -27,6 +27,7 @@ class Row:
     home: str = "ours"  # whose Python runs it: see venvs.py
     brokered: bool = False
     smallest: int = 0
+    quick: bool = True
     ping_pause_s: float = 0.0  # between round trips, where the peer would lose one that follows at once
 
 
@@ -36,7 +37,7 @@ class UnknownRow(ValueError):
 
 ROWS = (
     Row(key="zenoh", peer="zenoh", label="zenoh, 33 B attachment", module="raw_zenoh", mode="attachment"),
-    Row(key="zenoh-bare", peer="zenoh", label="zenoh, bare", module="raw_zenoh", mode="bare"),
+    Row(key="zenoh-bare", peer="zenoh", label="zenoh, bare", module="raw_zenoh", mode="bare", quick=False),
     Row(key="zenoh-shm", peer="zenoh", label="zenoh, shared memory", module="raw_zenoh", mode="shm", smallest=_LARGE),
     Row(key="metaros-executor", peer="metaros", label="metaros typed", module="metaros_two", mode="executor"),
     Row(key="metaros-all", peer="metaros", label="metaros typed, keep-all", module="metaros_two", mode="executor-all"),
@@ -51,7 +52,7 @@ ROWS = (
     Row(
         key="metaros-shm",
         peer="metaros",
-        label="metaros typed, ded., shared m.",
+        label="metaros typed, shared memory",
         module="metaros_two",
         mode="dedicated+shm",
         smallest=_LARGE,
@@ -71,14 +72,16 @@ ROWS = (
 )
 
 
-def chosen(only: Iterable[str]) -> list[Row]:
-    """The rows of the named peers and rows; all without names."""
+def chosen(only: Iterable[str], *, quick: bool = False) -> list[Row]:
+    """The rows of the named peers and rows; without names all, or those of a quick run."""
     names = set(only)
     unknown = names - {row.key for row in ROWS} - {row.peer for row in ROWS}
     if unknown:
         known = dict.fromkeys([*(row.peer for row in ROWS), *(row.key for row in ROWS)])
         raise UnknownRow(f"unknown peer {', '.join(sorted(unknown))}; there are: {', '.join(known)}")
-    return [row for row in ROWS if not names or {row.key, row.peer} & names]
+    if not names:
+        return [row for row in ROWS if row.quick or not quick]
+    return [row for row in ROWS if {row.key, row.peer} & names]
 
 
 def pings_of(size: int) -> int:

@@ -13,7 +13,7 @@ from load_tests.peers.goals import Verdict, judge, ratio
 from load_tests.peers.results import Cell, Results
 from load_tests.peers.rows import ROWS, size_name
 
-__all__ = ["COST", "SPEED", "TITLES", "as_markdown", "as_terminal", "cost_cells", "speed_cells"]
+__all__ = ["COST", "SPEED", "TITLES", "as_markdown", "as_terminal", "cost_cells", "print_results", "speed_cells"]
 
 SPEED = ("msg/s", "min..max", "÷ raw", "arrived", "RTT p50 µs", "p99 µs")
 COST = ("CPU µs pub+sub", "threads", "resident MiB", ".so MiB", "wire ÷ payload", "alone +B", "20 subs: threads")
@@ -54,7 +54,14 @@ def _pair(cell: Cell, name: str, *, scale: float = 1.0, digits: int = 0, between
     return between.join(_NONE if value is None else f"{value / scale:,.{digits}f}" for value in both)
 
 
-def cost_cells(cell: Cell, many: Cell | None) -> list[str]:
+def _alone(extra: float | None, size: int) -> str:
+    """Bytes beyond the payload; all of them where the payload did not take the wire."""
+    if extra is not None and extra < 0:
+        return f"{size + extra:,.0f} in all"
+    return _number(extra)
+
+
+def cost_cells(cell: Cell, size: int, many: Cell | None) -> list[str]:
     """The columns of COST."""
     cpu = [cell.median("cpu_pub_us"), cell.median("cpu_sub_us")]
     digits = 1 if all(value is None or value < 100 for value in cpu) else 0
@@ -66,7 +73,7 @@ def cost_cells(cell: Cell, many: Cell | None) -> list[str]:
         _pair(cell, "resident", scale=_MIB),
         _pair(cell, "objects", scale=_MIB),
         _number(wire, 2),
-        _number(cell.median("extra_bytes")),
+        _alone(cell.median("extra_bytes"), size),
         _number(many.median("threads_sub")) if many else "",
     ]
 
@@ -78,7 +85,7 @@ def _lines(results: Results, kind: str, size: int) -> Iterator[tuple[str, list[s
         if kind == "speed":
             cells = speed_cells(cell, raw_rate)
         else:
-            cells = cost_cells(cell, results.many.get(row.key) if size == results.sizes[0] else None)
+            cells = cost_cells(cell, size, results.many.get(row.key) if size == results.sizes[0] else None)
         measured = bool(cell.flood or cell.ping)
         error = cell.errors[-1] if cell.errors and not measured else ""
         yield row.label, cells, error[:_ERROR_CHARS]
@@ -98,7 +105,7 @@ def _footer(results: Results) -> list[str]:
     """What the figures are, in words."""
     machine, (busy, runs) = results.machine, results.disturbed()
     lines = [
-        f"medians of {results.rounds} interleaved rounds of {results.seconds:g} s, two processes over loopback; "
+        f"medians of {results.done} interleaved rounds of {results.seconds:g} s, two processes over loopback; "
         f"{machine['cores']} × {machine['cpu']}, Python {machine['python']}, eclipse-zenoh {machine['zenoh']}",
         "raw: zenoh with a 33-byte attachment; alone +B: bytes on the wire beyond the payload of one message by itself",
     ]

@@ -15,9 +15,14 @@ _QUEUED_BYTES = 64 << 20
 _QUEUED = 1000  # pyzmq's own default
 
 
-def _socket(job: dict[str, Any], kind: int) -> zmq.Socket[bytes]:
+def _hwm(job: dict[str, Any]) -> int:
+    """How many messages may wait on a side."""
+    return max(4, min(_QUEUED, _QUEUED_BYTES // job["size"]))
+
+
+def _socket(kind: int, hwm: int) -> zmq.Socket[bytes]:
     socket = zmq.Context.instance().socket(kind)
-    socket.set_hwm(max(4, min(_QUEUED, _QUEUED_BYTES // job["size"])))
+    socket.set_hwm(hwm)
     return socket
 
 
@@ -28,22 +33,31 @@ def _endpoint(job: dict[str, Any], topic: str) -> str:
 
 def sender(job: dict[str, Any], topic: str) -> Callable[[], object]:
     """`send_multipart` of a bound publisher."""
-    socket = _socket(job, zmq.PUB)
+    socket = _socket(zmq.PUB, _hwm(job))
     socket.setsockopt(zmq.XPUB_NODROP, 1)
     socket.bind(_endpoint(job, topic))
     return functools.partial(socket.send_multipart, [topic.encode(), b"x" * job["size"]])
 
 
-def receiver(job: dict[str, Any], topic: str, callback: Callable[[], object]) -> None:
-    """A thread that receives and calls: what a pyzmq program has instead of callbacks."""
-    socket = _socket(job, zmq.SUB)
-    socket.subscribe(topic.encode())
-    socket.connect(_endpoint(job, topic))
+@functools.cache
+def _receiving(endpoint: str, hwm: int) -> tuple[zmq.Socket[bytes], dict[bytes, Callable[[], object]]]:
+    """One socket and one thread that receives and calls: what a pyzmq program has instead of callbacks."""
+    socket = _socket(zmq.SUB, hwm)
+    socket.connect(endpoint)
+    callbacks: dict[bytes, Callable[[], object]] = {}
 
     def run() -> None:
         receive = socket.recv_multipart
         while True:
-            receive()
-            callback()
+            topic, _ = receive()
+            callbacks[topic]()
 
     threading.Thread(target=run, daemon=True).start()
+    return socket, callbacks
+
+
+def receiver(job: dict[str, Any], topic: str, callback: Callable[[], object]) -> None:
+    """One more topic of the process's socket."""
+    socket, callbacks = _receiving(_endpoint(job, topic), _hwm(job))
+    callbacks[topic.encode()] = callback
+    socket.subscribe(topic.encode())

@@ -45,6 +45,8 @@ class Bridge:
         self._graph_changed = True
         self._totals = HubTotals()
         self._missed = 0
+        self._next_tick_s = 0.0
+        self._version = -1  # of the demand that was acted on
         faults = Faults(node)
         self._types = Types(node, changed=self._on_graph, faults=faults)
         self._incoming = Incoming(node, table=table, types=self._types, only=only, faults=faults)
@@ -94,35 +96,40 @@ class Bridge:
         self._hub.said.send_multipart(join(topic, payload, two_frames=self._two_frames))
 
     def _run(self) -> None:
-        try:
-            self._serve()
-        except zmq.ZMQError as error:
-            if not self._stopped:
-                _log.exception("the bridge ends: %s", error)
-
-    def _serve(self) -> None:
         poller = zmq.Poller()
         for source in (self._hub.heard, self._hub.said, self._hub.control, self._waker.fileno()):
             poller.register(source, zmq.POLLIN)
-        clock, next_tick_s, version, more = self._node.clock, 0.0, -1, False
+        pause, more = threading.Event(), False
         while not self._stopped:
             poller.poll(0 if more else int(_TICK_S * 1000))
             self._waker.clear()
-            now_s = clock.monotonic_s()
-            self._read_subscriptions(now_s)
-            if now_s >= next_tick_s:
-                next_tick_s = now_s + _TICK_S
-                self._demand.sweep(now_s=now_s)
-                self._hub.ask_totals()
-            if self._graph_changed:
-                self._graph_changed, version = False, -1
-                self._incoming.refresh()
-            if version != self._demand.version:
-                version = self._demand.version
-                self._outgoing.refresh()
-            more = self._drain()
-            more |= self._incoming.work(_SLICE_S)
-            more |= self._outgoing.work(_SLICE_S)
+            try:
+                more = self._step()
+            except Exception:  # a fault of ours must not end the bridge
+                if not self._stopped:
+                    _log.exception("the bridge stumbled")
+                    pause.wait(_TICK_S)
+
+    def _step(self) -> bool:
+        """Everything that is to be done now; whether more waits."""
+        now_s = self._node.clock.monotonic_s()
+        self._read_subscriptions(now_s)
+        if now_s >= self._next_tick_s:
+            self._next_tick_s = now_s + _TICK_S
+            self._demand.sweep(now_s=now_s)
+            self._hub.ask_totals()
+        if self._graph_changed:
+            self._graph_changed = False
+            self._version = -1
+            self._incoming.refresh()
+            self._outgoing.look()
+        if self._version != self._demand.version:
+            self._version = self._demand.version
+            self._outgoing.refresh()
+        more = self._drain()
+        more |= self._incoming.work(_SLICE_S)
+        more |= self._outgoing.work(_SLICE_S)
+        return more
 
     def _read_subscriptions(self, now_s: float) -> None:
         try:

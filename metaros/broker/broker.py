@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass, field
 
 from metaros.broker.bridge import Bridge
 from metaros.broker.guess import TypeTable
 from metaros.broker.hub import Hub, HubOptions
 from metaros.broker.report import BrokerReport
+from metaros.executor import SingleThreadedExecutor
 from metaros.idl.globs import Glob
 from metaros.node import Context, Node
 
@@ -48,6 +50,11 @@ class Broker:
             two_frames=options.two_frames,
             strict=options.strict_json,
         )
+        # the node's own services: its parameters, and the descriptions of the types that it publishes
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._executor.spin, name="metaros-zmq-node", daemon=True)
+        self._thread.start()
 
     def report(self) -> BrokerReport:
         """What went through since the beginning."""
@@ -56,6 +63,8 @@ class Broker:
     def close(self) -> None:
         """Stop the bridge, leave the graph, stop the hub."""
         self._bridge.close()
+        self._executor.shutdown()
+        self._thread.join()
         self._node.close()
         self._hub.close()
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from metaros.limits import LIMITS
 
 __all__ = ["Demand"]
@@ -55,10 +57,10 @@ class Demand:
 
     def wanted(self, topic: str) -> bool:
         """Whether somebody wants the topic, or did a moment ago."""
-        return bool(_spellings(topic, self._live) or _spellings(topic, set(self._gone)))
+        return bool(_spellings(topic, self._live) or _spellings(topic, self._gone))
 
 
-def _spellings(topic: str, prefixes: set[bytes]) -> tuple[bytes, ...]:
+def _spellings(topic: str, prefixes: Collection[bytes]) -> tuple[bytes, ...]:
     """The empty prefix means everything, once: with the slash."""
     slashed = topic.encode()
     bare = slashed[1:]

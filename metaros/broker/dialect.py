@@ -109,8 +109,10 @@ def _put(
 
 def _numbers(kind: FieldType, items: Any, path: str) -> Any:
     if isinstance(items, list):
-        if any(isinstance(item, list) for item in items[:1]):  # a matrix, as numpy's tolist() writes it
-            items = [item for row in items if isinstance(row, list) for item in row]
+        while items and isinstance(items[0], list):  # a matrix, as numpy's tolist() writes it
+            if not all(isinstance(row, list) for row in items):
+                raise FieldError(f"{path}: lists and numbers are mixed")
+            items = [item for row in items for item in row]
         if kind.base.startswith("float") and None in items:
             items = [math.nan if item is None else item for item in items]
     try:

@@ -74,7 +74,6 @@ class Hub:
 
     def __init__(self, options: HubOptions) -> None:
         self._context = zmq.Context()
-        self._context.set(zmq.MAX_SOCKETS, 1023)
         self._hwm = options.hwm
         self._threads: list[threading.Thread] = []
         self._totals = HubTotals()
@@ -148,6 +147,8 @@ class Hub:
 
 def _bind(socket: Any, where: str) -> None:
     try:
+        if "[" in where:
+            socket.ipv6 = True
         socket.bind(where)
     except zmq.ZMQError as error:
         raise ConfigError(f"cannot listen on {where}: {error.strerror}") from None

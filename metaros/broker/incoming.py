@@ -11,12 +11,15 @@ from metaros.broker.guess import TypeTable
 from metaros.broker.report import TopicRow
 from metaros.broker.route import Route
 from metaros.broker.types import Types
-from metaros.errors import FrameError, TooLargeError
+from metaros.errors import FrameError, MetarosError, TooLargeError
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS
 from metaros.node import Node
 
 __all__ = ["Incoming"]
+
+_MOST_TOLD = 20
+_SHOWN = 64
 
 
 class Incoming:
@@ -32,6 +35,7 @@ class Incoming:
         self._faults = faults
         self._routes: dict[str, Route] = {}
         self._by_spelling: dict[bytes, Route | None] = {}
+        self._told: set[bytes] = set()
         self._ready: deque[Route] = deque()
 
     def take(self, frames: Sequence[bytes]) -> None:
@@ -42,7 +46,7 @@ class Incoming:
             route = self._by_spelling[topic] if topic in self._by_spelling else self._find(topic)
         except (FrameError, TooLargeError) as error:
             self.unreadable += 1
-            self._faults.tell((error.code, *frames[0].partition(b" ")[:1]), f"from ZeroMQ: {error}")
+            self._tell(frames[0].partition(b" ")[0][:_SHOWN], error)
             return
         if route is None:
             return
@@ -88,6 +92,12 @@ class Incoming:
         """Leave every topic."""
         for route in self._routes.values():
             route.close()
+
+    def _tell(self, topic: bytes, error: MetarosError) -> None:
+        """Some of them: random topics must not keep faults of real ones from being told."""
+        if topic not in self._told and len(self._told) < _MOST_TOLD:
+            self._told.add(topic)
+            self._faults.tell(("unreadable", topic), f"from ZeroMQ: {error}")
 
     def _queue(self, route: Route) -> None:
         if not route.queued:

@@ -83,19 +83,23 @@ class Outgoing:
         self._wake = wake
         self._faults = faults
         self._taps: dict[str, _Tap] = {}
+        self._published: dict[str, list[EndpointInfo]] = {}
+
+    def look(self) -> None:
+        """The graph has changed: see who publishes. `refresh` acts on it."""
+        self._published = {}
+        for item in others(self._node):
+            if item.kind == "MP" and self._allowed(item.topic):
+                self._published.setdefault(item.topic, []).append(item)
 
     def refresh(self) -> None:
         """The demand or the graph has changed: subscribe to what is wanted and published, leave the rest."""
-        published: dict[str, list[EndpointInfo]] = {}
-        for item in others(self._node):
-            if item.kind == "MP":
-                published.setdefault(item.topic, []).append(item)
-        for topic, publishers in published.items():
-            if self._demand.wanted(topic) and self._allowed(topic):
+        for topic, publishers in self._published.items():
+            if self._demand.wanted(topic):
                 self._open(topic, publishers)
         for tap in self._taps.values():
             tap.spellings = self._demand.spellings(tap.topic)
-            if not (tap.topic in published and self._demand.wanted(tap.topic)):
+            if not (tap.topic in self._published and self._demand.wanted(tap.topic)):
                 _close(tap)
             elif tap.spellings and tap.held is not None:
                 held, tap.held = tap.held, None

@@ -83,9 +83,7 @@ class Route:
         """The graph has changed: what other nodes say goes before what was guessed."""
         if self._publisher is None or self._origin == "map":
             return
-        classes = self._types.classes(others(self._node, self.topic))
-        if classes and self._class not in classes:
-            self._open(classes[0], "graph")
+        self._heed_graph()
 
     def row(self) -> TopicRow:
         """For the report."""
@@ -108,16 +106,33 @@ class Route:
         classes = self._types.classes(others(self._node, self.topic))
         return (classes[0], "graph") if classes else (message_class(guess_type(value)), "guess")
 
+    def _heed_graph(self) -> None:
+        classes = self._types.classes(others(self._node, self.topic))
+        if classes and self._class not in classes:
+            self._open(classes[0], "graph")
+        elif classes and self._origin == "guess":
+            self._origin = "graph"  # a good guess: it stays, whatever is said
+
     def _message(self, value: Any, payload: bytes) -> Any:
         try:
             return self._convert(value, payload)
         except FieldError:
-            other = message_class(guess_type(value))
-            if self._origin != "guess" or other is self._class or self._switches >= _SWITCHES:
+            if self._origin == "map" or not self._change_type(value):
                 raise
-            self._switches += 1
-            self._open(other, "guess")
             return self._convert(value, payload)
+
+    def _change_type(self, value: Any) -> bool:
+        """Something does not fit: whether the topic has another type now."""
+        before = self._class
+        self._heed_graph()
+        if self._class is not before:
+            return True
+        other = message_class(guess_type(value))
+        if self._origin != "guess" or other is before or self._switches >= _SWITCHES:
+            return False
+        self._switches += 1
+        self._open(other, "guess")
+        return True
 
     def _convert(self, value: Any, payload: bytes) -> Any:
         cls = self._class

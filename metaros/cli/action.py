@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from metaros.cli import action_goal
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
+from metaros.cli.visit import Visit, visiting
 
 if TYPE_CHECKING:
     from metaros.cli.graph_model import Link
@@ -25,20 +25,15 @@ def register(app: typer.Typer) -> None:
 
 
 @group.command("list")
+@visiting
 def list_(
+    at: Visit,
     show_types: Annotated[bool, typer.Option("--show-types", "-t", help="Show each action's type.")] = False,
     count: Annotated[bool, typer.Option("--count-actions", "-c", help="Only how many.")] = False,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """List the actions of the graph."""
-    from metaros.cli.connection import look
-    from metaros.cli.output import Output
-
-    out = Output(output)
-    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+    out = at.out
+    with at.look() as graph:
         found = _actions(graph)
     if count:
         out.line(str(len(found)))
@@ -52,52 +47,37 @@ def list_(
 
 
 @group.command("type")
-def type_(
-    action: ActionArgument,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
-) -> None:
+@visiting
+def type_(at: Visit, action: ActionArgument) -> None:
     """Print an action's type."""
-    from metaros.cli.output import Output
-
-    Output(output).names(_one(action, zenoh_port, domain, spin_time).types)
+    at.out.names(_one(action, at).types)
 
 
 @group.command("find")
+@visiting
 def find(
+    at: Visit,
     type_name: Annotated[str, typer.Argument(metavar="TYPE", help="Such as example_interfaces/action/Fibonacci.")],
     count: Annotated[bool, typer.Option("--count-actions", "-c", help="Only how many.")] = False,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """List the actions of a type."""
-    from metaros.cli.connection import look
     from metaros.cli.names import known_type
-    from metaros.cli.output import Output
 
-    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+    with at.look() as graph:
         found = _actions(graph)
     full = known_type(type_name, "action", {item for link in found.values() for item in link.types})
-    Output(output).names([name for name, link in found.items() if full in link.types], count=count)
+    at.out.names([name for name, link in found.items() if full in link.types], count=count)
 
 
 @group.command("info")
+@visiting
 def info(
+    at: Visit,
     action: ActionArgument,
     count: Annotated[bool, typer.Option("--count", "-c", help="Only how many there are.")] = False,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Show an action's type, servers and clients, and what keeps them apart."""
-    from metaros.cli.output import Output
-
-    out, link = Output(output), _one(action, zenoh_port, domain, spin_time)
+    out, link = at.out, _one(action, at)
     if out.json:
         out.objects(_facts(link))
         return
@@ -121,12 +101,12 @@ def _actions(graph: Graph) -> dict[str, Link]:
     return {link.name: link for link in draw([], graph.tokens()).links if link.kind == "action"}
 
 
-def _one(action: str, zenoh_port: int, domain: int, spin_time: float) -> Link:
-    from metaros.cli.connection import absolute, look
+def _one(action: str, at: Visit) -> Link:
+    from metaros.cli.connection import absolute
     from metaros.cli.names import no_such
 
     name = absolute(action)
-    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+    with at.look() as graph:
         found = _actions(graph)
     if name not in found:
         raise no_such("action", name, found)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
+from metaros.cli.visit import Visit, visiting
 from metaros.limits import LIMITS
 
 if TYPE_CHECKING:
@@ -47,7 +47,9 @@ class _Heard:
             return None
 
 
+@visiting
 def send_goal(
+    at: Visit,
     action: Annotated[str, typer.Argument(metavar="ACTION", help="Such as /fibonacci.")],
     type_or_values: Annotated[str, typer.Argument(metavar="TYPE", help="Taken from the graph if left out.")] = "",
     values: Annotated[str, typer.Argument(metavar="YAML", help="The goal's fields.")] = "",
@@ -55,31 +57,26 @@ def send_goal(
     timeout: Annotated[
         float, typer.Option("--timeout", min=0.1, metavar="SECONDS", help="How long to wait for the server to accept.")
     ] = 10.0,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Send a goal and wait for its result; Ctrl-C cancels it. Exit code 1 unless it succeeds."""
-    from metaros.cli.connection import absolute, connect
-    from metaros.cli.output import Output
+    from metaros.cli.connection import absolute
     from metaros.cli.types import full_type, parse_values
     from metaros.errors import TimeoutError_
     from metaros.idl import message_class
     from metaros.idl.json import from_json
     from metaros.node import Node
 
-    out, name = Output(output), absolute(action)
+    out, name = at.out, absolute(action)
     if type_or_values.lstrip().startswith("{"):  # the type was left out
         type_or_values, values = "", type_or_values
-    with connect(zenoh_port, domain, spin_time=spin_time) as context:
+    with at.connect() as context:
         full = _type_of(context.graph, name, full_type(type_or_values, "action") if type_or_values else "")
         kind: Any = message_class(full)
         goal = from_json(kind.Goal, parse_values(values, f"{full}_Goal"))
         with Node("metaros_cli", context=context, enable_rosout=False) as node, _spinning(node):
             heard = _Heard()
             client = node.create_action_client(kind, name)
-            if not client.wait_for_server(min(timeout, max(spin_time, 0.1))):
+            if not client.wait_for_server(min(timeout, max(at.spin_time, 0.1))):
                 raise TimeoutError_(f"{name} is not complete: its server may be starting or stopping; try again")
             _show(out, "Sending goal", goal)
             handle = client.send_goal(goal, feedback=heard.put if feedback else None, timeout_s=timeout).wait()

@@ -52,8 +52,11 @@ def play(
     """Play a recording: the original names, types, hashes, QoS and bytes. Space pauses."""
     from metaros.cli import running
     from metaros.cli.connection import connect
+    from metaros.errors import UsageError
     from metaros.record import Player
 
+    if paused and not sys.stdin.isatty():
+        raise UsageError("--start-paused needs a terminal: nobody could press the space bar")
     with running.stop_on_signals() as stop, connect(zenoh_port, domain) as context:
         player = Player(
             context,

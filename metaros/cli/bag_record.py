@@ -27,7 +27,7 @@ _TOLD_S = 0.5
 _NAME = "metaros_recorder"
 
 
-Topics = Annotated[list[str] | None, typer.Argument(metavar="[TOPIC]…", help="Names and globs, such as '/sim_1/**'.")]
+Topics = Annotated[list[str] | None, typer.Argument(metavar="TOPIC", help="Names and globs, such as '/sim_1/**'.")]
 All = Annotated[bool, typer.Option("--all", "-a", help="Every topic that is not hidden.")]
 Exclude = Annotated[
     list[str] | None, typer.Option("--exclude", "-x", metavar="GLOB", help="But not these; may be repeated.")
@@ -64,8 +64,8 @@ def record(
     split_mb: SplitMb = 0.0,
     split_s: SplitS = 0.0,
     ring_s: RingS = 0.0,
-    ring_mb: RingMb = LIMITS.recorder_ring_bytes / 1e6,
-    queue_mb: QueueMb = LIMITS.recorder_queue_bytes / 1e6,
+    ring_mb: RingMb = LIMITS.recorder_ring_bytes // 10**6,
+    queue_mb: QueueMb = LIMITS.recorder_queue_bytes // 10**6,
     duration: Duration = 0.0,
     paused: Paused = False,
     name: Name = _NAME,
@@ -221,7 +221,7 @@ def _clear() -> str:
 
 def _conclude(out: Output, path: Path, report: RecordingReport) -> None:
     """What there is now, and what is missing."""
-    from metaros.cli.bag_view import missing_lines
+    from metaros.cli.bag_view import missing_text
     from metaros.cli.output import human_bytes
 
     if out.json:
@@ -240,7 +240,7 @@ def _conclude(out: Output, path: Path, report: RecordingReport) -> None:
         sys.stderr.write(_clear())
     files = f", {len(report.files)} files" if len(report.files) > 1 else ""
     out.line(f"{path}: {report.written} messages of {report.topics} topics, {human_bytes(report.size_bytes)}{files}")
-    for line in missing_lines(report.missing):
-        out.line(line)
+    if missing := missing_text(report.missing):
+        out.line(f"missing: {missing}; `metaros bag info` tells which")
     if report.malformed:
         out.line(f"{report.malformed} samples without a sound attachment were passed over")

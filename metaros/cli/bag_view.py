@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from metaros.record import Bag, BagTopic
     from metaros.wire import QoSProfile
 
-__all__ = ["bag_facts", "missing_lines", "print_bag"]
+__all__ = ["bag_facts", "missing_text", "print_bag"]
 
 _WORDS = {
     "lost": "never arrived",
-    "dropped": "dropped: the disk was too slow",
+    "dropped": "dropped (the disk was too slow)",
     "paused": "came during a pause",
     "disk": "did not fit on the disk",
 }
@@ -96,22 +96,20 @@ def print_bag(out: Output, facts: Mapping[str, Any], *, verbose: bool) -> None:
     ]
     out.line()
     out.table(("Topic", "Type", "Messages", "Hz", "Gaps", "QoS"), rows, right=(2, 3, 4), empty="no topics")
-    missing = {topic["topic"]: topic["missing"] for topic in facts["topics"] if topic["missing"]}
-    if missing:
-        out.line()
-    for line in missing_lines(missing):
-        out.line(out.style(line, "33"))
     if verbose:
         _print_verbose(out, facts)
 
 
-def missing_lines(missing: Mapping[str, Mapping[str, int]]) -> list[str]:
-    """`/scan: 12 missing (10 never arrived, 2 came during a pause)`, a line a topic."""
-    lines = []
-    for topic, reasons in sorted(missing.items()):
-        parts = ", ".join(f"{count} {_WORDS[reason]}" for reason, count in reasons.items())
-        lines.append(f"{topic}: {sum(reasons.values())} missing ({parts})")
-    return lines
+def missing_text(missing: Mapping[str, Mapping[str, int]]) -> str:
+    """`12 on 3 topics: 10 never arrived, 2 came during a pause`; empty when nothing is missing."""
+    reasons: dict[str, int] = {}
+    for row in missing.values():
+        for reason, count in row.items():
+            reasons[reason] = reasons.get(reason, 0) + count
+    if not reasons:
+        return ""
+    parts = ", ".join(f"{count} {_WORDS[reason]}" for reason, count in reasons.items())
+    return f"{sum(reasons.values())} on {counted(len(missing), 'topic')}: {parts}"
 
 
 def _print_head(out: Output, facts: Mapping[str, Any]) -> None:
@@ -120,8 +118,8 @@ def _print_head(out: Output, facts: Mapping[str, Any]) -> None:
     size, raw = facts["size_bytes"], facts["uncompressed_bytes"]
     ratio = f", {size / raw:.0%} of {human_bytes(raw)}" if raw else ""
     compression = "+".join(facts["compression"]) or "none"
-    total = sum(sum(topic["missing"].values()) for topic in facts["topics"])
-    gaps = f"{total} missing" if total else "none: every sequence number is there"
+    gaps = missing_text({topic["topic"]: topic["missing"] for topic in facts["topics"] if topic["missing"]})
+    gaps = out.style(gaps, "33") if gaps else "none: every sequence number is there"
     rows = [
         ("recording", facts["path"]),
         ("start", f"{start}, {facts['duration_s']:.1f} s"),

@@ -20,6 +20,15 @@ if TYPE_CHECKING:
 __all__ = ["register"]
 
 LOOPBACK = ("127.", "localhost", "[::1]")
+_XSUB = typer.Option(
+    "--xsub", metavar="ENDPOINT", show_default="5555", help="Where publishers connect: a port, tcp:// or ipc://."
+)
+_XPUB = typer.Option("--xpub", metavar="ENDPOINT", show_default="5556", help="Where subscribers connect.")
+_MAP = typer.Option("--map", metavar="TOPIC=TYPE", help="/chatter=std_msgs/String; wildcards * and ** in TOPIC.")
+_ONLY = typer.Option("--only", metavar="TOPIC", help="Bridge only these topics; wildcards as above.")
+_TWO_FRAMES = typer.Option("--two-frames", help="Send subscribers topic and payload as two frames, not as one.")
+_STRICT_JSON = typer.Option("--strict-json", help="Send null for NaN and infinities, which only Python reads.")
+_HWM = typer.Option("--hwm", min=1, max=1_000_000, metavar="N", help="Messages that may wait for a subscriber.")
 
 
 def register(app: typer.Typer) -> None:
@@ -28,36 +37,14 @@ def register(app: typer.Typer) -> None:
 
 
 def broker(
-    xsub: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--xsub",
-            metavar="ENDPOINT",
-            show_default="5555",
-            help="Where publishers connect: a port, tcp:// or ipc://.",
-        ),
-    ] = None,
-    xpub: Annotated[
-        list[str] | None,
-        typer.Option("--xpub", metavar="ENDPOINT", show_default="5556", help="Where subscribers connect."),
-    ] = None,
+    xsub: Annotated[list[str] | None, _XSUB] = None,
+    xpub: Annotated[list[str] | None, _XPUB] = None,
     host: Annotated[str, typer.Option("--host", metavar="ADDRESS", help="Address to listen on.")] = "127.0.0.1",
-    types: Annotated[
-        list[str] | None,
-        typer.Option("--map", metavar="TOPIC=TYPE", help="/chatter=std_msgs/String; wildcards * and ** in TOPIC."),
-    ] = None,
-    only: Annotated[
-        list[str] | None, typer.Option("--only", metavar="TOPIC", help="Bridge only these topics; wildcards as above.")
-    ] = None,
-    two_frames: Annotated[
-        bool, typer.Option("--two-frames", help="Send subscribers topic and payload as two frames, not as one.")
-    ] = False,
-    strict_json: Annotated[
-        bool, typer.Option("--strict-json", help="Send null for NaN and infinities, which only Python reads.")
-    ] = False,
-    hwm: Annotated[
-        int, typer.Option("--hwm", min=1, max=1_000_000, metavar="N", help="Messages that may wait for a subscriber.")
-    ] = 1000,
+    types: Annotated[list[str] | None, _MAP] = None,
+    only: Annotated[list[str] | None, _ONLY] = None,
+    two_frames: Annotated[bool, _TWO_FRAMES] = False,
+    strict_json: Annotated[bool, _STRICT_JSON] = False,
+    hwm: Annotated[int, _HWM] = 1000,
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
     status_file: StatusFile = "",

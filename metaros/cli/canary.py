@@ -26,7 +26,7 @@ def round_trips(context: Context, *, zenoh_port: int, domain: int, rounds: int) 
     type_name, clock = "std_msgs/msg/UInt64", SystemClock()
     arrived: queue.SimpleQueue[float] = queue.SimpleQueue()
     message = message_class(type_name)
-    topic = f"/metaros_canary_{context.zid[:8]}"
+    topic = f"/_metaros_canary_{context.zid[:8]}"  # hidden: no list and no agent takes it for a robot's
     with connect(zenoh_port, domain) as other:
         reader = Node("metaros_canary_reader", context=other, enable_rosout=False, enable_parameters=False)
         writer = Node("metaros_canary_writer", context=context, enable_rosout=False, enable_parameters=False)

@@ -35,7 +35,7 @@ def look_with_session(zenoh_port: int, domain: int, *, spin_time: float) -> Iter
     from metaros.wire import Graph, WireSession
 
     _check_port(zenoh_port)
-    session = WireSession(domain_id=domain, connect=f"tcp/127.0.0.1:{zenoh_port}")
+    session = WireSession(domain_id=domain, connect=f"tcp/127.0.0.1:{zenoh_port}", shared_memory="off")
     try:
         _check_linked(session.connected, zenoh_port)
         graph = Graph(session)
@@ -54,7 +54,7 @@ def connect(zenoh_port: int, domain: int, *, spin_time: float = 0.0) -> Iterator
     _check_port(zenoh_port)
     from metaros.node import Context
 
-    with Context(domain_id=domain, connect=f"tcp/127.0.0.1:{zenoh_port}") as context:
+    with Context(domain_id=domain, connect=f"tcp/127.0.0.1:{zenoh_port}", shared_memory="off") as context:
         _check_linked(context.connected, zenoh_port)
         if spin_time > 0:
             settle(context.graph, timeout_s=spin_time)

@@ -29,6 +29,7 @@ __all__ = [
     "open_data_dir",
     "running_instances",
     "runtime_dir",
+    "try_lock",
 ]
 
 
@@ -83,7 +84,7 @@ def data_root() -> Path:
         return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "metaros"
 
 
-def _try_lock(file: IO[str]) -> bool:
+def try_lock(file: IO[str]) -> bool:
     """Take the file's lock without waiting."""
     try:
         if sys.platform == "win32":
@@ -121,7 +122,7 @@ class StateFile:
         self._path = runtime_dir() / f"up-{os.getpid()}.json"
         self._lock_path = self._path.with_suffix(".lock")
         self._lock = self._lock_path.open("a")
-        if not _try_lock(self._lock):
+        if not try_lock(self._lock):
             self._lock.close()
             raise ConfigError(f"{self._lock_path} is locked by another process")
 
@@ -157,7 +158,7 @@ def running_instances() -> list[Instance]:
 def _held(lock_path: Path) -> bool:
     try:
         with lock_path.open("r+") as file:
-            return not _try_lock(file)
+            return not try_lock(file)
     except OSError:
         return False
 
@@ -199,7 +200,7 @@ def _lock_dir(path: Path) -> DataDir | None:
         file = (path / "lock").open("a")
     except OSError as error:
         raise ConfigError(f"cannot use the data directory {path}: {error.strerror}") from error
-    if _try_lock(file):
+    if try_lock(file):
         return DataDir(path, file)
     file.close()
     return None

@@ -1,8 +1,9 @@
 """Run as `python -m metaros.cli.launch_child module|class WHAT ARGUMENT...`: a node of a launch table.
 
-Asks by itself to die with the launcher, which saves the interpreter that the guard would cost, takes the `--ros-args`
-out of the command line for the nodes, and becomes the module, or makes the class's node and spins it. Only what it
-needs is imported: this is the start of every supervised node.
+With `spare` alone it stands by until a line on its input tells which node to be. It asks by itself to die with the
+launcher, which saves the interpreter that the guard would cost, takes the `--ros-args` out of the command line for the
+nodes, and becomes the module, or makes the class's node and spins it. Only what it needs is imported: this is the
+start of every supervised node.
 """
 
 from __future__ import annotations
@@ -24,13 +25,40 @@ def main() -> None:
         guard.die_with_parent(int(parent))
     from metaros.errors import ConfigError, NameError_, ParameterError
 
+    arguments = sys.argv[1:]
+    if arguments == ["spare"]:
+        arguments = _stand_by()
     try:
-        _run(*sys.argv[1:])
+        _run(*arguments)
     except KeyboardInterrupt:
         sys.exit(130)
     except (ConfigError, NameError_, ParameterError) as error:
         sys.stderr.write(f"{error}\n")
         sys.exit(CONFIG_EXIT_CODE)
+
+
+def _stand_by() -> list[str]:
+    """Import what every node needs, and wait to be told which to be; at the end of the input nobody needs us."""
+    import json
+    from importlib import import_module
+
+    from metaros.cdr import codec
+
+    import_module("metaros.node")
+    codec("rcl_interfaces/msg/Log")
+    try:
+        order = sys.stdin.buffer.readline()
+    except KeyboardInterrupt:
+        order = b""
+    if not order:
+        sys.exit(0)
+    wanted = json.loads(order)
+    nothing = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(nothing, 0)
+    os.close(nothing)
+    os.environ.clear()
+    os.environ.update(wanted["env"])
+    return list(wanted["arguments"])
 
 
 def _run(kind: str, what: str, *arguments: str) -> None:

@@ -28,6 +28,7 @@ __all__ = ["EVENTS", "LaunchGraph"]
 EVENTS: Final = "/metaros/node_events"
 EVENTS_QOS: Final = QoSProfile(depth=64, durability=Durability.TRANSIENT_LOCAL)
 _REQUEST_BYTES: Final = 4096
+_REQUESTS: Final = 64  # at a time
 _WORDS: Final = {  # what consumers hear
     EventKind.EXITED: "exited",
     EventKind.HUNG: "hung",
@@ -104,6 +105,9 @@ class LaunchGraph:
             self._loop.call_soon_threadsafe(self._begin, query)
 
     def _begin(self, query: zenoh.Query) -> None:
+        if len(self._tasks) >= _REQUESTS:
+            query.drop()  # type: ignore[no-untyped-call]
+            return
         task = self._loop.create_task(self._reply(query))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)

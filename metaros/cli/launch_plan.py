@@ -14,7 +14,11 @@ from typing import Any
 from metaros.errors import ConfigError
 from metaros.supervise import Launch, LaunchTable, NodeRow
 
-__all__ = ["Place", "check_exists", "launches", "node_names"]
+__all__ = ["ALL_NODES", "PROGRAM", "Place", "check_exists", "launches", "node_names"]
+
+
+PROGRAM = (sys.executable, "-m", "metaros.cli.launch_child")
+ALL_NODES = {"PYTHONUNBUFFERED": "1"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,8 +76,7 @@ def node_names(table: LaunchTable) -> Mapping[str, str]:
 
 
 def _launch(row: NodeRow, table: LaunchTable, place: Place, stage: int) -> Launch:
-    program = (sys.executable, "-m", "metaros.cli.launch_child")
-    what = row.command or (*program, *(("module", row.module) if row.module else ("class", row.class_)))
+    what = row.command or (*PROGRAM, *(("module", row.module) if row.module else ("class", row.class_)))
     ros = tuple(_ros_args(row))
     return Launch(
         name=row.name,
@@ -83,7 +86,7 @@ def _launch(row: NodeRow, table: LaunchTable, place: Place, stage: int) -> Launc
         env={
             "METAROS_ZENOH_PORT": str(place.zenoh_port),
             "ROS_DOMAIN_ID": str(place.domain),
-            "PYTHONUNBUFFERED": "1",
+            **ALL_NODES,
             **table.env,
             **row.env,
         },
@@ -96,6 +99,7 @@ def _launch(row: NodeRow, table: LaunchTable, place: Place, stage: int) -> Launc
         stop_grace_s=row.stop_grace_s,
         nice=row.nice,
         own_guard=not row.command,
+        program_words=len(PROGRAM),
     )
 
 

@@ -13,11 +13,12 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from metaros.cli.launch_graph import LaunchGraph
-from metaros.cli.launch_plan import Place, launches, node_names
+from metaros.cli.launch_plan import ALL_NODES, PROGRAM, Place, launches, node_names
 from metaros.clock import Clock
 from metaros.errors import UsageError
 from metaros.signals import on_stop
 from metaros.supervise import Event, EventKind, LaunchTable, Supervisor
+from metaros.supervise.spare import Spare
 
 if TYPE_CHECKING:
     from random import Random  # noqa: TID251  (the type of an argument)
@@ -49,7 +50,12 @@ class _Run:
             zenoh_port=place.zenoh_port, domain=place.domain, name=f"launch_{os.getpid()}", answer=self._answer
         )
         self._supervisor = Supervisor(
-            clock=clock, rng=rng, on_event=self._on_event, on_line=screen.line, is_ready=self._is_ready
+            clock=clock,
+            rng=rng,
+            on_event=self._on_event,
+            on_line=screen.line,
+            is_ready=self._is_ready,
+            spare=Spare((*PROGRAM, "spare"), cwd=table.folder, env={**ALL_NODES, **table.env}) if table.spare else None,
         )
 
     async def run(self) -> bool:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Any, Final
@@ -17,7 +18,7 @@ from metaros.supervise import Event, EventKind, LaunchTable, ProcessStatus
 
 if TYPE_CHECKING:
     from rich.live import Live
-    from rich.table import Table
+    from rich.padding import Padding
 
     from metaros.cli.launch_plan import Place
 
@@ -35,6 +36,7 @@ _STATES: Final = {  # how a state looks
     "stopped": ("○", "dim"),
 }
 _TAIL: Final = 4  # last lines shown again with a death
+_LINES_PER_S: Final = 50  # of one node on the screen; all are in its log: printing must not hold up the supervisor
 
 
 class Screen:
@@ -50,6 +52,8 @@ class Screen:
         self._meters = Meters()
         self._rows: Sequence[ProcessStatus] = ()
         self._ended_at: dict[str, float] = {}  # when a pause is over, by name
+        self._printed: Counter[str] = Counter()  # lines since the last refresh, by name
+        self._since_s = clock.monotonic_s()
         names = [row.name for row in table.nodes]
         self._colours = {name: _COLOURS[number % len(_COLOURS)] for number, name in enumerate(names)}
         self._width = max(map(len, names))
@@ -65,8 +69,19 @@ class Screen:
         self._print(f"  [dim]logs in {_escape(str(place.log_dir))} · Ctrl-C stops all[/dim]\n")
 
     def line(self, name: str, text: str) -> None:
-        """A line that a node wrote."""
-        self._print(f"{self._prefix(name)}[dim]│[/] {_escape(text)}")
+        """A line that a node wrote; of a flood only the beginning."""
+        self._printed[name] += 1
+        if self._printed[name] <= _LINES_PER_S:
+            self._print(f"{self._prefix(name)}[dim]│[/] {_escape(text)}")
+
+    def _end_second(self) -> None:
+        now = self._clock.monotonic_s()
+        if now - self._since_s >= 1.0:
+            for name, count in self._printed.items():
+                if count > _LINES_PER_S:
+                    self._print(f"{self._prefix(name)}[dim]│ … {count - _LINES_PER_S} more lines, in its log[/]")
+            self._printed.clear()
+            self._since_s = now
 
     def note(self, text: str) -> None:
         """Something that the launcher did or noticed."""
@@ -78,7 +93,7 @@ class Screen:
         if not text:
             return
         self._print(f"{self._prefix(event.name)}{text}")
-        if event.kind is EventKind.EXITED and tail and not event.detail.startswith("exited"):
+        if event.kind is EventKind.EXITED and tail and not event.detail.endswith(("exited", tail[-1])):
             for line in tail[-_TAIL:]:
                 self._print(f"{self._prefix(event.name)}  [dim]last: {_escape(line)}[/]")
 
@@ -118,6 +133,7 @@ class Screen:
     def refresh(self, rows: Sequence[ProcessStatus]) -> None:
         """Show the nodes as they are now."""
         self._rows = rows
+        self._end_second()
         if not self._tty:
             return
         if self._live is None:
@@ -128,8 +144,9 @@ class Screen:
         with contextlib.suppress(OSError):
             self._live.update(self._view(), refresh=True)
 
-    def _view(self) -> Table:
+    def _view(self) -> Padding:
         from rich import box
+        from rich.padding import Padding
         from rich.table import Table
         from rich.text import Text
 
@@ -154,7 +171,7 @@ class Screen:
                 human_bytes(usage.memory_bytes) if usage else "",
                 Text(row.last_exit, style="dim"),
             )
-        return table
+        return Padding(table, (1, 0, 0, 0))
 
     def _left(self, row: ProcessStatus, now: float) -> str:
         left = self._ended_at.get(row.name, now) - now

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
+from metaros.cli.visit import Visit, visiting
 
 if TYPE_CHECKING:
     from metaros.node import Node
@@ -31,20 +31,15 @@ def register(app: typer.Typer) -> None:
 
 
 @group.command("nodes")
+@visiting
 def nodes(
+    at: Visit,
     all_: Annotated[bool, typer.Option("--all", "-a", help="Hidden nodes, too.")] = False,
     count: Annotated[bool, typer.Option("--count-nodes", "-c", help="Only how many.")] = False,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """List the nodes that have a lifecycle."""
-    from metaros.cli.connection import look
-    from metaros.cli.output import Output
-
-    out = Output(output)
-    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+    out = at.out
+    with at.look() as graph:
         names = [name for name in _lifecycle_nodes(graph) if all_ or "/_" not in name]
     if out.json:
         out.objects(names)
@@ -58,19 +53,15 @@ def nodes(
 
 
 @group.command("get")
+@visiting
 def get(
+    at: Visit,
     node: Annotated[str, typer.Argument(metavar="NODE", help="All of them if left out.")] = "",
     timeout: Timeout = 10.0,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Print the state of one lifecycle node, or of all."""
-    from metaros.cli.output import Output
-
-    out = Output(output)
-    with _asking(zenoh_port, domain, spin_time=spin_time, timeout_s=timeout) as asker:
+    out = at.out
+    with _asking(at, timeout_s=timeout) as asker:
         states = {name: asker.state(name) for name in ([asker.find(node)] if node else asker.names)}
     if out.json:
         rows = [{"node": name, "id": state.id, "label": state.label} for name, state in states.items()]
@@ -83,22 +74,18 @@ def get(
 
 
 @group.command("list")
+@visiting
 def list_(
+    at: Visit,
     node: NodeArgument,
     all_: Annotated[
         bool, typer.Option("--all", "-a", help="Every transition there is, not only those from here.")
     ] = False,
     timeout: Timeout = 10.0,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """List the transitions that are possible from the node's present state."""
-    from metaros.cli.output import Output
-
-    out = Output(output)
-    with _asking(zenoh_port, domain, spin_time=spin_time, timeout_s=timeout) as asker:
+    out = at.out
+    with _asking(at, timeout_s=timeout) as asker:
         rows = asker.transitions(asker.find(node), graph=all_)
     if out.json:
         out.objects(
@@ -114,21 +101,18 @@ def list_(
 
 
 @group.command("set")
+@visiting
 def set_(
+    at: Visit,
     node: NodeArgument,
     transition: Annotated[str, typer.Argument(metavar="TRANSITION", help="Its label or number, such as activate.")],
     timeout: Timeout = 10.0,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Have a lifecycle node take a transition; exit code 1 where it fails."""
-    from metaros.cli.output import Output
     from metaros.errors import PeerError
 
-    out = Output(output)
-    with _asking(zenoh_port, domain, spin_time=spin_time, timeout_s=timeout) as asker:
+    out = at.out
+    with _asking(at, timeout_s=timeout) as asker:
         name = asker.find(node)
         done = asker.change(name, transition)
         state = asker.state(name)
@@ -207,12 +191,11 @@ class _Asker:
 
 
 @contextmanager
-def _asking(zenoh_port: int, domain: int, *, spin_time: float, timeout_s: float) -> Iterator[_Asker]:
+def _asking(at: Visit, *, timeout_s: float) -> Iterator[_Asker]:
     """A node of ours beside a settled graph."""
-    from metaros.cli.connection import connect
     from metaros.node import Node
 
-    with connect(zenoh_port, domain, spin_time=spin_time) as context:
+    with at.connect() as context:
         names, known = _lifecycle_nodes(context.graph), [node.full_name for node in context.graph.nodes()]
         with Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False) as own:
             yield _Asker(own, names, known, timeout_s)

@@ -26,6 +26,7 @@ __all__ = ["Listener", "Meter", "Rate"]
 
 _SLICE_S = 0.1  # waiting in slices keeps Ctrl-C immediate on every platform
 _REPORT_S = 1.0
+_FIRST_GAP_S = 60.0  # so long one message waits for a second one: slow topics have a rate, too
 
 
 class Meter(Protocol):
@@ -127,9 +128,11 @@ class Rate:
         """Rates over the window; `window` below 2 means that there is nothing to say."""
         sizes = [size for _, size in self._arrivals]
         gaps = [later[0] - earlier[0] for earlier, later in zip(self._arrivals, list(self._arrivals)[1:], strict=False)]
-        if not gaps or now - self._arrivals[-1][0] > max(3 * max(gaps), 2 * _REPORT_S):
+        patience = max(3 * max(gaps), 2 * _REPORT_S) if gaps else _FIRST_GAP_S
+        if self._arrivals and now - self._arrivals[-1][0] > patience:
             self._arrivals.clear()  # it fell silent: the next messages are a new measurement
-            return {"window": 0}
+        if len(self._arrivals) < 2:
+            return {"window": len(self._arrivals)}
         mean = sum(gaps) / len(gaps)
         elapsed = max(now - self._arrivals[0][0], 1e-9)
         return {

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
+from metaros.cli.visit import Visit, visiting
 
 if TYPE_CHECKING:
     from metaros.cli.output import Output
@@ -30,19 +30,13 @@ def register(app: typer.Typer) -> None:
 
 
 @group.command("list")
+@visiting
 def list_(
-    count: Annotated[bool, typer.Option("--count-nodes", "-c", help="Only how many.")] = False,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
+    at: Visit, count: Annotated[bool, typer.Option("--count-nodes", "-c", help="Only how many.")] = False
 ) -> None:
     """List the nodes of the graph."""
-    from metaros.cli.connection import look
-    from metaros.cli.output import Output
-
-    out = Output(output)
-    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+    out = at.out
+    with at.look() as graph:
         nodes = sorted(graph.nodes(), key=lambda node: node.full_name)
     names = [node.full_name for node in nodes]
     if count:
@@ -64,23 +58,20 @@ def _warn_twins(names: list[str], out: Output) -> None:
 
 
 @group.command("info")
+@visiting
 def info(
+    at: Visit,
     node: Annotated[str, typer.Argument(metavar="NODE", help="Such as /sim_1/base.")],
     hidden: Annotated[bool, typer.Option("--include-hidden", help="Also the topics and services of actions.")] = False,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Show a node's publishers, subscribers, services, clients and actions."""
-    from metaros.cli.connection import absolute, look
+    from metaros.cli.connection import absolute
     from metaros.cli.graph_model import draw
     from metaros.cli.names import is_hidden, no_such
-    from metaros.cli.output import Output
 
-    out = Output(output)
+    out = at.out
     name = absolute(node)
-    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+    with at.look() as graph:
         known = {item.full_name for item in graph.nodes()}
         endpoints = graph.endpoints()
         actions = [link for link in draw([], graph.tokens()).links if link.kind == "action"]

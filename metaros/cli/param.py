@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
+from metaros.cli.visit import Visit, visiting
 
 if TYPE_CHECKING:
     from metaros.node.parameters import ParameterClient
@@ -31,26 +31,23 @@ def register(app: typer.Typer) -> None:
 
 
 @group.command("list")
+@visiting
 def list_(
+    at: Visit,
     node: Annotated[str, typer.Argument(metavar="NODE", help="All nodes if left out.")] = "",
     name_filter: Annotated[
         str, typer.Option("--filter", metavar="REGEX", help="Only names in which this is found.")
     ] = "",
     show_type: Annotated[bool, typer.Option("--param-type", help="Show each parameter's type.")] = False,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
     timeout: Timeout = 5.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """List the parameters of a node, or of all nodes."""
-    from metaros.cli.output import Output
     from metaros.cli.param_view import matching, parameter_nodes, rows
     from metaros.errors import PeerError
 
-    out = Output(output)
+    out = at.out
     found: list[dict[str, Any]] = []
-    with _visit(node, zenoh_port, domain, spin_time) as (own, target):
+    with _asking(node, at) as (own, target):
         for name in [target] if target else parameter_nodes(own.graph):
             client = own.create_parameter_client(name)
             try:
@@ -76,23 +73,20 @@ def list_(
 
 
 @group.command("get")
+@visiting
 def get(
+    at: Visit,
     node: NodeName,
     name: ParamName,
     hide_type: Annotated[bool, typer.Option("--hide-type", help="Only the value.")] = False,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
     timeout: Timeout = 5.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Print a parameter's value."""
-    from metaros.cli.output import Output
     from metaros.cli.param_view import json_value, require, shown, value_words
     from metaros.node.parameters.values import ParameterType
 
-    out = Output(output)
-    with _remote(node, zenoh_port, domain, spin_time) as client:
+    out = at.out
+    with _remote(node, at) as client:
         kind = client.types([name], timeout_s=timeout)[name]
         if kind is ParameterType.NOT_SET:
             require(client, name, timeout_s=timeout)
@@ -104,25 +98,22 @@ def get(
 
 
 @group.command("set", context_settings={"ignore_unknown_options": True})
+@visiting
 def set_(
+    at: Visit,
     node: NodeName,
     name: ParamName,
     value: Annotated[str, typer.Argument(metavar="VALUE", help="YAML, read as the parameter's type.")],
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
     timeout: Timeout = 5.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Set a parameter."""
-    from metaros.cli.output import Output
     from metaros.cli.param_view import done, json_value, require
     from metaros.errors import ParameterError
     from metaros.node.parameters.files import parse_value
     from metaros.node.parameters.values import ParameterType, convert
 
-    out = Output(output)
-    with _remote(node, zenoh_port, domain, spin_time) as client:
+    out = at.out
+    with _remote(node, at) as client:
         rules = require(client, name, timeout_s=timeout)
         kind = ParameterType.NOT_SET if rules is None or rules.dynamic_typing else rules.kind
         try:
@@ -137,21 +128,18 @@ def set_(
 
 
 @group.command("describe")
+@visiting
 def describe(
+    at: Visit,
     node: NodeName,
     names: Annotated[list[str], typer.Argument(metavar="NAME...", help="The parameters.")],
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
     timeout: Timeout = 5.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Show the type, the description and the rules of parameters."""
-    from metaros.cli.output import Output
     from metaros.cli.param_view import rule_lines, rule_object, unknown
 
-    out = Output(output)
-    with _remote(node, zenoh_port, domain, spin_time) as client:
+    out = at.out
+    with _remote(node, at) as client:
         found = client.describe(names, timeout_s=timeout)
         missing = [name for name in names if name not in found]
         if missing:
@@ -165,21 +153,18 @@ def describe(
 
 
 @group.command("dump")
+@visiting
 def dump(
+    at: Visit,
     node: NodeName,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
     timeout: Timeout = 5.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Print all parameters of a node as a ROS 2 parameter file."""
-    from metaros.cli.output import Output
     from metaros.cli.param_view import json_value
     from metaros.node.parameters.files import dump_yaml
 
-    out = Output(output)
-    with _remote(node, zenoh_port, domain, spin_time) as client:
+    out = at.out
+    with _remote(node, at) as client:
         values = client.dump(timeout_s=timeout)
         target = client.target
     if out.json:
@@ -189,26 +174,23 @@ def dump(
 
 
 @group.command("load")
+@visiting
 def load(
+    at: Visit,
     node: NodeName,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A ROS 2 parameter file.")],
     no_use_wildcard: Annotated[
         bool, typer.Option("--no-use-wildcard", help="Leave out what the file says of /** and the like.")
     ] = False,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
     timeout: Timeout = 5.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Set a node's parameters from a ROS 2 parameter file, each for itself."""
-    from metaros.cli.output import Output
     from metaros.cli.param_view import fitted
     from metaros.errors import PeerError, UsageError
     from metaros.node.parameters.files import load_file
 
-    out = Output(output)
-    with _remote(node, zenoh_port, domain, spin_time) as client:
+    out = at.out
+    with _remote(node, at) as client:
         values = load_file(file, client.target, wildcards=not no_use_wildcard)
         if not values:
             raise UsageError(f"{file} has no parameters for {client.target}")
@@ -224,21 +206,18 @@ def load(
 
 
 @group.command("delete")
+@visiting
 def delete(
+    at: Visit,
     node: NodeName,
     name: ParamName,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
     timeout: Timeout = 5.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Delete a parameter that is dynamically typed."""
-    from metaros.cli.output import Output
     from metaros.cli.param_view import done, require
 
-    out = Output(output)
-    with _remote(node, zenoh_port, domain, spin_time) as client:
+    out = at.out
+    with _remote(node, at) as client:
         require(client, name, timeout_s=timeout)
         done(client.set({name: None}, timeout_s=timeout)[name], "delete", name)
     if out.json:
@@ -248,14 +227,14 @@ def delete(
 
 
 @contextmanager
-def _visit(node: str, zenoh_port: int, domain: int, spin_time: float) -> Iterator[tuple[Any, str]]:
+def _asking(node: str, at: Visit) -> Iterator[tuple[Any, str]]:
     """A short-lived node of ours, and the full name of the node that is meant; it must offer parameters."""
-    from metaros.cli.connection import absolute, connect
+    from metaros.cli.connection import absolute
     from metaros.cli.param_view import check_node
     from metaros.node import Node
 
     target = absolute(node) if node else ""
-    with connect(zenoh_port, domain, spin_time=spin_time) as context:
+    with at.connect() as context:
         if target:
             check_node(context.graph, target)
         with Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False) as own:
@@ -263,6 +242,6 @@ def _visit(node: str, zenoh_port: int, domain: int, spin_time: float) -> Iterato
 
 
 @contextmanager
-def _remote(node: str, zenoh_port: int, domain: int, spin_time: float) -> Iterator[ParameterClient]:
-    with _visit(node, zenoh_port, domain, spin_time) as (own, target):
+def _remote(node: str, at: Visit) -> Iterator[ParameterClient]:
+    with _asking(node, at) as (own, target):
         yield own.create_parameter_client(target)

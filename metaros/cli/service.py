@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
+from metaros.cli.visit import Visit, visiting
 
 if TYPE_CHECKING:
     from metaros.wire import Graph
@@ -25,22 +25,18 @@ def register(app: typer.Typer) -> None:
 
 
 @group.command("list")
+@visiting
 def list_(
+    at: Visit,
     show_types: Annotated[bool, typer.Option("--show-types", "-t", help="Show each service's type.")] = False,
     count: Annotated[bool, typer.Option("--count-services", "-c", help="Only how many.")] = False,
     hidden: Annotated[bool, typer.Option("--include-hidden-services", help="Those of actions, too.")] = False,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """List the services that a node serves."""
-    from metaros.cli.connection import look
     from metaros.cli.names import is_hidden
-    from metaros.cli.output import Output
 
-    out = Output(output)
-    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+    out = at.out
+    with at.look() as graph:
         services = {name: types for name, types in _services(graph).items() if hidden or not is_hidden(name)}
     if count:
         out.line(str(len(services)))
@@ -54,62 +50,49 @@ def list_(
 
 
 @group.command("type")
-def type_(
-    service: ServiceArgument,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
-) -> None:
+@visiting
+def type_(at: Visit, service: ServiceArgument) -> None:
     """Print a service's type."""
-    from metaros.cli.connection import absolute, look
-    from metaros.cli.output import Output
+    from metaros.cli.connection import absolute
 
-    out, name = Output(output), absolute(service)
-    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+    out, name = at.out, absolute(service)
+    with at.look() as graph:
         _type_of(graph, name, "")  # says what is wrong where nobody serves it
         types = _services(graph)[name]
     out.names(types)
 
 
 @group.command("find")
+@visiting
 def find(
+    at: Visit,
     type_name: Annotated[str, typer.Argument(metavar="TYPE", help="Such as std_srvs/srv/Trigger.")],
     count: Annotated[bool, typer.Option("--count-services", "-c", help="Only how many.")] = False,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """List the services of a type."""
-    from metaros.cli.connection import look
     from metaros.cli.names import known_type
-    from metaros.cli.output import Output
 
-    out = Output(output)
-    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+    out = at.out
+    with at.look() as graph:
         services = _services(graph)
     full = known_type(type_name, "srv", {item for types in services.values() for item in types})
     out.names([name for name, types in services.items() if full in types], count=count)
 
 
 @group.command("info")
+@visiting
 def info(
+    at: Visit,
     service: ServiceArgument,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Each server and client, with its hash.")] = False,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Show a service's type, servers and clients."""
-    from metaros.cli.connection import absolute, look
+    from metaros.cli.connection import absolute
     from metaros.cli.endpoints import endpoint_facts, print_endpoints
     from metaros.cli.names import no_such
-    from metaros.cli.output import Output
 
-    out, name = Output(output), absolute(service)
-    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+    out, name = at.out, absolute(service)
+    with at.look() as graph:
         known, ends = graph.services(), [item for item in graph.endpoints(topic=name) if item.kind in ("SS", "SC")]
     if not ends:
         raise no_such("service", name, known)
@@ -121,21 +104,18 @@ def info(
 
 
 @group.command("call")
+@visiting
 def call(
+    at: Visit,
     service: ServiceArgument,
     type_or_values: Annotated[str, typer.Argument(metavar="TYPE", help="Taken from the graph if left out.")] = "",
     values: Annotated[str, typer.Argument(metavar="YAML", help="The request's fields.")] = "",
     timeout: Annotated[
         float, typer.Option("--timeout", min=0.1, metavar="SECONDS", help="How long to wait for the response.")
     ] = 10.0,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Call a service and print its response."""
-    from metaros.cli.connection import absolute, connect
-    from metaros.cli.output import Output
+    from metaros.cli.connection import absolute
     from metaros.cli.render import message_yaml, plain
     from metaros.cli.types import full_type, parse_values
     from metaros.errors import TimeoutError_
@@ -143,17 +123,17 @@ def call(
     from metaros.idl.json import from_json
     from metaros.node import Node
 
-    out = Output(output)
+    out = at.out
     name = absolute(service)
     if type_or_values.lstrip().startswith("{"):  # the type was left out
         type_or_values, values = "", type_or_values
-    with connect(zenoh_port, domain, spin_time=spin_time) as context:
+    with at.connect() as context:
         full = _type_of(context.graph, name, full_type(type_or_values, "srv") if type_or_values else "")
         kind: Any = message_class(full)
         request = from_json(kind.Request, parse_values(values, f"{full}_Request"))
         with Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False) as node:
             client = node.create_client(kind, name)
-            if not client.wait_for_service(min(timeout, max(spin_time, 0.1))):
+            if not client.wait_for_service(min(timeout, max(at.spin_time, 0.1))):
                 raise TimeoutError_(f"{name} does not answer: its node may have stopped")
             response = client.call(request, timeout_s=timeout)
     if out.json:

@@ -50,8 +50,7 @@ def summary(screenful: Screenful) -> str:
     counts = f"{counted(len(screenful.nodes), 'node')}, {counted(len(screenful.topics), 'topic')}"
     text = f"{counts}, {rate:.0f} messages/s, {human_bytes(flow)}/s"
     if screenful.dropping:
-        missed = sum(row.missing for row in screenful.dropping)
-        text = f"{text}, {counted(len(screenful.dropping), 'subscription')} missed {counted(missed, 'message')}"
+        text = f"{text}, {sum(row.missing for row in screenful.dropping):,} missed"
     return f"{text}, ✗ {counted(screenful.mismatches, 'mismatch')}: see metaros graph" if screenful.mismatches else text
 
 
@@ -82,16 +81,21 @@ def render(screenful: Screenful, height: int) -> RenderableType:
     columns = node_columns(screenful)
     topic_rows = [topic_cells(row) for row in screenful.topics]
     node_rows = [node_cells(row)[: len(columns)] for row in screenful.nodes]
-    title = Text.assemble(("metaros top", "bold"), "  ", (summary(screenful), "red" if screenful.mismatches else "dim"))
-    return Group(
-        title,
-        Text(),
+    parts: list[RenderableType] = [
         _table(TOPIC_COLUMNS, topic_rows, topics, right=(2, 3, 4, 5)),
         Text(),
         _table(columns, node_rows, nodes, right=tuple(range(1, len(columns)))),
-        *([Text(), _table(DROP_COLUMNS, [drop_cells(row) for row in dropping], drops, right=_DROP_RIGHT)] if drops else []),
-        Text("Ctrl-C ends", style="dim"),
+    ]
+    if drops:
+        parts += [Text(), _table(DROP_COLUMNS, [drop_cells(row) for row in dropping], drops, right=_DROP_RIGHT)]
+    title = Text.assemble(
+        ("metaros top", "bold"),
+        "  ",
+        (summary(screenful), "red" if screenful.mismatches else "dim"),
+        no_wrap=True,
+        overflow="ellipsis",
     )
+    return Group(title, Text(), *parts, Text("Ctrl-C ends", style="dim"))
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]], limit: int, *, right: Sequence[int]) -> Table:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from metaros.cli import topic_pub, topic_stream, topic_type
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
+from metaros.cli.visit import Visit, visiting
 
 __all__ = ["register"]
 
@@ -20,22 +20,18 @@ def register(app: typer.Typer) -> None:
 
 
 @group.command("list")
+@visiting
 def list_(
+    at: Visit,
     show_types: Annotated[bool, typer.Option("--show-types", "-t", help="Show each topic's type.")] = False,
     count: Annotated[bool, typer.Option("--count-topics", "-c", help="Only how many.")] = False,
     hidden: Annotated[bool, typer.Option("--include-hidden-topics", help="Those of actions, too.")] = False,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """List the topics of the graph."""
-    from metaros.cli.connection import look
     from metaros.cli.names import is_hidden
-    from metaros.cli.output import Output
 
-    out = Output(output)
-    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+    out = at.out
+    with at.look() as graph:
         topics = {name: sorted(types) for name, types in graph.topics().items() if hidden or not is_hidden(name)}
         ends = [*graph.endpoints(kind="MP"), *graph.endpoints(kind="MS")]
     if count:
@@ -63,23 +59,20 @@ def _summary(name: str, types: list[str], endpoints: list[Any]) -> dict[str, Any
 
 
 @group.command("info")
+@visiting
 def info(
+    at: Visit,
     topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Such as /sim_1/odom.")],
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Each publisher and subscriber, with QoS.")] = False,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Show a topic's type, publishers and subscribers."""
-    from metaros.cli.connection import absolute, look
+    from metaros.cli.connection import absolute
     from metaros.cli.endpoints import endpoint_facts, print_endpoints
     from metaros.cli.names import no_such
-    from metaros.cli.output import Output
     from metaros.cli.topic_problems import print_problems, problems
 
-    out, name = Output(output), absolute(topic)
-    with look(zenoh_port, domain, spin_time=spin_time) as graph:
+    out, name = at.out, absolute(topic)
+    with at.look() as graph:
         ends = [item for item in graph.endpoints(topic=name) if item.kind in ("MP", "MS")]
         known, found = list(graph.topics()), problems(graph.tokens(), name)
     if not ends:

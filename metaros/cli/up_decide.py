@@ -72,7 +72,6 @@ def decide(options: UpOptions, data: DataDir, screen: Screen) -> Plan:
         first_robot=simulated,
         seed=options.seed,
         host_robot=host_robot_name(socket.gethostname()) if options.host_robot else "",
-        host_metrics="/host/cpu" not in graph,
         camera=options.camera,
     )
 

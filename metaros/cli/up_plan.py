@@ -31,7 +31,6 @@ class Plan:
     first_robot: int
     seed: int
     host_robot: str  # empty: this machine is no robot
-    host_metrics: bool  # False where another agent publishes this machine's metrics already
     camera: str  # empty: none
 
     @property
@@ -135,9 +134,8 @@ def _agent(plan: Plan, name: str) -> Launch:
 
 def _host_agent(plan: Plan) -> Launch:
     link = ("--gateway", f"127.0.0.1:{plan.grpc_port}", *_zenoh(plan), "--exclude", "/sim_*/**")
-    metrics = "--host-metrics" if plan.host_metrics else "--no-host-metrics"
     name = plan.host_robot
-    return _row(plan, f"agent {name}", AGENTS, "agent", "--name", name, "--namespace", "/", *link, metrics)
+    return _row(plan, f"agent {name}", AGENTS, "agent", "--name", name, "--namespace", "/", *link, "--host-metrics")
 
 
 def _camera(plan: Plan) -> Launch:

@@ -89,6 +89,7 @@ class Ingress:
         self._stop = threading.Event()
         self._relief: threading.Thread | None = None
         self._name = name
+        self._chores: tuple[Callable[[], None], ...] = ()
 
     # -- wiring ----------------------------------------------------------------------------------------------------
 
@@ -122,6 +123,12 @@ class Ingress:
             desk = self._desks.get(mailbox.owner, self._unclaimed)
             desk.ready.append(mailbox)
             self._nudge(desk)
+
+    def also(self, chore: Callable[[], None]) -> None:
+        """Have the relief thread call this several times a second; it must be quick and not raise."""
+        with self._lock:
+            self._chores = (*self._chores, chore)
+            self._start_relief()
 
     def wake(self) -> None:
         """Make the executors that wait look around. Takes no lock: signal handlers may call it."""
@@ -308,5 +315,7 @@ class Ingress:
             stuck = self._collected == seen
             if stuck and not self.queue.empty():
                 self.collect()
+            for chore in self._chores:
+                chore()
             pause_s = min(pause_s * 2, _RELIEF_MAX_S) if seen == self._collected else _RELIEF_MIN_S
             seen = self._collected

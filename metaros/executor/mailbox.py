@@ -22,7 +22,6 @@ class Mailbox:
     """
 
     __slots__ = (
-        "size_of",
         "_weigh_at",
         "busy",
         "depth",
@@ -34,6 +33,7 @@ class Mailbox:
         "pending",
         "queued",
         "running",
+        "size_of",
     )
 
     def __init__(

@@ -9,7 +9,6 @@ different ones interleave only where an `async def` awaits.
 from __future__ import annotations
 
 import logging
-import sys
 import threading
 import time
 from collections.abc import Awaitable, Coroutine
@@ -20,6 +19,7 @@ from metaros.errors import ClosedError, UsageError
 from metaros.executor.ingress import Desk, Ingress
 from metaros.executor.mailbox import Mailbox
 from metaros.executor.protocol import Spinnable
+from metaros.executor.switching import SWITCH_INTERVAL_S, shorten_switch_interval
 from metaros.executor.timers import Timer
 from metaros.later import Later
 
@@ -31,7 +31,6 @@ else:
 __all__ = ["SingleThreadedExecutor"]
 
 _log = logging.getLogger("metaros.executor")
-SWITCH_INTERVAL_S: Final = 0.0005  # Python's own 5 ms would be added to every hand-over while a callback computes
 _SLICE: Final = 64  # items of one mailbox before timers and the others have their turn
 
 
@@ -128,8 +127,7 @@ class SingleThreadedExecutor:
         return ingress
 
     def _shorten_switch_interval(self) -> None:
-        if sys.getswitchinterval() > self.switch_interval_s:
-            sys.setswitchinterval(self.switch_interval_s)
+        shorten_switch_interval(self.switch_interval_s)
 
     def _end(self, ingress: Ingress) -> None:
         self._serving = None

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from metaros.idl import globs, marks, names
-from metaros.idl.annotated import message
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from metaros.idl import globs, names
 from metaros.idl.catalogue import Catalogue, default_catalogue, parse_definition, release_catalogue
 from metaros.idl.classes import Action, Message, Service, message_class
 from metaros.idl.definitions import (
@@ -19,6 +21,10 @@ from metaros.idl.hashing import parse_hash, type_description, type_hash
 from metaros.idl.known import catalogue_of, remember
 from metaros.idl.parser import parse_action, parse_msg, parse_srv
 from metaros.idl.schema import add_schema_text, definition_text, schema_text
+
+if TYPE_CHECKING:
+    from metaros.idl import marks
+    from metaros.idl.annotated import message
 
 __all__ = [
     "Action",
@@ -52,3 +58,12 @@ __all__ = [
     "type_description",
     "type_hash",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """What only programs with types of their own need: others start without it."""
+    if name == "message":
+        return importlib.import_module("metaros.idl.annotated").message
+    if name == "marks":
+        return importlib.import_module("metaros.idl.marks")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -33,11 +33,13 @@ T = TypeVar("T")
 
 
 @overload
-def message(cls: type[T], /) -> type[T]: ...
+def message(cls: type[T], /) -> type[T]:
+    """`@message` alone."""
 
 
 @overload
-def message(*, name: str = "", catalogue: Catalogue | None = None) -> Callable[[type[T]], type[T]]: ...
+def message(*, name: str = "", catalogue: Catalogue | None = None) -> Callable[[type[T]], type[T]]:
+    """`@message(name=…)`."""
 
 
 @dataclass_transform(kw_only_default=True, field_specifiers=(dataclass_field,))
@@ -100,9 +102,10 @@ def _publish(
     wanted = [(definition, made), *nested]
     if any(item.name in base and base.get(item.name) != item for item, _ in wanted):
         return
-    base.add_all([item for item, _ in wanted if item.name not in base])
-    for item, cls in wanted:
-        _set_class(base.home(item.name), item.name, cls)
+    new = [(item, cls) for item, cls in wanted if item.name not in base]  # shipped types keep their shipped classes
+    base.add_all([item for item, _ in new])
+    for item, cls in new:
+        _set_class(base, item.name, cls)
 
 
 def _set_class(catalogue: Catalogue, name: str, cls: type[Any]) -> None:

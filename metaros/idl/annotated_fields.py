@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import math
 import typing
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -139,15 +140,22 @@ def _default(value: Any, mapped: Mapped) -> tuple[Any, Callable[[], Any] | None]
 
 
 def _literal(mapped: Mapped, value: Any) -> Any:
-    """A default as the definition holds it; `FieldError` when it does not fit."""
+    """A default as the definition holds it, None for what only Python can say; `FieldError` when it does not fit."""
     kind = mapped.kind
     if kind.is_nested:
         raise FieldError("a message's default is made anew each time: dataclasses.field(default_factory=…)")
     if not kind.array:
-        return _scalar(kind, value)
+        plain = _scalar(kind, value)
+        return plain if _is_writable(plain) else None
     if not isinstance(value, (tuple, bytes)):
         raise FieldError(f"the default {value!r} is no tuple")
-    return [_scalar(kind.element, item) for item in value]
+    values = [_scalar(kind.element, item) for item in value]
+    return values if values and all(map(_is_writable, values)) else None
+
+
+def _is_writable(value: Any) -> bool:
+    """Whether every reader of .msg texts understands it: not all know nan and inf."""
+    return not isinstance(value, float) or math.isfinite(value)
 
 
 def _scalar(kind: FieldType, value: Any) -> Any:

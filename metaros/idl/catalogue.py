@@ -18,7 +18,7 @@ from metaros.idl.derived import derived_definitions, root_names, whole_message
 from metaros.idl.parser import parse_action, parse_msg, parse_srv
 from metaros.limits import LIMITS
 
-__all__ = ["RELEASES", "Catalogue", "default_catalogue", "parse_definition", "release_catalogue"]
+__all__ = ["RELEASES", "Catalogue", "default_catalogue", "parse_definition", "release_catalogue", "shipped_names"]
 
 RELEASES = ("jazzy", "kilted", "lyrical")
 
@@ -191,6 +191,11 @@ _DEFAULT = _ShippedCatalogue()  # made at import, so that two threads cannot mak
 def default_catalogue() -> Catalogue:
     """The catalogue of the process: the shipped packages and what the program added."""
     return _DEFAULT
+
+
+def shipped_names() -> list[str]:
+    """The sorted names of the interfaces that come with the library, without what the program added."""
+    return _ShippedCatalogue().names()
 
 
 @cache

@@ -10,6 +10,7 @@ from metaros.clock import Clock, SystemClock
 from metaros.errors import ClosedError
 from metaros.executor import Ingress
 from metaros.node.arrivals import Arrivals
+from metaros.node.drops import Drops
 from metaros.node.watch import Watch
 from metaros.wire import Graph, WireSession
 
@@ -41,13 +42,12 @@ class Context:
         shared_memory: str | None = None,
     ) -> None:
         self.clock: Clock = SystemClock() if clock is None else clock
-        self.session = WireSession(
-            domain_id=domain_id, connect=connect, listen=listen, shared_memory=shared_memory
-        )
+        self.session = WireSession(domain_id=domain_id, connect=connect, listen=listen, shared_memory=shared_memory)
         self.graph = Graph(self.session)
         self.ingress = Ingress()
         self.arrivals = Arrivals(self.session, self.ingress)
         self.watch = Watch(self.graph)
+        self.drops = Drops(self.session, self.ingress)
         self._nodes: list[Closable] = []
         self._lock = threading.Lock()
 
@@ -91,6 +91,7 @@ class Context:
         _SHARED.forget(self)
         for node in list(self._nodes):
             node.close()
+        self.drops.close()
         self.graph.close()
         self.session.close()
         self.ingress.close()

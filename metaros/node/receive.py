@@ -14,6 +14,7 @@ from metaros.errors import PeerError, TooLargeError
 from metaros.limits import LIMITS
 from metaros.node.info import MessageInfo
 from metaros.wire.attachment import NEW, Attachment, parse_attachment
+from metaros.wire.shm import intact
 
 __all__ = ["Receiver"]
 
@@ -139,14 +140,10 @@ class Receiver:
             self._on_lost(self.lost, count - own, gid)
 
     def _sound(self, sample: zenoh.Sample, size_bytes: int, gid: bytes) -> bool:
-        """Whether a large payload may be read: not too large, and, if shared, not taken back before it was copied.
-
-        A publisher takes back what a process held that did not run for a while, as one that a debugger stopped.
-        """
+        """Whether a large payload may be read: not too large, and, if shared, not taken back before it was copied."""
         if size_bytes > LIMITS.sample_bytes:
             raise TooLargeError(f"a message of {size_bytes} bytes: the limit is {LIMITS.sample_bytes}")
-        shared = sample.payload.as_shm()
-        if shared is None or shared.is_valid():
+        if intact(sample.payload):
             return True
         self.lost += 1
         self._on_lost(self.lost, 1, gid)

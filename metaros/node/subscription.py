@@ -85,7 +85,11 @@ class Subscription(Endpoint):
         self.events = SubscriptionObserver(
             self, events, on_inspect=self._receiver.inspect, waiting=lambda: bool(pending)
         )
+        self.mailboxes = [self._mailbox]  # where samples wait
+        self.mailboxes_hold_all = not dedicated  # a lane's samples wait in Zenoh's memory, which tells nothing
         self.on_close(self._mailbox.clear)
+        node.context.drops.add(self)
+        self.on_close(lambda: node.context.drops.discard(self))
         if is_async:
             node.ingress.async_work = True
         if qos.history is History.KEEP_ALL:
@@ -143,6 +147,7 @@ class Subscription(Endpoint):
                 size_of=sample_bytes,
                 group=self._mailbox.group,
             )
+            self.mailboxes.append(executors)
             run = feed(self.node.ingress, executors, lambda: self.closed)
             self.on_close(executors.clear)
         self._start_lane(ChannelLane(run, self._mailbox, name=f"metaros{self.topic}"))

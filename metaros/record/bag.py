@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import json
 import struct
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +16,7 @@ from mcap.records import Channel
 
 from metaros.cdr import codec
 from metaros.errors import MetarosError, RecordingError
-from metaros.idl import Catalogue, add_schema_text, default_catalogue
+from metaros.idl import Catalogue, add_schema_text, catalogue_of, default_catalogue
 from metaros.idl.globs import Glob
 from metaros.record.bag_index import FileIndex, read_chunk, read_index, records_of
 from metaros.record.ledger import GAPS
@@ -130,8 +131,21 @@ class Bag:
         """
         chosen = set(self.chosen(topics))
         wanted = {place: topic for place, topic in self._of_channel.items() if topic in chosen}
-        sources = [self._of_file(file, wanted, start_ns, end_ns, damaged) for file in self.files]
-        yield from heapq.merge(*sources, key=lambda message: message.log_ns)
+        pending = deque(self.files)  # by their first message: a file is opened when its time has come
+        waiting: list[tuple[int, int, BagMessage, Iterator[BagMessage]]] = []
+        while pending or waiting:
+            while pending and (not waiting or pending[0].first_ns <= waiting[0][0]):
+                number = len(self.files) - len(pending)
+                source = self._of_file(pending.popleft(), wanted, start_ns, end_ns, damaged)
+                if (message := next(source, None)) is not None:
+                    heapq.heappush(waiting, (message.log_ns, number, message, source))
+            if waiting:
+                _log_ns, number, message, source = waiting[0]
+                yield message
+                if (following := next(source, None)) is None:
+                    heapq.heappop(waiting)
+                else:
+                    heapq.heapreplace(waiting, (following.log_ns, number, following, source))
 
     def _of_file(
         self,
@@ -203,12 +217,13 @@ def _messages(
 
 
 def _decoder(topic: BagTopic) -> Callable[[bytes], Any]:
-    """From the schema in the file, so that an old recording is read as it was meant."""
+    """From the type of that very hash, or the schema in the file: an old recording is read as it was meant."""
     if topic.encoding != "cdr":
         raise RecordingError(f"{topic.name} is encoded as {topic.encoding!r}, which is not read here")
-    catalogue = Catalogue(base=default_catalogue())
+    known = catalogue_of(topic.type_name, topic.type_hash) if topic.type_hash else None
+    catalogue = known or Catalogue(base=default_catalogue())
     try:
-        if topic.schema:
+        if topic.schema and known is None:
             add_schema_text(topic.type_name, topic.schema, catalogue)
         return codec(topic.type_name, catalogue).decode
     except MetarosError as error:

@@ -7,6 +7,7 @@ says what was kept.
 from __future__ import annotations
 
 import errno
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +26,7 @@ __all__ = ["BagOptions", "BagOutput", "WrittenFile"]
 METADATA: Final = "metadata.yaml"
 _VERSION: Final = 9  # of rosbag2's metadata
 _OWN: Final = {"serialized_metadata": yaml.safe_dump({"version": _VERSION, "storage_identifier": "mcap"})}
+_CHAR: Final = re.compile(r"^char[ \[]", re.MULTILINE)  # rosbags hashes it otherwise than ROS 2, and refuses the folder
 Note = tuple[Publisher, int]
 
 
@@ -40,10 +42,13 @@ class BagOptions:
     continues: bool = True
     open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb", buffering=0)
 
-    def check(self, path: Path) -> None:
-        """ConfigError for what cannot be."""
+    def __post_init__(self) -> None:
+        """ConfigError for a compression that there is not."""
         if self.compression not in COMPRESSIONS:
             raise ConfigError(f"{self.compression!r} is no compression: one of {', '.join(COMPRESSIONS)}")
+
+    def check(self, path: Path) -> None:
+        """ConfigError for what cannot be written to `path`."""
         if path.suffix == ".mcap" and (self.split_bytes or self.split_s):
             raise ConfigError(f"splitting makes several files: name a folder, {path.with_suffix('')}, not {path.name}")
         if path.exists():
@@ -126,12 +131,21 @@ class BagOutput:
         self._open()
 
     def close(self, publishers: Iterable[Publisher] = ()) -> None:
-        """Close the file and write the folder's metadata; `publishers` are all that were heard."""
+        """Close the file and write the folder's metadata; `publishers` are all that were heard.
+
+        RecordingError when not everything fitted on the disk; the files are sound all the same.
+        """
         try:
             self._finish(publishers)
             self._write_metadata()
         except OSError as error:
             raise RecordingError(f"cannot finish {self.path}: {error.strerror or error}") from None
+        if lost := sum(reasons.get("disk", 0) for file in self.files for reasons in file.missing.values()):
+            kept = sum(file.messages for file in self.files)
+            raise RecordingError(
+                f"{self._place}: the last {lost} messages did not fit on the disk\n"
+                f"the recording ends with {kept} messages; it is closed and sound"
+            )
 
     @property
     def size_bytes(self) -> int:
@@ -246,7 +260,7 @@ def _metadata(files: list[WrittenFile], qos: dict[Route, str]) -> dict[str, Any]
                 "type": route.type_name,
                 "serialization_format": "cdr",
                 "offered_qos_profiles": yaml.safe_load(qos[route]) if qos[route] else qos_entries([]),
-                "type_description_hash": route.type_hash,
+                "type_description_hash": "" if _CHAR.search(route.schema or "") else route.type_hash,
             },
             "message_count": count,
         }

@@ -137,6 +137,8 @@ class Player:
         wanted = {topic for topic in self.bag.chosen(self._topics) if topic.messages}
         if not wanted:
             raise RecordingError(f"{self.bag.path}: no message to play on those topics")
+        if foreign := sorted(topic.name for topic in wanted if topic.encoding != "cdr"):
+            raise RecordingError(f"{foreign[0]} is not encoded as CDR: choose the topics to play")
         names_of = {_absolute(old): _absolute(new) for old, new in remap.items()}
         unknown = sorted(set(names_of) - {topic.name for topic in wanted})
         if unknown:

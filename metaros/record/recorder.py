@@ -25,6 +25,7 @@ from metaros.record.ledger import Publisher
 from metaros.record.ring import Ring
 from metaros.record.selection import TopicSelection
 from metaros.record.tap import Tap
+from metaros.wire.shm import intact
 
 __all__ = ["Recorder", "RecordingReport", "RingOptions"]
 
@@ -216,7 +217,9 @@ class Recorder:
                 item = _nothing
             if isinstance(item, Arrival):
                 try:
-                    self._take(item, item.payload.to_bytes())
+                    data = item.payload.to_bytes()
+                    if intact(item.payload):  # else its number is missing, and reported so
+                        self._take(item, data)
                 finally:
                     done(item)
             elif item is None:

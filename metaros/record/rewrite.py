@@ -17,7 +17,7 @@ from metaros.record.mcap_file import McapFile
 
 __all__ = ["Rewritten", "rewrite"]
 
-_COPIED: Final = (GAPS, "rosbag2")
+_COPIED: Final = ("rosbag2",)
 _CHUNK_BYTES: Final = 4 << 20
 
 
@@ -63,7 +63,7 @@ def rewrite(
                 if channel is None:
                     channel = channels[message.topic] = _add_channel(file, message.topic)
                 file.write(channel, message.log_ns, message.publish_ns, message.sequence, message.data, None)
-            metadata = [record for one in bag.files for record in one.metadata if record[0] in _COPIED]
+            metadata = _metadata(bag, {topic.name for topic in channels})
             file.finish(lambda: metadata, _no_space)
     except OSError as error:
         path.unlink(missing_ok=True)
@@ -81,6 +81,17 @@ def _add_channel(file: McapFile[None], topic: BagTopic) -> int:
     if topic.type_hash:
         metadata |= {"topic_type_hash": topic.type_hash, "type_hash": topic.type_hash}
     return file.add_channel(topic.name, schema, metadata, encoding=topic.encoding)
+
+
+def _metadata(bag: Bag, topics: set[str]) -> list[tuple[str, dict[str, str]]]:
+    """The accounts of the topics that are in it, and what rosbag2 keeps in each file."""
+    copied: list[tuple[str, dict[str, str]]] = []
+    for name, record in (item for file in bag.files for item in file.metadata):
+        if name == GAPS:
+            copied.append((name, {key: text for key, text in record.items() if key.partition(" ")[0] in topics}))
+        elif name in _COPIED and (name, record) not in copied:
+            copied.append((name, record))
+    return copied
 
 
 def _no_space(_notes: list[None]) -> None:

@@ -16,7 +16,7 @@ from metaros.errors import MetarosError
 from metaros.limits import LIMITS
 from metaros.node import Node, RawSubscription
 from metaros.record.intake import Intake, Route
-from metaros.record.schemas import SchemaFinder, known_schema
+from metaros.record.schemas import find_schema, known_schema
 from metaros.record.selection import TopicSelection
 from metaros.wire import Durability, EndpointInfo, QoSProfile, Reliability
 
@@ -44,7 +44,7 @@ class Tap:
         self._node, self._selection, self._intake = node, selection, intake
         self._ready, self._notice = ready, notice
         self._subscriptions: list[RawSubscription] = []
-        self._unsettled: SimpleQueue[tuple[Route, tuple[str, ...]] | None] = SimpleQueue()
+        self._unsettled: SimpleQueue[Route | None] = SimpleQueue()
         self._changed, self._closed = threading.Event(), False
         self._full_told = False
         self._forget = node.graph.on_change(self._changed.set)
@@ -106,26 +106,22 @@ class Tap:
             return
         self._subscriptions.append(subscription)
         if route.schema is None:
-            self._unsettled.put((route, tuple(dict.fromkeys(end.node_full_name for end in publishers))))
+            self._unsettled.put(route)
 
     def _settle(self) -> None:
         """Ask for the schemas that the catalogue does not have, one after the other."""
-        finder = SchemaFinder(self._node)
-        while (item := self._unsettled.get()) is not None:
-            route, nodes = item
+        while (route := self._unsettled.get()) is not None:
+            text, reason = "", "the recording ends"
             try:
-                text, reason = ("", "the recording ends") if self._closed else finder.find(*_wanted(route), nodes)
+                if not self._closed:
+                    text, reason = find_schema(self._node, route.type_name, route.type_hash)
             except Exception as error:  # a peer's answer must not end the recording
                 _log.exception("the schema of %s", route.type_name)
-                text, reason = "", str(error)
+                reason = str(error)
             route.schema = text
             if not text:
                 self._notice(f"no schema for {route.type_name} of {route.topic}, recorded without one: {reason}")
             self._ready(route)
-
-
-def _wanted(route: Route) -> tuple[str, str]:
-    return route.type_name, route.type_hash
 
 
 def _union(known: list[QoSProfile], publishers: list[EndpointInfo]) -> list[QoSProfile]:

@@ -20,6 +20,7 @@ from metaros.supervise.heartbeats import ENVIRONMENT as HEARTBEAT
 from metaros.supervise.logs import RotatingLog
 from metaros.supervise.output import follow
 from metaros.supervise.policy import Exit, RestartPolicy
+from metaros.supervise.spare import Spare
 
 __all__ = ["Launch", "Process"]
 
@@ -43,6 +44,7 @@ class Launch:
     stop_grace_s: float = 5.0  # between SIGINT and SIGKILL for one that is to be started again or stopped alone
     nice: int = 0  # of the operating system: 19 yields to all others
     own_guard: bool = False  # its program asks by itself to die with its parent: `guard.die_with_parent`
+    program_words: int = 1  # how many words of `argv` are the program; a spare gets the others
 
 
 class Process:
@@ -54,9 +56,11 @@ class Process:
         *,
         env: Mapping[str, str] | None = None,
         on_line: Callable[[str], object] | None = None,
+        spare: Spare | None = None,
     ) -> None:
         self.launch = launch
-        self._env = {**launch.env, **(env or {})}
+        self._env = {**_inherited(), **launch.env, **(env or {}), guard.PARENT: str(os.getpid())}
+        self._spare = spare
         self.log = RotatingLog(launch.log_path, size_bytes=launch.log_bytes, on_line=on_line)
         self._loop = asyncio.get_running_loop()
         self._ended: asyncio.Future[Exit] = self._loop.create_future()
@@ -97,23 +101,29 @@ class Process:
             self.kill()
 
     def _spawn(self) -> subprocess.Popen[bytes]:
+        launch, popen = self.launch, None
+        if self._spare is not None and launch.own_guard:
+            popen = self._spare.take(launch.argv[launch.program_words :], env=self._env, cwd=launch.cwd)
+        popen = popen or self._start()
+        if launch.nice:
+            groups.set_nice(popen, launch.nice)
+        return popen
+
+    def _start(self) -> subprocess.Popen[bytes]:
         launch = self.launch
         argv = list(launch.argv)
         if sys.platform == "linux" and not launch.own_guard:
             argv = [sys.executable, "-I", "-S", guard.__file__, str(os.getpid()), *argv]
-        popen = subprocess.Popen(
+        return subprocess.Popen(
             argv,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
-            env={**_inherited(), **self._env, guard.PARENT: str(os.getpid())},
+            env=self._env,
             cwd=launch.cwd,
             bufsize=0,
             **groups.spawn_options(),
         )
-        if launch.nice:
-            groups.set_nice(popen, launch.nice)
-        return popen
 
     def _watch_death(self) -> None:
         if sys.platform == "linux":

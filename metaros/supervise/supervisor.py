@@ -19,6 +19,7 @@ from metaros.supervise.events import Event, EventKind
 from metaros.supervise.heartbeats import ENVIRONMENT, HeartbeatPort, Pulse
 from metaros.supervise.policy import Exit, History, Quarantine, RestartAt, Stop, decide
 from metaros.supervise.process import Launch, Process
+from metaros.supervise.spare import Spare
 
 if TYPE_CHECKING:
     from random import Random  # noqa: TID251  (the type of an argument)
@@ -35,7 +36,7 @@ class Supervisor:
     """Start processes with `start`, end with `stop`; every change is told to `on_event`.
 
     `is_ready(name)` says whether those that come after a running process may start; without it they may at once.
-    `on_line(name, text)` gets every line that a process writes.
+    `on_line(name, text)` gets every line that a process writes. `spare` serves the first restart after a healthy time.
     """
 
     def __init__(
@@ -46,12 +47,14 @@ class Supervisor:
         on_event: Callable[[Event], None] = lambda event: None,
         on_line: Callable[[str, str], object] | None = None,
         is_ready: Callable[[str], bool] | None = None,
+        spare: Spare | None = None,
     ) -> None:
         self._clock = clock
         self._rng = rng
         self._on_event = on_event
         self._on_line = on_line
         self._is_ready = is_ready
+        self._spare = spare
         self._children: dict[str, Child] = {}
         self._port = HeartbeatPort(clock.monotonic_s)
 
@@ -102,6 +105,8 @@ class Supervisor:
             children = [child for child in self._children.values() if child.launch.stage == stage]
             await asyncio.gather(*(self._stop_one(child, share_s) for child in children))
         self._port.close()
+        if self._spare is not None:
+            self._spare.close()
 
     def kill(self) -> None:
         """Kill all at once: for an owner whose user has no patience. `stop` then ends quickly."""
@@ -148,6 +153,7 @@ class Supervisor:
         if process is None or child.asked:
             return
         child.asked = reason
+        child.ready.clear()  # those that are restarted with it wait for the next one
         process.ask_to_end()
         asyncio.get_running_loop().call_later(child.launch.stop_grace_s, process.kill_if_running)
 
@@ -163,6 +169,7 @@ class Supervisor:
             if child.asked:  # our own doing: no fault of its own
                 self._tell(child, EventKind.RESTARTING, child.asked)
                 child.asked = ""
+                self._take_along(child)
             elif not await self._after_death(child, exit_):
                 return
             child.restarts += 1
@@ -224,7 +231,8 @@ class Supervisor:
             await self._port.open()
             token, env[ENVIRONMENT] = self._port.register(pulse)
         try:
-            child.process = Process(child.launch, env=env, on_line=self._line_sink(child))
+            spare = self._spare if child.history.restarts == 1 else None  # a crash loop has no use for it
+            child.process = Process(child.launch, env=env, on_line=self._line_sink(child), spare=spare)
         except OSError as error:  # no memory, no descriptors, no place for the log: the policy tries again
             self._port.forget(token)
             child.last_exit = f"cannot be started: {error.strerror}"
@@ -265,6 +273,8 @@ class Supervisor:
                 await asyncio.sleep(_READY_STEP_S)
             self._tell(child, EventKind.READY, slow)
         child.ready.set()
+        if self._spare is not None:
+            self._spare.refill_soon()
 
     async def _watch_pulse(self, child: Child, process: Process, pulse: Pulse) -> None:
         """Where its heartbeats stop: SIGTERM, and after its grace time SIGKILL."""

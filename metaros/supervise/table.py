@@ -26,7 +26,7 @@ _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _DOTTED: Final = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*\Z")
 _KINDS: Final = ("module", "class", "command")
 
-TABLE_KEYS: Final = ("node", "safe_stop", "safe_stop_service", "env", "log_bytes", "heartbeat_s")
+TABLE_KEYS: Final = ("node", "safe_stop", "safe_stop_service", "env", "log_bytes", "heartbeat_s", "spare")
 NODE_KEYS: Final = (
     "name",
     *_KINDS,
@@ -87,6 +87,7 @@ class LaunchTable:
     env: Mapping[str, str] = field(default_factory=dict)
     log_bytes: int = 4 * 1024 * 1024
     heartbeat_s: float = 2.0
+    spare: bool = True
 
     @property
     def folder(self) -> Path:
@@ -130,6 +131,7 @@ def parse_table(text: str, path: Path) -> LaunchTable:
         env=top.environment("env"),
         log_bytes=int(top.number("log_bytes", 4 * 1024 * 1024, low=4096, high=2**40, whole=True)),
         heartbeat_s=top.number("heartbeat_s", 2.0, low=0.05, high=3600.0),
+        spare=top.value("spare", bool, True),
     )
 
 

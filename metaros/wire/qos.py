@@ -236,4 +236,6 @@ qos_reliable_all: Final = QoSProfile(history=History.KEEP_ALL)
 qos_transient_local: Final = QoSProfile(durability=Durability.TRANSIENT_LOCAL, depth=1)
 qos_services: Final = QoSProfile()
 qos_parameters: Final = QoSProfile(depth=1000)
-qos_rosout: Final = QoSProfile(durability=Durability.TRANSIENT_LOCAL, depth=1000, lifespan_ns=10 * _SECOND_NS)
+qos_rosout: Final = QoSProfile(
+    durability=Durability.TRANSIENT_LOCAL, depth=1000, lifespan_ns=10 * _SECOND_NS, priority=Priority.BACKGROUND
+)

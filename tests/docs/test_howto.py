@@ -16,8 +16,9 @@ HOWTO = ROOT / "docs" / "howto"
 PAGES = sorted(HOWTO.glob("*.md"))
 RUN = [page for page in PAGES if commands_of(page.read_text())]
 ALONE = {"run_a_fleet.md"}  # it starts its own robots
-LOOKS = re.compile(r"metaros (topic|node|service|action|graph|top|doctor|status) (?!pub|call|send_goal)")
-SLOW = {"look_around.md", "run_a_fleet.md", "services_and_actions.md", "topics.md"}
+NOUNS = "topic|node|service|action|graph|top|doctor|launch status|status"
+LOOKS = re.compile(rf"metaros ({NOUNS})\b(?! (pub|call|send_goal))")
+SLOW = {"launch_a_robot.md", "look_around.md", "run_a_fleet.md", "services_and_actions.md", "topics.md"}
 
 
 @pytest.fixture

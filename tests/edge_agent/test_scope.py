@@ -25,3 +25,8 @@ def test_rosout_is_tapped_by_every_agent() -> None:
     assert Scope("/sim_1").taps("/rosout")
     assert not Scope("/sim_1").includes("/rosout")
     assert not Scope("/sim_1").taps("/tf")
+
+
+def test_what_tools_hide_at_the_root_is_not_tapped_but_actions_are() -> None:
+    assert not Scope("/").taps("/_metaros_canary_1234")
+    assert Scope("/").taps("/dock/_action/feedback")

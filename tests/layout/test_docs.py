@@ -90,3 +90,10 @@ def test_python_snippets_compile(page: str) -> None:
     assert blocks
     for number, block in enumerate(blocks):
         compile(block, f"{page}#{number}", "exec")
+
+
+def test_every_key_of_a_launch_table_is_documented() -> None:
+    from metaros.supervise.table import NODE_KEYS, RESTART_KEYS, TABLE_KEYS
+
+    text = reference("launch.md")
+    assert [key for key in (*TABLE_KEYS, *NODE_KEYS, *RESTART_KEYS) if f"| `{key}` |" not in text] == []

@@ -30,7 +30,7 @@ function options(props: PlotProps, colours: Palette, width: number, hovered: (in
     height: props.height ?? 132,
     legend: { show: false },
     cursor: { y: false, drag: { x: false, y: false }, points: { size: 7 }, sync: { key: "time" } },
-    padding: [8, 10, 0, 0],
+    padding: [8, props.windowS < 60 ? 26 : 10, 0, 0], // half a label with seconds, or it is cut at the end
     scales: {
       x: { time: true, range: (_, first, last) => timeRange(first, last, props.windowS) },
       y: { range: props.bounds ?? ((_, low, high) => padded(low, high)) },

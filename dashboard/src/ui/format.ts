@@ -6,7 +6,9 @@ type Maybe = number | null | undefined;
 const missing = (value: Maybe): value is null | undefined => value == null || !Number.isFinite(value);
 
 export function fixed(value: Maybe, digits: number, unit = ""): string {
-  return missing(value) ? NONE : value.toFixed(digits) + (unit && `\u202f${unit}`);
+  if (missing(value)) return NONE;
+  const text = value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1"); // what rounds to nothing has no sign
+  return text + (unit && `\u202f${unit}`);
 }
 
 export const percent = (fraction: Maybe) => (missing(fraction) ? NONE : `${Math.round(fraction * 100)}\u202f%`);

@@ -12,6 +12,10 @@ test("bytes", () => {
   );
 });
 
+test("what rounds to nothing has no sign", () => {
+  expect([fixed(-0.004, 2), fixed(-0.006, 2), fixed(-0.4, 0), fixed(0, 1)]).toEqual(["0.00", "-0.01", "0", "0.0"]);
+});
+
 test("numbers", () => {
   expect([fixed(1.234, 2, "m"), percent(0.805), short(0.00012), short(12345678), short(3.14159)]).toEqual(
     ["1.23\u202fm", "81\u202f%", "1.20e-4", "1.23e+7", "3.142"],

@@ -69,7 +69,7 @@ function Counts({ robots: list, at }: { robots: Robot[]; at: number }) {
   const uplink = list.reduce((sum, robot) => sum + (robot.state === "online" ? robot.link.bytes_per_s : 0), 0);
   return (
     <p class="counts" data-counts={JSON.stringify(counts)} aria-live="polite">
-      <b>{list.length}</b> {list.length === 1 ? "robot" : "robots"}
+      <span><b>{list.length}</b> {list.length === 1 ? "robot" : "robots"}</span>
       <span class="count-online"><b>{counts.online + counts.attention}</b> online</span>
       {counts.attention > 0 && <span class="count-attention"><b>{counts.attention}</b> need attention</span>}
       {counts.offline > 0 && <span class="count-offline"><b>{counts.offline}</b> offline</span>}

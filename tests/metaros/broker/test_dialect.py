@@ -84,6 +84,8 @@ def test_pictures_are_whole_in_any_shape() -> None:
     assert value["data"] == list(range(200))
     value["data"] = np.array(value["data"]).reshape(2, 100).tolist()
     assert read("sensor_msgs/msg/Image", value)[0] == image
+    value["data"] = np.array(value["data"]).reshape(2, 50, 2).tolist()
+    assert read("sensor_msgs/msg/Image", value)[0] == image
     value |= {"height": None, "width": None}
     assert read("sensor_msgs/msg/Image", value)[0].height == 0
 
@@ -118,6 +120,7 @@ def test_fields_that_are_not_there_are_told() -> None:
         ("std_msgs/msg/Header", {"stamp": 1e300}, "stamp"),
         ("sensor_msgs/msg/LaserScan", {"ranges": ["a"]}, "ranges"),
         ("sensor_msgs/msg/LaserScan", {"ranges": 5}, "ranges"),
+        ("sensor_msgs/msg/LaserScan", {"ranges": [[1.0], 2.0]}, "ranges"),
         ("sensor_msgs/msg/Image", {"data": [256]}, "data"),
         ("nav_msgs/msg/Path", {"poses": [{"pose": {"position": {"x": []}}}]}, "poses[0].pose.position.x"),
         ("nav_msgs/msg/Path", {"poses": 1}, "poses"),

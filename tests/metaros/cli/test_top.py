@@ -7,11 +7,13 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 from rich.console import Console
 
 import metaros
+from metaros.cli.top_drops import DropRow, drop_cells, drop_rows
 from metaros.cli.top_meter import Meter, Rates
 from metaros.cli.top_rows import NodeRow, Screenful, TopicRow, node_rows, topic_rows
 from metaros.cli.top_screen import node_columns, render, summary, topic_cells
@@ -67,13 +69,30 @@ def test_silence_is_a_dash() -> None:
     assert topic_cells(TopicRow("/a", "t", 0.0, 0.0, 1, 0)) == ("/a", "t", "–", "–", "1", "0")
 
 
-@pytest.mark.parametrize("height", [12, 24, 50])
-def test_the_live_screen_fits_the_terminal(height: int) -> None:
+def test_who_misses_most_comes_first_and_what_is_no_row_is_left_out() -> None:
+    counts = {"depth": 5, "queued": 2, "queued_bytes": 4096, "lost": 0, "expired": 0, "malformed": 0}
+    good = [{"node": f"/n{number}", "topic": "/t", "dropped": number, **counts} for number in range(3)]
+    answers = [b"no json", b"{}", b"[1, {}]", json.dumps([*good, good[0] | {"dropped": "many"}]).encode()]
+    rows = drop_rows(answers)
+    assert [row.node for row in rows] == ["/n2", "/n1", "/n0"]
+    assert drop_rows(answers, word="n1") == (rows[1],)
+    assert drop_cells(rows[0]) == ("/n2", "/t", "2/5", "4.1 kB", "2", "–", "–", "–")
+    assert drop_cells(replace(rows[0], depth=None, queued=1200))[2] == "1200/all"
+    screenful = Screenful((), (), 0, rows)
+    assert screenful.dropping == rows[:2]
+    assert summary(screenful).endswith(", 3 missed")
+
+
+@pytest.mark.parametrize("drops", [0, 1, 9])
+@pytest.mark.parametrize("height", [16, 24, 50])
+def test_the_live_screen_fits_the_terminal(height: int, drops: int) -> None:
     topics = tuple(TopicRow(f"/topic_{n}", "std_msgs/msg/String", n, n * 10, 1, 0) for n in range(40))
     nodes = tuple(NodeRow(f"/node_{n}", 1, 0, 0, n, 1.0) for n in range(20))
+    missed = tuple(DropRow(f"/slow_{n}", "/t", 5, 5, 100, 1, 0, 0, 0) for n in range(drops))
+    screenful = Screenful(topics, nodes, 1, missed)
     console = Console(width=100, height=height, file=io.StringIO(), force_terminal=False)
-    text = "".join(segment.text for segment in console.render(render(Screenful(topics, nodes, 1), height)))
-    assert text.count("\n") <= max(height, 15)
+    text = "".join(segment.text for segment in console.render(render(screenful, height)))
+    assert text.count("\n") <= max(height, 15 + (6 if drops else 0))
     assert "more" in text
     assert "✗ 1 mismatch:" in text
 

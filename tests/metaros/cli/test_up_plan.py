@@ -23,7 +23,6 @@ def plan(**changes: object) -> Plan:
         "first_robot": 1,
         "seed": 1,
         "host_robot": "desk",
-        "host_metrics": True,
         "camera": "",
     }
     return Plan(**{**values, **changes})  # type: ignore[arg-type]
@@ -61,7 +60,6 @@ def test_the_host_leaves_the_simulated_robots_to_their_agents() -> None:
     assert host[host.index("--exclude") + 1] == "/sim_*/**"
     assert host[host.index("--namespace") + 1] == "/"
     assert "--host-metrics" in host
-    assert "--no-host-metrics" in launches(plan(host_metrics=False))[-1].argv
 
 
 def test_each_agent_keeps_to_its_namespace_without_host_metrics() -> None:

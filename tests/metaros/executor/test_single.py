@@ -12,6 +12,7 @@ import pytest
 from metaros.clock import ManualClock, SystemClock
 from metaros.errors import ClosedError, UsageError
 from metaros.executor import Ingress, SingleThreadedExecutor
+from metaros.executor.switching import shorten_switch_interval
 from tests.support.small_node import Item, SmallNode
 from tests.support.waiting import wait_until
 
@@ -223,9 +224,20 @@ def test_misuse_is_named(node, executor):
         second.spin()
 
 
-def test_spinning_shortens_the_switch_interval(executor):
-    executor.spin_once(0)
-    assert sys.getswitchinterval() <= 0.0005
+def test_spinning_shortens_the_switch_interval_unless_the_program_chose_its_own(executor):
+    before_s = sys.getswitchinterval()
+    try:
+        sys.setswitchinterval(0.005)
+        executor.spin_once(0)
+        assert sys.getswitchinterval() == pytest.approx(0.0005)
+        sys.setswitchinterval(0.02)
+        executor.spin_once(0)
+        assert sys.getswitchinterval() == pytest.approx(0.02)
+        sys.setswitchinterval(0.005)
+        shorten_switch_interval(0.0005, {"METAROS_SWITCH_INTERVAL": "off"})
+        assert sys.getswitchinterval() == pytest.approx(0.005)
+    finally:
+        sys.setswitchinterval(before_s)
 
 
 def test_executors_of_one_context_share_its_ingress(ingress, node, executor):

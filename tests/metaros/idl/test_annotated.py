@@ -13,14 +13,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 import metaros
 from metaros.cdr import codec
 from metaros.errors import DecodeError, FieldError
-from metaros.idl import Catalogue, catalogue_of, message_class, schema_text
+from metaros.idl import Catalogue, catalogue_of, definition_text, message_class, schema_text
 from metaros.idl.annotated_names import field_name
 from metaros.idl.json import from_json, to_json
-from metaros.interfaces.geometry_msgs.msg import Point
+from metaros.interfaces.geometry_msgs.msg import Point, Vector3
 from metaros.interfaces.std_msgs.msg import Header
 
 
@@ -192,7 +193,7 @@ def test_the_definition_says_it_all() -> None:
         "float32[] temps",
         "bool[<=3] flags",
         "float64[3] xyz [1.0, 2.0, 3.0]",
-        "uint16[] ids []",
+        "uint16[] ids",
         "float32[6] grid",
         "float64[] rows",
         "string<=5[] names",
@@ -203,6 +204,19 @@ def test_the_definition_says_it_all() -> None:
     assert message_class("tests/msg/Battery") is Battery
     assert catalogue_of("tests/msg/Battery", Battery.__metaros_hash__) is not None
     assert catalogue_of("tests/msg/Battery", "RIHS01_" + "0" * 64) is None
+
+
+def test_defaults_that_no_msg_file_holds_stay_in_python() -> None:
+    @metaros.message(catalogue=Catalogue())
+    class Far:
+        range_max: float = float("inf")
+        unknown: metaros.float32 = float("nan")
+        text: str = 'a "quote", a \\ and\na line'
+        pair: tuple[float, ...] = (1.0, float("nan"))
+
+    text = schema_text(Far.__metaros_name__, Far.__metaros_catalogue__)
+    assert text.startswith('float64 range_max\nfloat32 unknown\nstring text "a ')
+    assert (Far().range_max, Far().pair[0], Far().text) == (float("inf"), 1.0, 'a "quote", a \\ and\na line')
 
 
 def test_inheritance_super_and_post_init() -> None:
@@ -375,3 +389,30 @@ def test_any_value_crosses(battery: Battery) -> None:
     assert through(battery) == battery
     by_name = codec("tests/msg/Battery").decode(codec(Battery).encode(battery))
     assert by_name == battery
+
+
+def test_rosbags_reads_the_definition_and_agrees_on_the_hash() -> None:
+    home = Battery.__metaros_catalogue__
+    store = get_typestore(Stores.EMPTY)
+    types: dict[str, Any] = {}
+    for name in ("tests/msg/Battery", *home.dependencies("tests/msg/Battery")):
+        types.update(get_types_from_msg(definition_text(home.get(name)), name))
+    store.register(types)
+    assert store.hash_rihs01("tests/msg/Battery") == Battery.__metaros_hash__
+    data = codec(Battery).encode(Battery(names=["a"], temps=[1.5], ids=(3, 4)))
+    heard = store.deserialize_cdr(data, "tests/msg/Battery")
+    assert (heard.colour, heard.temps.tolist(), heard.ids.tolist(), heard.label) == ("blue", [1.5], [3, 4], "hi")
+    assert bytes(store.serialize_cdr(heard, "tests/msg/Battery")) == data
+
+
+def test_a_shipped_type_rebuilt_keeps_its_shipped_class_for_all_others() -> None:
+    @metaros.message(name="geometry_msgs/msg/Accel")
+    class Accel:
+        linear: Vector3
+        angular: Vector3
+
+    shipped = message_class("geometry_msgs/msg/Accel")
+    assert shipped is not Accel
+    assert shipped.__metaros_hash__ == Accel.__metaros_hash__
+    assert type(through(Accel())) is Accel
+    assert type(through(shipped())) is shipped

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from metaros.idl import default_catalogue, message_class
+from metaros.idl import message_class
+from metaros.idl.catalogue import shipped_names
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -41,7 +42,7 @@ def test_no_drift() -> None:
 
 
 def test_every_class_can_be_imported() -> None:
-    for name in default_catalogue().names():
+    for name in shipped_names():
         package, kind, short = name.split("/")
         module = importlib.import_module(f"metaros.interfaces.{package}.{kind}")
         assert getattr(module, short) is message_class(name)

@@ -11,7 +11,7 @@ from rosbags.highlevel import AnyReader
 
 from metaros.errors import ConfigError, RecordingError
 from metaros.interfaces.geometry_msgs.msg import Point
-from metaros.interfaces.std_msgs.msg import String
+from metaros.interfaces.std_msgs.msg import Char, String
 from metaros.record import BagOptions, open_bag, rewrite
 from tests.support.bags import START_NS, SmallDisk, arrivals, write_bag
 
@@ -119,7 +119,11 @@ def test_a_damaged_chunk_is_named_and_passed_over(tmp_path: Path) -> None:
 def test_what_is_no_recording(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(b"hello")
     (tmp_path / "empty").mkdir()
-    for place, text in ((tmp_path / "a.mcap", "no MCAP"), (tmp_path / "empty", "no .mcap"), (tmp_path / "x", "no such")):
+    for place, text in (
+        (tmp_path / "a.mcap", "no MCAP"),
+        (tmp_path / "empty", "no .mcap"),
+        (tmp_path / "x", "no such"),
+    ):
         with pytest.raises(RecordingError, match=text):
             open_bag(place)
 
@@ -158,6 +162,24 @@ def test_a_full_disk_ends_the_recording_soundly(tmp_path: Path) -> None:
     assert sorted([*found, *missing]) == list(range(1, account["last"] + 1))
     with AnyReader([tmp_path / "run"]) as reader:
         assert reader.message_count == len(found)
+
+
+@pytest.mark.parametrize("chunk_bytes", [1 << 20, 1000])
+def test_what_does_not_fit_at_the_end_is_an_error(chunk_bytes: int, tmp_path: Path) -> None:
+    options = BagOptions(chunk_bytes=chunk_bytes, compression="none", open_file=lambda path: SmallDisk(path, 6000))
+    with pytest.raises(RecordingError, match="it is closed and sound"):
+        write_bag(tmp_path / "a.mcap", strings(80), options=options)
+    bag = open_bag(tmp_path / "a.mcap")
+    assert not bag.files[0].damage
+    ((_path, _topic, _gid, account),) = bag.gaps()
+    assert account["received"] == bag.message_count < 80
+
+
+def test_rosbags_opens_a_folder_with_a_char(tmp_path: Path) -> None:
+    """It computes another hash for that type, which must not keep it from all the others."""
+    write_bag(tmp_path / "run", arrivals("/c", [Char(data=65)]), strings(3))
+    with AnyReader([tmp_path / "run"]) as reader:
+        assert reader.message_count == 4
 
 
 def test_cutting(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import random  # noqa: TID251
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.record.ledger import REASONS, Ledger, Publisher, Ranges
@@ -102,6 +102,7 @@ def test_ranges_are_bounded() -> None:
     assert ranges.pairs[-1][1] == 9998
 
 
+@settings(deadline=None)
 @given(st.lists(st.integers(1, 200), unique=True, min_size=1), st.integers())
 def test_numbers_add_up(numbers: list[int], seed: int) -> None:
     """Any subset in any order, with any refusals: written, reported, and nothing in both or in neither."""

@@ -153,3 +153,21 @@ async def test_nice_is_given(rig: Rig) -> None:
     code = "import os, time\nwhile os.nice(0) != 7: time.sleep(0.01)\nprint('up', flush=True); time.sleep(60)"
     rig.start(rig.launch("a", code, nice=7))
     await rig.up("a")
+
+
+async def test_a_restart_that_is_asked_for_takes_the_consumers_along_once(rig: Rig) -> None:
+    rig.ready.update("abc")
+    rig.start(
+        rig.launch("a"),
+        rig.launch("b", after=("a",), rest_for_one=True),
+        rig.launch("c", after=("b",), rest_for_one=True),
+    )
+    for name in "abc":
+        await rig.up(name)
+    rig.supervisor.restart("a")
+    for name in "abc":
+        await rig.up(name, 2)
+    reasons = [(event.name, event.detail) for event in rig.events if event.kind is EventKind.RESTARTING]
+    assert sorted(reasons) == [("a", "asked for"), ("b", "a restarted"), ("c", "b restarted")]
+    order = [event.name for event in rig.events if event.kind is EventKind.STARTED]
+    assert order == ["a", "b", "c", "a", "b", "c"]

@@ -1,0 +1,115 @@
+"""`metaros bag …`: the files' commands in this process, what people and machines read."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from metaros.cli.bag_view import missing_text
+from metaros.interfaces.geometry_msgs.msg import Point
+from metaros.interfaces.std_msgs.msg import String
+from tests.metaros.cli.conftest import Done, Run
+from tests.support.bags import arrivals, write_bag
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> str:
+    """Two topics of a second, with a gap and a sample that was dropped."""
+    strings = arrivals("/chatter", [String(data=f"hello {n}") for n in range(100)])
+    strings[0][0].publisher.refuse(51, "dropped")
+    del strings[50], strings[20:23]
+    write_bag(tmp_path / "run", strings, arrivals("/point", [Point(x=float(n)) for n in range(50)]))
+    return str(tmp_path / "run")
+
+
+@pytest.fixture
+def bag_run(capsys: pytest.CaptureFixture[str]) -> Run:
+    """`metaros bag …` without a router."""
+    from metaros.cli.main import main
+
+    def call(*arguments: str) -> Done:
+        with pytest.raises(SystemExit) as ended:
+            main(["bag", *arguments])
+        said = capsys.readouterr()
+        return Done(int(ended.value.code or 0), said.out, said.err)
+
+    return call
+
+
+def test_info_for_people(bag: str, bag_run: Run) -> None:
+    done = bag_run("info", bag, "-v")
+    assert done.returncode == 0
+    assert "146 on 2 topics" in done.stdout
+    assert "gaps       4 on 1 topic: 3 never arrived, 1 dropped (the disk was too slow)" in done.stdout
+    assert "lost 21-23 dropped 51" in done.stdout
+    assert "std_msgs/msg/String" in done.stdout
+
+
+def test_info_for_machines(bag: str, bag_run: Run) -> None:
+    facts = json.loads(bag_run("info", bag, "-o", "json").stdout)
+    assert facts["messages"] == 146
+    assert facts["topics"][0]["missing"] == {"lost": 3, "dropped": 1}
+    assert facts["topics"][1]["rate_hz"] == pytest.approx(50, rel=0.1)
+    assert facts["compression"] == ["zstd"]
+
+
+def test_info_of_a_file_without_an_end(bag: str, bag_run: Run, tmp_path: Path) -> None:
+    whole = (Path(bag) / "run_0.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) // 2])
+    done = bag_run("info", str(tmp_path / "cut.mcap"))
+    assert done.returncode == 0
+    assert "damaged    cut.mcap: no index" in done.stdout
+    assert "metaros bag recover" in done.stdout
+    assert bag_run("recover", str(tmp_path / "cut.mcap"), str(tmp_path / "sound.mcap")).returncode == 0
+    assert "damaged" not in bag_run("info", str(tmp_path / "sound.mcap")).stdout
+
+
+def test_cut_and_export(bag: str, bag_run: Run, tmp_path: Path) -> None:
+    piece = str(tmp_path / "piece.mcap")
+    done = bag_run("cut", bag, piece, "--topics", "/point", "--start", "0.1", "--duration", "0.2", "-o", "json")
+    assert json.loads(done.stdout)["messages"] == 20
+    lines = bag_run("export", piece).stdout.splitlines()
+    assert len(lines) == 20
+    assert json.loads(lines[0])["message"]["x"] == 10.0
+    tables = str(tmp_path / "tables")
+    assert bag_run("export", piece, tables, "-f", "csv", "--field", "x").stdout == f"{tables}/point.csv: 20 rows\n"
+    assert bag_run("export", piece, tables, "-f", "csv").returncode == 2  # never overwritten
+    assert bag_run("export", piece, "-f", "csv").returncode == 2
+    assert "nothing to export" in bag_run("export", piece, str(tmp_path / "pictures"), "-f", "images").stderr
+    one = str(tmp_path / "lines.json")
+    assert bag_run("export", piece, one).stdout == f"{one}: 20 lines\n"
+
+
+def test_errors(bag_run: Run, tmp_path: Path) -> None:
+    for arguments, code, text in (
+        (("info", str(tmp_path / "no")), 1, "no such recording"),
+        (("record",), 2, "what is to be recorded?"),
+        (("play", str(tmp_path), "--start-paused"), 2, "needs a terminal"),
+        (("play", str(tmp_path), "--zenoh-port", "1"), 1, "router"),
+    ):
+        done = bag_run(*arguments)
+        assert done.returncode == code
+        assert text in done.stderr
+
+
+def test_record_play_and_save(run: Run, talker: object, bag: str, tmp_path: Path) -> None:
+    target = str(tmp_path / "out")
+    done = run("bag", "record", "/chatter", "--target", target, "--duration", "1", "-o", "json")
+    facts = json.loads(done.stdout)
+    assert done.returncode == 0
+    assert facts["messages"] > 0
+    assert facts["topics"] == 1
+    done = run("bag", "play", bag, "--rate", "0", "--wait", "0", "--remap", "/chatter:=/again", "-o", "json")
+    assert json.loads(done.stdout)["messages"] == 146
+    assert run("play", bag, "--rate", "0", "--wait", "0").stdout.startswith("146 messages on 2 topics")
+    assert run("bag", "play", bag, "--remap", "nonsense").returncode == 2
+    assert "no recorder" in run("bag", "save").stderr
+
+
+def test_what_is_missing_in_words() -> None:
+    assert missing_text({"/b": {"lost": 2}, "/a": {"paused": 1, "lost": 1}}) == (
+        "4 on 2 topics: 3 never arrived, 1 came during a pause"
+    )
+    assert missing_text({}) == ""

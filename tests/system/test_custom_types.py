@@ -1,0 +1,52 @@
+"""A type that only a robot's own program knows reaches a viewer of the gateway with its definition."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from metaros.cdr import codec
+from metaros.idl import Catalogue, add_schema_text, type_hash
+from tests.support.far_robot import far_robot
+from tests.support.stack import Stack
+from tests.support.viewer import open_socket, records, subscribe
+from tests.support.waiting import wait_until
+
+
+@pytest.mark.slow
+def test_a_viewer_decodes_a_type_that_neither_agent_nor_gateway_has_seen(tmp_path: Path) -> None:
+    with Stack(tmp_path) as stack:
+        stack.router()
+        stack.gateway()
+        stack.agent("sim_1")
+        wait_until(lambda: stack.online() == {"sim_1"}, timeout_s=30)
+        with (
+            open_socket(stack.url, "/api/v1/stream") as viewer,
+            far_robot(f"tcp/127.0.0.1:{stack.zenoh_port}", tmp_path / "hand.log", namespace="/sim_1"),
+        ):
+            subscribe(viewer, 1, "sim_1", "/sim_1/hand")
+            channels: dict[int, dict[str, Any]] = {}
+            payload = b""
+            deadline = time.monotonic() + 40
+            while not payload and time.monotonic() < deadline:
+                try:
+                    frame = viewer.recv(timeout=0.5)
+                except TimeoutError:
+                    continue
+                if isinstance(frame, str):
+                    told = json.loads(frame)
+                    if told["op"] == "channel":
+                        channels[told["channel"]] = told
+                else:
+                    described = [item for item in records(frame) if channels[item.channel]["schema"]]
+                    payload = described[0].payload if described else b""
+    assert payload, channels
+    channel = next(item for item in channels.values() if item["schema"])
+    catalogue = Catalogue()
+    add_schema_text(channel["type"], channel["schema"], catalogue)
+    assert channel["type_hash"] == type_hash("far_robot/msg/Hand", catalogue)
+    assert codec("far_robot/msg/Hand", catalogue).decode(payload).grip == "soft"
