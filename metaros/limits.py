@@ -29,6 +29,7 @@ class Limits:
     outbox_reserve_bytes: int = 16 * MIB  # kept free for events and for declaring losses on a full disk
     live_bytes: int = 8 * MIB  # live samples that wait in the agent's memory; the oldest yields
     ingress_bytes: int = 64 * MIB  # samples taken from Zenoh but not yet handled by an executor or the agent
+    uplink_least_bytes_per_s: int = 1000  # the smallest byte budget that a robot may be given
     heartbeat_s: float = 5.0
     dead_after_s: float = 15.0
     viewer_queue_bytes: int = 8 * MIB  # one stream connection's backlog

@@ -9,14 +9,21 @@ from starlette.types import ASGIApp
 
 from gateway.api.guard import Guard
 from gateway.api.problem import install_problems
-from gateway.api.rest import commands, health, robots
+from gateway.api.rest import commands, health, robots, uplink
 from gateway.api.services import Services
 from gateway.api.static import Dashboard
 from gateway.api.ws import stream, teleop
 
 __all__ = ["ROUTERS", "create_api", "route_paths"]
 
-ROUTERS: tuple[APIRouter, ...] = (health.router, robots.router, commands.router, stream.router, teleop.router)
+ROUTERS: tuple[APIRouter, ...] = (
+    health.router,
+    robots.router,
+    commands.router,
+    uplink.router,
+    stream.router,
+    teleop.router,
+)
 OPENAPI = "/api/v1/openapi.json"
 
 

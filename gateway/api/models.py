@@ -14,6 +14,7 @@ from metaros.limits import LIMITS
 __all__ = [
     "CallRequest",
     "CallResult",
+    "GapList",
     "Health",
     "MetricRange",
     "Ok",
@@ -24,6 +25,8 @@ __all__ = [
     "RobotList",
     "SeriesList",
     "TopicList",
+    "Uplink",
+    "UplinkRequest",
 ]
 
 
@@ -54,14 +57,36 @@ class Ready(_Model):
     checks: dict[str, str]
 
 
+class ClassDepth(_Model):
+    """How much of a class waits on the robot: accepted while the link was up (fresh) or down (backfill)."""
+
+    name: str
+    fresh_bytes: int
+    backfill_bytes: int
+    samples: int
+    lost: int
+    disk_bytes: int
+    quota_bytes: int
+
+
 class Link(_Model):
-    """The agent's connection."""
+    """The agent's connection. From `transport` on it is what the agent said last."""
 
     session: int
     rtt_ms: float | None
     outbox_bytes: int
     outbox_samples: int
     bytes_per_s: float
+    transport: str
+    gateway: str
+    budget_bytes_per_s: int | None
+    sent_bytes_per_s: float
+    reconnects: int
+    classes: list[ClassDepth]
+    disk_free_bytes: int
+    clock_offset_ms: float
+    forks: int
+    epochs: int
 
 
 class Counts(_Model):
@@ -173,6 +198,42 @@ class MetricRange(_Model):
     """The asked pieces in the asked order."""
 
     series: list[SeriesPiece]
+
+
+class DeclaredGap(_Model):
+    """A declared loss: the numbers `from` to `to` of a stream were accepted, or given, and are stored nowhere."""
+
+    topic: str | None
+    class_: Literal["event", "metric", "bulk", "live"] | None = Field(alias="class")
+    stream: int
+    backfill: bool
+    epoch: str
+    from_: int = Field(alias="from")
+    to: int
+    count: int
+    reason: str
+    lost_from: str | None
+    lost_to: str | None
+    declared: str
+
+
+class GapList(_Model):
+    """The newest declared losses, newest first."""
+
+    gaps: list[DeclaredGap]
+
+
+class Uplink(_Model):
+    """What may leave the robot and what does; `bytes_per_s` null is no limit."""
+
+    bytes_per_s: int | None
+    sent_bytes_per_s: float
+
+
+class UplinkRequest(_Model):
+    """Another limit; null is none."""
+
+    bytes_per_s: int | None = Field(ge=LIMITS.uplink_least_bytes_per_s, le=1 << 40)
 
 
 class PublishRequest(_Model):

@@ -7,11 +7,16 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
+from gateway.domain.channel import METRIC_STREAM
 from gateway.domain.lease import Lease
 from gateway.ingest.registry import ChannelState, RobotRecord
-from gateway.store.query import SeriesFacts, SeriesRange
+from gateway.store.query import SeriesFacts, SeriesRange, StoredGap
+from metaros.link import BACKFILL_BIT, CHANNEL_MASK
 
-__all__ = ["range_view", "rfc3339", "robot_view", "series_view", "topic_view"]
+__all__ = ["gap_view", "range_view", "rfc3339", "robot_view", "series_view", "topic_view", "uplink_view"]
+
+_MAX_CLASSES = 8  # of what an agent tells
+_DEPTH_FIELDS = ("name", "fresh_bytes", "backfill_bytes", "samples", "lost", "disk_bytes", "quota_bytes")
 
 
 def rfc3339(wall_ns: int) -> str:
@@ -21,7 +26,7 @@ def rfc3339(wall_ns: int) -> str:
 
 def robot_view(record: RobotRecord, lease: Lease | None, *, now_s: float) -> dict[str, Any]:
     """A robot with its link, counts and newest values."""
-    counts, statistics = record.counts, record.statistics
+    counts = record.counts
     latest = {name: {"stamp_ms": stamp / 1e6, "value": value} for name, (stamp, value) in record.headline().items()}
     return {
         "id": record.robot.id,
@@ -32,13 +37,7 @@ def robot_view(record: RobotRecord, lease: Lease | None, *, now_s: float) -> dic
         "last_seen": rfc3339(record.last_seen_ns),
         "agent_version": record.robot.agent_version,
         "labels": dict(record.robot.labels),
-        "link": {
-            "session": record.session_number,
-            "rtt_ms": None if record.rtt_s is None else round(record.rtt_s * 1000, 3),
-            "outbox_bytes": statistics.outbox_bytes,
-            "outbox_samples": statistics.outbox_samples,
-            "bytes_per_s": round(record.byte_rate.read(now_s), 1),
-        },
+        "link": link_view(record, now_s=now_s),
         "channels": len(record.channels),
         "counts": {
             "samples": counts.samples,
@@ -51,6 +50,55 @@ def robot_view(record: RobotRecord, lease: Lease | None, *, now_s: float) -> dic
         if lease is None
         else {"holder": lease.holder, "expires_in_s": round(lease.expires_in_s(now_s), 3)},
         "latest": latest,
+    }
+
+
+def link_view(record: RobotRecord, *, now_s: float) -> dict[str, Any]:
+    """A robot's connection, as the gateway measures it and as the agent last told."""
+    statistics, told = record.statistics, record.statistics.link
+    return {
+        "session": record.session_number,
+        "rtt_ms": None if record.rtt_s is None else round(record.rtt_s * 1000, 3),
+        "outbox_bytes": statistics.outbox_bytes,
+        "outbox_samples": statistics.outbox_samples,
+        "bytes_per_s": round(record.byte_rate.read(now_s), 1),
+        "transport": told.transport,
+        "gateway": told.gateway,
+        "budget_bytes_per_s": told.budget_bytes_per_s or None,
+        "sent_bytes_per_s": round(told.sent_bytes_per_s, 1),
+        "reconnects": told.reconnects,
+        "classes": [{name: getattr(depth, name) for name in _DEPTH_FIELDS} for depth in told.classes[:_MAX_CLASSES]],
+        "disk_free_bytes": told.disk_free_bytes,
+        "clock_offset_ms": round(told.clock_offset_ns / 1e6, 3),
+        "forks": record.forks,
+        "epochs": record.epochs,
+    }
+
+
+def uplink_view(record: RobotRecord) -> dict[str, Any]:
+    """A robot's byte budget."""
+    told = record.statistics.link
+    return {"bytes_per_s": told.budget_bytes_per_s or None, "sent_bytes_per_s": round(told.sent_bytes_per_s, 1)}
+
+
+def gap_view(record: RobotRecord, stored: StoredGap) -> dict[str, Any]:
+    """A declared loss; topic and class are null where the agent has not announced the channel since."""
+    gap, number = stored.gap, stored.stream_id & CHANNEL_MASK
+    state = record.channels.get(number)
+    metric = number == METRIC_STREAM
+    return {
+        "topic": state.channel.topic if state is not None and not metric else None,
+        "class": "metric" if metric else state.channel.delivery if state is not None else None,
+        "stream": stored.stream_id,
+        "backfill": bool(stored.stream_id & BACKFILL_BIT),
+        "epoch": f"{stored.epoch:016x}",
+        "from": gap.from_seq,
+        "to": gap.to_seq,
+        "count": gap.count,
+        "reason": gap.reason,
+        "lost_from": rfc3339(gap.from_ns) if gap.from_ns else None,
+        "lost_to": rfc3339(gap.to_ns) if gap.to_ns else None,
+        "declared": rfc3339(stored.stored_ns),
     }
 
 

@@ -72,6 +72,12 @@ class FleetDesk:
         command = link_pb2.Command(publish=publish, lease_id=lease_id)
         await self._commands.run(robot_id, command, timeout_s=LIMITS.command_timeout_s)
 
+    async def set_uplink(self, robot_id: str, bytes_per_s: int | None) -> None:
+        """Give the robot another byte budget, None for no limit; returns when its agent has taken it."""
+        require_online(self._find(robot_id))
+        command = link_pb2.Command(set_uplink=link_pb2.SetUplink(bytes_per_s=bytes_per_s or 0))
+        await self._commands.run(robot_id, command, timeout_s=LIMITS.command_timeout_s)
+
     async def call(
         self, robot_id: str, service: str, *, type_name: str, request: Any, timeout_s: float = LIMITS.command_timeout_s
     ) -> Any:

@@ -96,6 +96,11 @@ class RobotRecord:
         self._process = b""
         self._former: dict[str, ChannelState] = {}
 
+    @property
+    def epochs(self) -> int:
+        """How many outboxes, or lives of one, the robot has had."""
+        return 0 if self.streams is None else self.streams.epochs
+
     def begin(self, robot: Robot, *, session_id: bytes, session_number: int) -> None:
         """A new session; a new agent process also starts its channels afresh, keeping the topics' counts."""
         self.robot = robot
@@ -178,6 +183,11 @@ class RobotRecord:
             state = self.channels.get(rate.channel_id)
             if state is not None:
                 state.rate = rate
+        self.revision += 1
+
+    def budgeted(self, bytes_per_s: int | None) -> None:
+        """The agent took another byte budget; its next statistics will say so too."""
+        self.statistics.link.budget_bytes_per_s = bytes_per_s or 0
         self.revision += 1
 
     def channel_of(self, topic: str) -> Channel | None:

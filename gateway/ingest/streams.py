@@ -42,6 +42,11 @@ class StreamTable:
         self._accepted: dict[Key, int] = dict(self._stored)
         self._max_streams = max_streams
 
+    @property
+    def epochs(self) -> int:
+        """Under how many epochs the robot has ever stored something."""
+        return len({epoch for _, epoch in self._stored})
+
     def accepted(self, stream_id: int, epoch: int) -> int:
         """The last sequence number taken in, 0 for none."""
         return self._accepted.get((stream_id, epoch), 0)

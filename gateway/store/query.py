@@ -12,12 +12,15 @@ import orjson
 
 from gateway.domain.channel import Series
 from gateway.domain.robot import Robot
+from gateway.domain.sample import Gap
 from gateway.store.schema import unsigned
 
 __all__ = [
     "SeriesFacts",
     "SeriesRange",
+    "StoredGap",
     "StoredRobot",
+    "read_gaps",
     "read_range",
     "read_robots",
     "read_series",
@@ -36,6 +39,16 @@ class StoredRobot:
     robot: Robot
     first_seen_ns: int
     last_seen_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class StoredGap:
+    """A declared loss, and when it was stored."""
+
+    stream_id: int
+    epoch: int
+    gap: Gap
+    stored_ns: int
 
 
 @dataclass(slots=True)
@@ -79,6 +92,16 @@ def read_writers(connection: sqlite3.Connection, robot_id: str) -> dict[int, str
     """Who last wrote under each of the robot's epochs."""
     query = "SELECT epoch, writer FROM writers JOIN robots USING (robot) WHERE id = ?"
     return {unsigned(row[0]): row[1] for row in connection.execute(query, (robot_id,))}
+
+
+def read_gaps(connection: sqlite3.Connection, robot_id: str, *, limit: int) -> list[StoredGap]:
+    """The robot's declared losses, the newest first."""
+    query = (
+        "SELECT stream_id, epoch, from_seq, to_seq, reason, from_ns, to_ns, stored_ns FROM gaps"
+        " JOIN robots USING (robot) WHERE id = ? ORDER BY stored_ns DESC, from_seq DESC LIMIT ?"
+    )
+    rows = connection.execute(query, (robot_id, limit))
+    return [StoredGap(row[0], unsigned(row[1]), Gap(*row[2:7]), row[7]) for row in rows]
 
 
 def read_series(connection: sqlite3.Connection, robot_id: str) -> list[SeriesFacts]:

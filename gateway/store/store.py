@@ -14,7 +14,9 @@ from typing import TypeVar
 from gateway.store.query import (
     SeriesFacts,
     SeriesRange,
+    StoredGap,
     StoredRobot,
+    read_gaps,
     read_range,
     read_robots,
     read_series,
@@ -129,6 +131,10 @@ class Store:
     async def writers(self, robot_id: str) -> dict[int, str]:
         """Who last wrote under each of the robot's epochs."""
         return await self._read(lambda connection: read_writers(connection, robot_id))
+
+    async def gaps(self, robot_id: str, *, limit: int) -> list[StoredGap]:
+        """The robot's declared losses, the newest first."""
+        return await self._read(lambda connection: read_gaps(connection, robot_id, limit=limit))
 
     async def series(self, robot_id: str) -> list[SeriesFacts]:
         """The robot's series with counts and newest rows."""

@@ -19,7 +19,7 @@ from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.idl import schema_text, type_hash
 from metaros.link import pack_batch, pack_metrics
 
-CONTROL, DATA = link_pb2.LANE_CONTROL, link_pb2.LANE_DATA
+CONTROL, DATA, BACKFILL = link_pb2.LANE_CONTROL, link_pb2.LANE_DATA, link_pb2.LANE_BACKFILL
 EPOCH = 77
 
 
@@ -89,20 +89,22 @@ def channel(number: int, topic: str, schema_name: str, *, delivery: int = 3, rat
 
 
 class ScriptedAgent:
-    """Two lanes and what came down on them; every frame is sent when the test says so."""
+    """Three lanes and what came down on them; every frame is sent when the test says so."""
 
     def __init__(self, ready: Ready, robot: str = "sim_1", *, number: int = 1, session: bytes = b"s" * 16) -> None:
         self.robot, self.number, self.session = robot, number, session
         self._target = f"127.0.0.1:{ready.grpc_port}"
         self._channels: list[grpc.aio.Channel] = []
         self.lanes: dict[int, Any] = {}
-        self.frames: dict[int, asyncio.Queue[link_pb2.GatewayFrame]] = {CONTROL: asyncio.Queue(), DATA: asyncio.Queue()}
+        self.frames: dict[int, asyncio.Queue[link_pb2.GatewayFrame]] = {
+            lane: asyncio.Queue() for lane in (CONTROL, DATA, BACKFILL)
+        }
         self.welcomes: dict[int, link_pb2.Welcome] = {}
         self._readers: list[asyncio.Task[None]] = []
 
     async def __aenter__(self) -> ScriptedAgent:
-        await self.open(CONTROL)
-        await self.open(DATA)
+        for lane in (CONTROL, DATA, BACKFILL):
+            await self.open(lane)
         return self
 
     async def __aexit__(self, *_exc: object) -> None:
@@ -148,8 +150,8 @@ class ScriptedAgent:
         await self.lanes[lane].write(link_pb2.AgentFrame(**frame))
 
     async def announce(self, *channels: link_pb2.Channel, series: Sequence[link_pb2.Series] = ()) -> None:
-        """Declare channels and series on both lanes, as agents do."""
-        for lane in (CONTROL, DATA):
+        """Declare channels and series on all lanes, as agents do."""
+        for lane in (CONTROL, DATA, BACKFILL):
             await self.send(lane, announce=link_pb2.Announce(channels=channels, series=series))
 
     async def samples(

@@ -1,0 +1,37 @@
+"""Bodies of requests that change something: read and checked by a model, and described in OpenAPI."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+from starlette.requests import Request
+
+from gateway.api import models
+from gateway.errors import InvalidRequestError
+
+__all__ = ["PROBLEMS", "body_document", "read_body"]
+
+Body = TypeVar("Body", bound=BaseModel)
+PROBLEMS: dict[int | str, dict[str, Any]] = {
+    status: {"model": models.Problem} for status in (400, 404, 409, 413, 415, 502, 503, 504)
+}
+
+
+def body_document(model: type[BaseModel], *, cdr: bool = False) -> dict[str, Any]:
+    """The OpenAPI text of a body that the handler reads by itself."""
+    content: dict[str, Any] = {"application/json": {"schema": model.model_json_schema()}}
+    if cdr:
+        content["application/cdr"] = {"schema": {"type": "string", "format": "binary"}}
+    return {"requestBody": {"required": True, "content": content}}
+
+
+async def read_body(request: Request, model: type[Body]) -> Body:
+    """The request's JSON as the model; InvalidRequestError names what does not fit."""
+    if "json" not in request.headers["content-type"]:
+        raise InvalidRequestError("this request has a JSON body")
+    try:
+        return model.model_validate_json(await request.body())
+    except ValidationError as error:
+        faults = [f"{'.'.join(str(part) for part in item['loc'])}: {item['msg']}" for item in error.errors()]
+        raise InvalidRequestError("; ".join(faults)[:1000]) from error

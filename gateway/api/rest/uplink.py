@@ -1,0 +1,51 @@
+"""A robot's link: its byte budget, and the losses it declared."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from starlette.requests import Request
+from starlette.responses import Response
+
+from gateway.api import models
+from gateway.api.problem import JsonResponse
+from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.services import services_of
+from gateway.api.views import gap_view, uplink_view
+
+__all__ = ["router"]
+
+MAX_GAPS = 1000
+
+router = APIRouter(prefix="/api/v1/robots", tags=["link"], default_response_class=JsonResponse)
+
+
+@router.get("/{robot_id}/uplink", responses={200: {"model": models.Uplink}, 404: {"model": models.Problem}})
+async def get_uplink(request: Request, robot_id: str) -> Response:
+    """The robot's byte budget, as its agent said last."""
+    return JsonResponse(uplink_view(services_of(request).registry.get(robot_id)))
+
+
+@router.put(
+    "/{robot_id}/uplink",
+    responses={200: {"model": models.Uplink}, **PROBLEMS},
+    openapi_extra=body_document(models.UplinkRequest),
+)
+async def set_uplink(request: Request, robot_id: str) -> Response:
+    """Give the robot another byte budget. Answers when its agent has taken it and keeps it."""
+    services = services_of(request)
+    body = await read_body(request, models.UplinkRequest)
+    await services.fleet.set_uplink(robot_id, body.bytes_per_s)
+    record = services.registry.get(robot_id)
+    record.budgeted(body.bytes_per_s)
+    return JsonResponse(uplink_view(record))
+
+
+@router.get("/{robot_id}/gaps", responses={200: {"model": models.GapList}, 404: {"model": models.Problem}})
+async def list_gaps(request: Request, robot_id: str, limit: Annotated[int, Query(ge=1, le=MAX_GAPS)] = 50) -> Response:
+    """The newest declared losses."""
+    services = services_of(request)
+    record = services.registry.get(robot_id)
+    found = await services.store.gaps(robot_id, limit=limit)
+    return JsonResponse({"gaps": [gap_view(record, gap) for gap in found]})
