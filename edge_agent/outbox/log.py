@@ -185,16 +185,12 @@ class SegmentLog:
             return
         segment = job.segment
         segment.header, segment.start, segment.end = job.header, job.start, job.end
-        gone = {segment.number}
         if job.before is not None:
-            gone.add(job.before.number)
             self.garbage.append(job.before.name)
             if self._cursor.inside(job.before):
                 self._cursor.enter(segment)
             self.segments.remove(job.before)
-        self._cursor.reenter(segment)
-        self.flight_bytes -= sum(flight.size_bytes for flight in self.flight if flight.segment in gone)
-        self.flight = deque(flight for flight in self.flight if flight.segment not in gone)
+        self._cursor.reenter(segment)  # what of it is in flight stays so: the gap is needed until that is acknowledged
         self._collect()
 
     # -- reading ----------------------------------------------------------------------------------------------------
