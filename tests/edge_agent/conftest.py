@@ -7,6 +7,7 @@ import itertools
 import threading
 from collections.abc import AsyncIterator, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import pytest
 
@@ -97,10 +98,17 @@ async def gateway() -> AsyncIterator[FakeGateway]:
 
 
 @pytest.fixture
-async def agent(zenoh_router: str, gateway: FakeGateway) -> AsyncIterator[Rig]:
+async def agent(zenoh_router: str, gateway: FakeGateway, tmp_path: Path) -> AsyncIterator[Rig]:
     """The agent of /sim_1, connected."""
     port = int(zenoh_router.rpartition(":")[2])
-    settings = Settings(name="sim_1", namespace="/sim_1", gateway=gateway.target, zenoh_port=port, host_metrics=False)
+    settings = Settings(
+        name="sim_1",
+        namespace="/sim_1",
+        gateway=gateway.target,
+        zenoh_port=port,
+        host_metrics=False,
+        state_dir=tmp_path / "agent",
+    )
     task = asyncio.create_task(run_agent(settings))
     try:
         await wait_until_async(lambda: gateway.connected or task.done())

@@ -1,13 +1,13 @@
-"""Batches: when they go, and that they hold what was put in."""
+"""Batches: when live samples go, and that they hold what was put in."""
 
 from __future__ import annotations
 
 import pytest
 
-from edge_agent.batch import Linger, metric_batch, sample_batches
-from edge_agent.outbox import Sample
+from edge_agent.batch import Linger, sample_batches
+from edge_agent.live import LiveSample
 from metaros.limits import Limits
-from metaros.link import Reassembler, unpack_batch, unpack_metrics
+from metaros.link import Reassembler, unpack_batch
 
 
 def test_linger_waits_for_time_or_size() -> None:
@@ -24,7 +24,7 @@ def test_linger_waits_for_time_or_size() -> None:
 
 
 def test_holes_split_a_run() -> None:
-    samples = [Sample(seq, seq * 10, bytes([seq])) for seq in (3, 4, 7, 9, 10)]
+    samples = [LiveSample(seq, seq * 10, bytes([seq])) for seq in (3, 4, 7, 9, 10)]
     batches = [unpack_batch(batch) for batch in sample_batches(5, 1, samples)]
     assert [(batch.first_seq, batch.count) for batch in batches] == [(3, 2), (7, 1), (9, 2)]
     rows = [row for batch in batches for row in batch.samples()]
@@ -33,7 +33,7 @@ def test_holes_split_a_run() -> None:
 
 def test_a_large_sample_becomes_pieces() -> None:
     limits = Limits(batch_bytes=100, chunk_bytes=100)
-    batches = list(sample_batches(5, 1, [Sample(1, 0, bytes(250))], limits=limits))
+    batches = list(sample_batches(5, 1, [LiveSample(1, 0, bytes(250))], limits=limits))
     assert [batch.chunk_count for batch in batches] == [3, 3, 3]
     whole = [Reassembler(limits=limits)]
     columns = [whole[0].feed(batch) for batch in batches][-1]
@@ -43,11 +43,3 @@ def test_a_large_sample_becomes_pieces() -> None:
 
 def test_nothing_makes_no_batch() -> None:
     assert list(sample_batches(5, 1, [])) == []
-
-
-def test_metric_rows() -> None:
-    columns = unpack_metrics(metric_batch(7, [Sample(4, 100, (1, 0.5)), Sample(5, 200, (2, -1.0))]))
-    assert (columns.epoch, columns.first_seq) == (7, 4)
-    assert columns.series_ids.tolist() == [1, 2]
-    assert columns.stamps_ns.tolist() == [100, 200]
-    assert columns.values.tolist() == [0.5, -1.0]

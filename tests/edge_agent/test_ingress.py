@@ -13,6 +13,7 @@ from edge_agent.pipeline import Arrival
 from edge_agent.topics import TopicTable
 from metaros.clock import ManualClock
 from metaros.wire.attachment import pack_attachment
+from tests.edge_agent.parts import make_outbox
 from tests.support.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
 
@@ -34,7 +35,9 @@ def sample(key: str = "a", payload: bytes = b"x", attachment: bytes | None = pac
 
 class Rig:
     def __init__(self) -> None:
-        channel = Channels(TopicTable(), namespace="/").observe("/a", "a/msg/A", "x", qos="", keeps_all=False)
+        channel = Channels(TopicTable(), make_outbox().ids, namespace="/").observe(
+            "/a", "a/msg/A", "x", qos="", keeps_all=False
+        )
         assert channel is not None
         self.channel: Channel = channel
         self.wakes: list[Callable[[], None]] = []

@@ -12,6 +12,7 @@ from edge_agent.topics import TopicTable
 from metaros.cdr import codec
 from metaros.clock import ManualClock
 from metaros.idl import message_class
+from tests.edge_agent.parts import make_outbox
 
 
 @pytest.mark.parametrize("item", HOST_TOPICS, ids=lambda item: item.topic)
@@ -54,7 +55,7 @@ def test_what_cannot_be_read_is_left_out() -> None:
 
 
 def test_topic_rates_count_between_calls() -> None:
-    channels = Channels(TopicTable(), namespace="/")
+    channels = Channels(TopicTable(), make_outbox().ids, namespace="/")
     channel = channels.observe("/a", "a/msg/A", "x", qos="", keeps_all=False)
     assert channel is not None
     before: dict[int, tuple[int, int]] = {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from pathlib import Path
 
 import pytest
 import zenoh
@@ -32,9 +33,9 @@ async def test_bulk_arrives_complete_in_order_and_unchanged(agent: Rig, robot: R
     assert getattr(channel, "class") == link_pb2.DELIVERY_CLASS_BULK
     assert channel.schema_name == "std_msgs/msg/String"
     await asyncio.to_thread(lambda: [publisher.publish(String(data=str(i))) for i in range(2000)])
-    rows = agent.half.rows[channel.channel_id]
-    await wait_until_async(lambda: len(rows) == 2000)
-    assert words([row for _, row in sorted(rows.items()) if isinstance(row, bytes)]) == [str(i) for i in range(2000)]
+    await wait_until_async(lambda: len(agent.half.all_rows(channel.channel_id)) == 2000)
+    rows = agent.half.all_rows(channel.channel_id)
+    assert words([row for row in rows if isinstance(row, bytes)]) == [str(i) for i in range(2000)]
 
 
 async def test_live_leaves_the_robot_only_on_demand(agent: Rig, robot: Robot) -> None:
@@ -67,13 +68,13 @@ async def test_series_are_read_from_cdr(agent: Rig, robot: Robot) -> None:
     await agent.wait_channel("/sim_1/battery_state")
 
     async def until_there() -> None:
-        while not agent.half.rows[0]:
+        while not agent.half.all_rows(0):
             publisher.publish(BatteryState(percentage=0.25, voltage=24.5))
             await asyncio.sleep(0.05)
 
     await asyncio.wait_for(until_there(), 10)
     names = {series.series_id: series.name for series in agent.half.series.values()}
-    values = {names[row[0]]: row[2] for row in agent.half.rows[0].values() if isinstance(row, tuple)}
+    values = {names[row[0]]: row[2] for row in agent.half.all_rows(0) if isinstance(row, tuple)}
     assert values["battery_state.percentage"] == 0.25
     assert values["battery_state.voltage"] == 24.5
 
@@ -89,9 +90,12 @@ async def test_other_namespaces_and_their_log_lines_stay_out(agent: Rig, robot: 
     stranger.get_logger().info("not ours either")
     robot.node.get_logger().info("ours again")
     decode = codec("rcl_interfaces/msg/Log").decode
-    rows = agent.half.rows[rosout.channel_id]
-    await wait_until_async(lambda: any(b"ours again" in row for row in rows.values() if isinstance(row, bytes)))
-    assert all(decode(row).name.startswith("sim_1") for row in rows.values() if isinstance(row, bytes))
+
+    def lines() -> list[bytes]:
+        return [row for row in agent.half.all_rows(rosout.channel_id) if isinstance(row, bytes)]
+
+    await wait_until_async(lambda: any(b"ours again" in line for line in lines()))
+    assert all(decode(line).name.startswith("sim_1") for line in lines())
     assert agent.channel("/sim_2/chat") is None
 
 
@@ -109,7 +113,7 @@ async def test_a_topic_with_subscribers_only_is_listed(agent: Rig, robot: Robot)
 
 
 async def test_latched_messages_from_before_the_agent_arrive(
-    zenoh_router: str, gateway: FakeGateway, robot: Robot
+    zenoh_router: str, gateway: FakeGateway, robot: Robot, tmp_path: Path
 ) -> None:
     publisher = robot.node.create_publisher(String, "map_name", metaros.qos_transient_local)
     publisher.publish(String(data="hall 3"))
@@ -118,24 +122,30 @@ async def test_latched_messages_from_before_the_agent_arrive(
 
     topics = (TopicRule(match="**", delivery="bulk"),)
     settings = Settings(
-        name="a", namespace="/sim_1", gateway=gateway.target, zenoh_port=port, host_metrics=False, topics=topics
+        name="a",
+        namespace="/sim_1",
+        gateway=gateway.target,
+        zenoh_port=port,
+        host_metrics=False,
+        topics=topics,
+        state_dir=tmp_path / "agent",
     )
     task = asyncio.create_task(run_agent(settings))
     rig = Rig(gateway)
     try:
         channel = await rig.wait_channel("/sim_1/map_name")
-        await wait_until_async(lambda: rig.half.rows[channel.channel_id])
+        await wait_until_async(lambda: rig.half.all_rows(channel.channel_id))
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
-    assert words([row for row in rig.half.rows[channel.channel_id].values() if isinstance(row, bytes)]) == ["hall 3"]
+    assert words([row for row in rig.half.all_rows(channel.channel_id) if isinstance(row, bytes)]) == ["hall 3"]
 
 
 async def test_samples_without_a_valid_attachment_are_counted(agent: Rig, robot: Robot, zenoh_router: str) -> None:
     publisher = robot.node.create_publisher(String, "log", metaros.qos_reliable_all)
     channel = await agent.wait_channel("/sim_1/log")
     publisher.publish(String(data="good"))
-    await wait_until_async(lambda: agent.half.rows[channel.channel_id])
+    await wait_until_async(lambda: agent.half.all_rows(channel.channel_id))
     config = zenoh.Config()
     config.insert_json5("connect/endpoints", f'["{zenoh_router}"]')
     config.insert_json5("scouting/multicast/enabled", "false")
@@ -146,12 +156,12 @@ async def test_samples_without_a_valid_attachment_are_counted(agent: Rig, robot:
         foreign.put(b"no attachment")
         foreign.put(b"short", attachment=b"abc")
     await wait_until_async(lambda: agent.half.statistics and agent.half.statistics[-1].malformed == 2)
-    assert len(agent.half.rows[channel.channel_id]) == 1
+    assert len(agent.half.all_rows(channel.channel_id)) == 1
 
 
-async def test_host_metrics_of_the_hosts_agent(zenoh_router: str, gateway: FakeGateway) -> None:
+async def test_host_metrics_of_the_hosts_agent(zenoh_router: str, gateway: FakeGateway, tmp_path: Path) -> None:
     port = int(zenoh_router.rpartition(":")[2])
-    settings = Settings(name="host", gateway=gateway.target, zenoh_port=port)
+    settings = Settings(name="host", gateway=gateway.target, zenoh_port=port, state_dir=tmp_path / "agent")
     task = asyncio.create_task(run_agent(settings))
     rig = Rig(gateway)
     wanted = {"host.cpu.percent", "host.cpu.load_1m", "host.memory.percent", "host.disk.percent"}
@@ -159,7 +169,7 @@ async def test_host_metrics_of_the_hosts_agent(zenoh_router: str, gateway: FakeG
 
     def seen() -> set[str]:
         names = {series.series_id: series.name for series in rig.half.series.values()}
-        return {names[row[0]] for row in rig.half.rows[0].values() if isinstance(row, tuple)}
+        return {names[row[0]] for row in rig.half.all_rows(0) if isinstance(row, tuple)}
 
     try:
         await wait_until_async(lambda: seen() >= wanted)
@@ -169,9 +179,16 @@ async def test_host_metrics_of_the_hosts_agent(zenoh_router: str, gateway: FakeG
         await asyncio.gather(task, return_exceptions=True)
 
 
-async def test_it_finds_a_router_that_starts_later_and_one_that_restarts(gateway: FakeGateway) -> None:
+async def test_it_finds_a_router_that_starts_later_and_one_that_restarts(gateway: FakeGateway, tmp_path: Path) -> None:
     port = free_port()
-    settings = Settings(name="a", namespace="/sim_1", gateway=gateway.target, zenoh_port=port, host_metrics=False)
+    settings = Settings(
+        name="a",
+        namespace="/sim_1",
+        gateway=gateway.target,
+        zenoh_port=port,
+        host_metrics=False,
+        state_dir=tmp_path / "agent",
+    )
     task = asyncio.create_task(run_agent(settings))
     rig = Rig(gateway)
     endpoint = f"tcp/127.0.0.1:{port}"
@@ -183,7 +200,7 @@ async def test_it_finds_a_router_that_starts_later_and_one_that_restarts(gateway
                 publisher = node.create_publisher(String, topic, metaros.qos_reliable_all)
                 channel = await rig.wait_channel(f"/sim_1/{topic}")
                 publisher.publish(String(data=topic))
-                await wait_until_async(lambda c=channel: rig.half.rows[c.channel_id])  # type: ignore[misc]
+                await wait_until_async(lambda c=channel: rig.half.all_rows(c.channel_id))  # type: ignore[misc]
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)

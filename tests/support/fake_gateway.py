@@ -11,7 +11,7 @@ import grpc
 import grpc.aio
 
 from metaros._proto import link_pb2, link_pb2_grpc
-from tests.support.gateway_half import CONTROL, DATA, GatewayHalf
+from tests.support.gateway_half import BACKFILL, CONTROL, DATA, LANES, GatewayHalf
 from tests.support.ports import free_port
 
 OPTIONS = (
@@ -56,8 +56,8 @@ class FakeGateway(link_pb2_grpc.LinkServicer):
 
     @property
     def connected(self) -> bool:
-        """Whether both lanes are open."""
-        return len(self._out) == 2
+        """Whether all lanes are open."""
+        return len(self._out) == len(LANES)
 
     async def Connect(self, request: AsyncIterator[link_pb2.AgentFrame], context: Any) -> None:
         """One lane."""
@@ -101,4 +101,4 @@ async def fake_gateway(half: GatewayHalf | None = None) -> AsyncIterator[FakeGat
         await gateway.stop()
 
 
-__all__ = ["CONTROL", "DATA", "FakeGateway", "fake_gateway"]
+__all__ = ["BACKFILL", "CONTROL", "DATA", "FakeGateway", "fake_gateway"]

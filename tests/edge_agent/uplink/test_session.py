@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random  # noqa: TID251 - seeded
+from collections.abc import Sequence
 
 import pytest
 from google.protobuf.message import DecodeError
@@ -13,16 +14,20 @@ from edge_agent.batch import Linger
 from edge_agent.channels import METRIC_STREAM, Channels
 from edge_agent.errors import LinkDeadError, LinkError, RefusedError
 from edge_agent.live import LiveQueue
-from edge_agent.outbox import OVERHEAD_BYTES, ClassPolicy, Outbox
 from edge_agent.topics import TopicRule, TopicTable
+from edge_agent.uplink.budget import Budget
+from edge_agent.uplink.lane import Compression
 from edge_agent.uplink.session import (
+    BACKFILL,
     CONTROL,
     DATA,
+    LANES,
     AgentSession,
     CommandArrived,
     Established,
     Event,
     Identity,
+    Queues,
     TeleopArrived,
 )
 from metaros._proto import link_pb2
@@ -30,7 +35,10 @@ from metaros.clock import ManualClock
 from metaros.errors import FrameError
 from metaros.idl import type_hash
 from metaros.limits import Limits
+from metaros.link import BACKFILL_BIT
+from tests.edge_agent.parts import accept, make_outbox, policies
 from tests.support.gateway_half import GatewayHalf
+from tests.support.sim_disk import SimDisk
 
 BATTERY = "sensor_msgs/msg/BatteryState"
 TABLE = TopicTable(
@@ -42,47 +50,54 @@ TABLE = TopicTable(
     ]
 )
 TOPICS = ("/event/a", "/bulk/a", "/bulk/b", "/live/a", "/battery_state")
+EPOCH = make_outbox().live_epoch
 WHO = Identity(robot_id="r", session_id=bytes(16), agent_version="0", namespace="/", hostname="h", labels={"site": "x"})
 
 
 class Rig:
     """An agent's queues, its sessions, and a gateway."""
 
-    def __init__(self, gateway: GatewayHalf | None = None, **sizes: int) -> None:
+    def __init__(self, gateway: GatewayHalf | None = None, **quotas: int) -> None:
         self.clock = ManualClock()
+        self.disk = SimDisk(random.Random(1))
         self.gateway = gateway or GatewayHalf()
-        self.channels = Channels(TABLE, namespace="/")
+        self.outbox = make_outbox(self.disk, self.clock, classes=policies(**quotas))
+        self.channels = Channels(TABLE, self.outbox.ids, namespace="/")
         for topic in TOPICS:
             self.channels.observe(topic, BATTERY, type_hash(BATTERY), qos="", keeps_all=False)
-        policies = {
-            "event": ClassPolicy(sizes.get("event", 1 << 20), "newest"),
-            "metric": ClassPolicy(sizes.get("metric", 1 << 20), "oldest"),
-            "bulk": ClassPolicy(sizes.get("bulk", 64 << 20), "oldest"),
-        }
-        self.outbox = Outbox(self.clock, 42, classes=policies)
         self.live, self.linger = LiveQueue(), Linger()
+        self.budget = Budget(now_s=self.clock.monotonic_s())
         self.number, self.store_id = 100, ""
+        self.limits = Limits()
+        self.compression: Compression = "none"
         self.session = self.new_session()
+
+    @property
+    def queues(self) -> Queues:
+        return Queues(self.channels, self.outbox, self.live, self.linger, self.budget)
+
+    @property
+    def epoch(self) -> int:
+        return self.outbox.live_epoch
 
     def new_session(self) -> AgentSession:
         self.number += 1
+        self.outbox.online = False
         self.session = AgentSession(
             WHO,
             self.number,
-            channels=self.channels,
-            outbox=self.outbox,
-            live=self.live,
-            linger=self.linger,
+            self.queues,
             clock=self.clock,
-            limits=Limits(),
+            limits=self.limits,
             store_id=self.store_id,
+            compression=self.compression,
         )
         self.gateway.connect()
         return self.session
 
-    def connect(self) -> list[Event]:
+    def connect(self, lanes: Sequence[link_pb2.Lane] = LANES) -> list[Event]:
         events: list[Event] = []
-        for lane in (CONTROL, DATA):
+        for lane in lanes:
             self.gateway.receive(lane, self.session.hello(lane))
             events += self.deliver()
         self.store_id = self.session.store_id
@@ -94,16 +109,18 @@ class Rig:
         for lane, frames in self.gateway.out.items():
             while frames:
                 events += self.session.receive(lane, frames.pop(0))
+        if any(isinstance(event, Established) for event in events):
+            self.outbox.online = True
         return events
 
-    def send(self, limit: int = 10_000) -> int:
+    def send(self, limit: int = 10_000, *, lanes: Sequence[link_pb2.Lane] = LANES) -> int:
         """What the agent has to say reaches the gateway; how many frames."""
+        accept(self.outbox)
         count = 0
-        for lane in (CONTROL, DATA):
+        for lane in lanes:
             while count < limit and (frame := self.session.next_frame(lane)) is not None:
-                wire = frame.SerializeToString()
-                assert len(wire) <= Limits().frame_bytes
-                self.gateway.receive(lane, link_pb2.AgentFrame.FromString(wire))
+                assert len(frame) <= Limits().frame_bytes
+                self.gateway.receive(lane, link_pb2.AgentFrame.FromString(frame))
                 count += 1
         return count
 
@@ -113,13 +130,17 @@ class Rig:
             channel = self.channels.by_id(channel_id)
             assert channel is not None
             self.live.append(channel, 7, data)
+            self.linger.add(len(data), self.clock.monotonic_s())
         else:
             self.outbox.append(channel_id, delivery, 7, data)
-        self.linger.add(len(data), self.clock.monotonic_s())
 
     def row(self, value: float) -> None:
         self.outbox.append(METRIC_STREAM, "metric", 7, (1, value))
-        self.linger.add(20, self.clock.monotonic_s())
+
+    def waiting(self) -> int:
+        """Durable samples that the gateway has not acknowledged."""
+        accept(self.outbox)
+        return sum(self.outbox.depth(name).samples for name in ("event", "metric", "bulk"))
 
     def settle(self) -> None:
         """Until neither side has anything to say."""
@@ -127,32 +148,53 @@ class Rig:
             self.clock.advance(0.01)
             sent = self.send()
             self.gateway.ack()
-            if not sent and not self.deliver() and not self.outbox.sample_count:
+            if not sent and not self.deliver() and not self.waiting():
                 return
         raise AssertionError("never settles")
 
 
 def test_hello_says_who_and_what_is_held() -> None:
     rig = Rig()
+    rig.put("/event/a", b"x", "event")
     rig.put("/bulk/a", b"x", "bulk")
+    accept(rig.outbox)
     assert rig.connect() == [Established("gw", "store")]
-    control, data = rig.gateway.hellos
-    assert (control.robot_id, control.session_number, control.labels["site"], len(control.streams)) == (
-        "r",
-        101,
-        "x",
-        0,
-    )
-    assert [(s.stream_id, s.epoch, s.first_seq, s.last_seq) for s in data.streams] == [(2, 42, 1, 1)]
+    control, data, backfill = rig.gateway.hellos
+    assert (control.robot_id, control.session_number, control.labels["site"]) == ("r", 101, "x")
+    assert list(control.writers) == [rig.outbox.writer]
+    held = [[(s.stream_id, s.epoch, s.first_seq, s.last_seq) for s in h.streams] for h in rig.gateway.hellos]
+    assert held == [[(1, rig.epoch, 1, 1)], [], [(2 | BACKFILL_BIT, rig.epoch, 1, 1)]]
+    assert data.lane == DATA
+    assert backfill.lane == BACKFILL
 
 
 def test_nothing_is_sent_before_the_welcome() -> None:
     rig = Rig()
     rig.put("/event/a", b"x", "event")
     rig.clock.advance(1)
-    assert rig.session.next_frame(CONTROL) is None
-    assert rig.session.next_frame(DATA) is None
-    assert rig.session.wait_s(DATA) is None
+    for lane in LANES:
+        assert rig.session.next_frame(lane) is None
+        assert rig.session.wait_s(lane) is None
+
+
+@pytest.mark.parametrize("missing", LANES)
+def test_nothing_durable_is_sent_while_a_lane_is_not_welcomed(missing: link_pb2.Lane) -> None:
+    rig = Rig()
+    rig.put("/event/a", b"x", "event")
+    rig.put("/bulk/a", b"x", "bulk")
+    accept(rig.outbox)
+    assert rig.connect([lane for lane in LANES if lane != missing]) == []
+    rig.clock.advance(1)
+    rig.send()
+    assert not rig.session.established
+    assert not rig.gateway.rows
+    rig.clock.advance(15)
+    with pytest.raises(LinkDeadError):
+        rig.session.check()
+    rig.new_session()
+    rig.connect()
+    rig.settle()
+    assert (rig.gateway.all_rows(1), rig.gateway.all_rows(2)) == ([b"x"], [b"x"])
 
 
 def test_every_class_arrives() -> None:
@@ -167,46 +209,47 @@ def test_every_class_arrives() -> None:
     assert rig.gateway.rows[2] == {1: b"bulk"}
     assert rig.gateway.live[4] == [(1, b"live")]
     assert rig.gateway.rows[0] == {1: (1, 7, 0.5)}
-    assert rig.outbox.size_bytes == 0
+    assert rig.waiting() == 0
     assert set(rig.gateway.channels) == {1, 2, 3, 4, 5}
 
 
-def test_both_lanes_hear_announcements_heartbeats_and_new_channels() -> None:
+def test_all_lanes_hear_announcements_heartbeats_and_new_channels() -> None:
     rig = Rig()
     rig.connect()
     rig.send()
-    assert rig.gateway.announced[CONTROL] == rig.gateway.announced[DATA] == {1, 2, 3, 4, 5}
-    assert {lane for lane, _ in rig.gateway.heartbeats} == {CONTROL, DATA}
+    assert [rig.gateway.announced[lane] for lane in LANES] == [{1, 2, 3, 4, 5}] * 3
+    assert {lane for lane, _ in rig.gateway.heartbeats} == set(LANES)
     rig.channels.observe("/bulk/new", BATTERY, type_hash(BATTERY), qos="", keeps_all=False)
     rig.send()
-    assert 6 in rig.gateway.announced[CONTROL] & rig.gateway.announced[DATA]
+    assert all(6 in rig.gateway.announced[lane] for lane in LANES)
 
 
-def test_linger_fills_batches() -> None:
+def test_linger_fills_live_batches() -> None:
     rig = Rig()
     rig.connect()
     rig.clock.advance(0.01)
     rig.send()
     frames = rig.gateway.frames
     for _ in range(10):
-        rig.put("/bulk/a", b"x", "bulk")
+        rig.put("/live/a", b"x", "live")
         assert rig.session.next_frame(DATA) is None
     wait_s = rig.session.wait_s(DATA)
     assert wait_s == pytest.approx(0.005)
     rig.clock.advance(wait_s)
     assert rig.send() == 1
     assert rig.gateway.frames == frames + 1
-    assert len(rig.gateway.rows[2]) == 10
+    assert len(rig.gateway.live[4]) == 10
 
 
 def test_the_window_stops_data_and_an_ack_opens_it() -> None:
     rig = Rig(GatewayHalf(window_batches=2))
     rig.connect()
     for _ in range(5):
-        rig.put("/bulk/a", bytes(300_000), "bulk")
+        rig.put("/bulk/a", bytes(600_000), "bulk")
     rig.send()
     assert len(rig.gateway.rows[2]) == 2
     rig.put("/live/a", b"still", "live")
+    rig.clock.advance(0.01)
     rig.send()
     assert rig.gateway.live[4], "live is not subject to the window"
     for expected in (4, 5):
@@ -217,10 +260,10 @@ def test_the_window_stops_data_and_an_ack_opens_it() -> None:
 
 
 def test_the_window_in_bytes() -> None:
-    rig = Rig(GatewayHalf(window_bytes=500_000))
+    rig = Rig(GatewayHalf(window_bytes=1_000_000))
     rig.connect()
     for _ in range(5):
-        rig.put("/bulk/a", bytes(300_000), "bulk")
+        rig.put("/bulk/a", bytes(600_000), "bulk")
     rig.send()
     assert len(rig.gateway.rows[2]) == 2
 
@@ -238,13 +281,18 @@ def test_a_sample_over_a_batch_travels_in_pieces() -> None:
 
 
 def test_overflow_is_declared() -> None:
-    rig = Rig(bulk=10 * (OVERHEAD_BYTES + 1))
-    for _ in range(30):
-        rig.put("/bulk/a", b"x", "bulk")
+    rig = Rig(bulk=600_000)
+    for number in range(40):
+        rig.put("/bulk/a", bytes([number]) * 60_000, "bulk")
+        accept(rig.outbox)
     rig.connect()
     rig.settle()
-    assert sorted(rig.gateway.gaps[2]) == list(range(1, 21))
-    assert sorted(rig.gateway.rows[2]) == list(range(21, 31))
+    late = 2 | BACKFILL_BIT
+    rows, gaps = set(rig.gateway.rows[late]), set(rig.gateway.gaps[late])
+    assert not rows & gaps
+    assert rows | gaps == set(range(1, 41))
+    assert gaps
+    assert set(rig.gateway.gaps[late].values()) == {"outbox_full"}
 
 
 def test_resume_after_a_loss_sends_each_row_once() -> None:
@@ -256,44 +304,65 @@ def test_resume_after_a_loss_sends_each_row_once() -> None:
     rig.send()
     rig.new_session()
     rig.put("/bulk/a", b"late", "bulk")
+    accept(rig.outbox)
     rig.connect()
     rig.settle()
-    assert [row for _, row in sorted(rig.gateway.rows[2].items())] == [bytes([n]) for n in range(10)] + [b"late"]
+    assert [row for _, row in sorted(rig.gateway.rows[2].items())] == [bytes([n]) for n in range(10)]
+    assert rig.gateway.rows[2 | BACKFILL_BIT] == {1: b"late"}
     assert rig.gateway.duplicates == 0
     assert rig.gateway.hellos[-1].session_number == 102
+
+
+def test_fresh_samples_go_before_what_piled_up() -> None:
+    rig = Rig(GatewayHalf(window_batches=1))
+    for _ in range(5):
+        rig.put("/bulk/a", b"history", "bulk")
+        accept(rig.outbox)
+    rig.connect()
+    rig.put("/bulk/a", b"now", "bulk")
+    rig.clock.advance(0.01)
+    rig.send()
+    assert rig.gateway.rows[2] == {1: b"now"}
+    assert len(rig.gateway.rows[2 | BACKFILL_BIT]) < 5
+    rig.settle()
+    assert len(rig.gateway.rows[2 | BACKFILL_BIT]) == 5
 
 
 @pytest.mark.parametrize("seed", range(30))
 def test_random_faults_leave_rows_and_gaps_disjoint_and_complete(seed: int) -> None:
     rng = random.Random(seed)
-    rig = Rig(bulk=40 * (OVERHEAD_BYTES + 10), event=30 * (OVERHEAD_BYTES + 10), metric=40 * OVERHEAD_BYTES)
+    rig = Rig(bulk=600_000, event=600_000, metric=600_000)
     rig.connect()
-    accepted = {0: 0, 1: 0, 2: 0, 3: 0}
     for _ in range(300):
         rig.clock.advance(rng.choice([0.0, 0.002, 0.01]))
-        match rng.randrange(8):
+        match rng.randrange(9):
             case 0 | 1 | 2:
                 for _ in range(rng.randrange(1, 12)):
                     stream = rng.choice([1, 2, 3])
-                    rig.put(TOPICS[stream - 1], bytes(rng.randrange(20)), "event" if stream == 1 else "bulk")
-                    accepted[stream] += 1
+                    size = rng.choice([1, 20, 20_000])
+                    rig.put(TOPICS[stream - 1], bytes(size), "event" if stream == 1 else "bulk")
             case 3:
                 for _ in range(rng.randrange(1, 12)):
                     rig.row(rng.random())
-                    accepted[0] += 1
             case 4 | 5:
                 rig.send(limit=rng.randrange(1, 6))
             case 6:
                 rig.gateway.ack()
                 rig.deliver()
-            case _ if rng.random() < 0.3:
+            case 7 if rng.random() < 0.3:
+                lane = rng.choice(LANES)
+                if lane not in rig.gateway.refusing:
+                    rig.gateway.ack()  # a gateway forgets what it has not stored, and acknowledges what it has
+                    rig.gateway.refuse(lane, rng.getrandbits(32) + 1)
+            case 8 if rng.random() < 0.3:
                 rig.new_session()
                 rig.connect()
     rig.settle()
-    for stream, count in accepted.items():
-        rows, gaps = set(rig.gateway.rows[stream]), set(rig.gateway.gaps[stream])
+    for held in rig.outbox.ranges():
+        rows, gaps = set(rig.gateway.rows[held.stream_id]), set(rig.gateway.gaps[held.stream_id])
         assert not rows & gaps
-        assert rows | gaps == set(range(1, count + 1))
+        assert rows | gaps == set(range(1, held.last_seq + 1))
+    assert rig.gateway.rows
 
 
 def test_demand_reaches_the_channels() -> None:
@@ -396,12 +465,14 @@ def test_another_store_is_refused() -> None:
     [
         link_pb2.GatewayFrame(),
         link_pb2.GatewayFrame(welcome=link_pb2.Welcome(store_id="store")),
-        link_pb2.GatewayFrame(ack=link_pb2.Ack(watermarks=[link_pb2.Watermark(stream_id=2, epoch=42, seq=9)])),
+        link_pb2.GatewayFrame(ack=link_pb2.Ack(watermarks=[link_pb2.Watermark(stream_id=1, epoch=EPOCH, seq=9)])),
     ],
 )
 def test_what_breaks_the_protocol_is_a_frame_error(frame: link_pb2.GatewayFrame) -> None:
     rig = Rig()
-    rig.put("/bulk/a", b"x", "bulk")
+    rig.put("/event/a", b"x", "event")
+    accept(rig.outbox)
+    assert rig.epoch == EPOCH
     rig.connect()
     with pytest.raises(FrameError):
         rig.session.receive(DATA, frame)
@@ -414,8 +485,8 @@ def parsed_or_empty(data: bytes) -> link_pb2.GatewayFrame:
         return link_pb2.GatewayFrame()
 
 
-NUMBERS = st.sampled_from([0, 1, 2, 7, 2**31, 2**32 - 1])
-WIDE = st.sampled_from([0, 1, 2, 42, 2**63, 2**64 - 1])
+NUMBERS = st.sampled_from([0, 1, 2, 7, 2**31, 2**31 + 2, 2**32 - 1])
+WIDE = st.sampled_from([0, 1, 2, EPOCH, 2**63, 2**64 - 1])
 SIGNED = st.sampled_from([0, -1, 1, -(2**63), 2**63 - 1])
 MARKS = st.builds(link_pb2.Watermark, stream_id=NUMBERS, epoch=WIDE, seq=WIDE)
 FLOATS = st.floats(allow_nan=True, allow_infinity=True)
@@ -442,20 +513,29 @@ FRAMES = st.one_of(
         WIDE,
         FLOATS,
     ),
+    st.builds(
+        lambda token, after: link_pb2.GatewayFrame(
+            retry_later=link_pb2.RetryLater(token=token, retry_after_ms=after, reason="x")
+        ),
+        WIDE,
+        NUMBERS,
+    ),
     st.binary(max_size=60).map(parsed_or_empty),
 )
 
 
 @settings(deadline=None)
-@given(st.lists(st.tuples(st.sampled_from([CONTROL, DATA]), FRAMES), max_size=8))
+@given(st.lists(st.tuples(st.sampled_from(LANES), FRAMES), max_size=8))
 def test_any_gateway_is_survived(frames: list[tuple[link_pb2.Lane, link_pb2.GatewayFrame]]) -> None:
     rig = Rig()
-    rig.put("/bulk/a", b"x", "bulk")
+    for topic, delivery in (("/event/a", "event"), ("/bulk/a", "bulk")):
+        rig.put(topic, b"x", delivery)
+    accept(rig.outbox)
     try:
         for lane, frame in frames:
             rig.session.receive(lane, frame)
             rig.clock.advance(0.01)
-            for each in (CONTROL, DATA):
+            for each in LANES:
                 for _ in range(20):
                     if rig.session.next_frame(each) is None:
                         break
