@@ -16,7 +16,7 @@ from edge_agent.errors import CorruptError
 from edge_agent.outbox.disk import Disk
 from edge_agent.outbox.reader import Cursor, Segment, load_header
 from edge_agent.outbox.rewrite import RewriteJob
-from edge_agent.outbox.segment import Frame, Scan, SegmentHeader, pack_frame, pack_header, scan
+from edge_agent.outbox.segment import Frame, Scan, SegmentHeader, header_is_cut, pack_frame, pack_header, scan
 
 __all__ = ["AppendJob", "Flight", "Key", "SegmentLog", "Taken"]
 
@@ -90,7 +90,7 @@ class SegmentLog:
             try:
                 header, start = load_header(self._disk, name)
             except CorruptError:
-                sound = sound and size == 0
+                sound = sound and header_is_cut(self._disk.read(name, 0, size))
                 self.garbage.append(name)
                 continue
             self.segments.append(Segment(number, name, header, start, size))

@@ -120,7 +120,11 @@ class Cursor:
         index = next((i for i, segment in enumerate(listed) if segment is self._at), len(listed))
         if index + 1 >= len(listed):
             return False
-        self.enter(listed[index + 1])
+        before, seen = self._at, self._seen
+        follower = listed[index + 1]
+        self.enter(follower)
+        if before is not None and before.header.era == follower.header.era:
+            self._declare(seen, follower.header.last, follower.start)  # a file between the two was lost
         return True
 
     def _fill(self) -> bool:
@@ -148,11 +152,15 @@ class Cursor:
         assert self._at is not None
         self.damaged += 1
         segment, self._read_to = self._at, self._at.end
-        for stream, last_seq in self._log.last_before(segment).items():
-            first_seq = self._seen.get(stream, 0) + 1
-            if last_seq >= first_seq:
-                gap = Gap(first_seq, last_seq, "disk_corrupt", 0, 0)
-                self._ready.append((Frame.of_gap(stream, gap, wall_ns=0, mono_ns=0), segment.end))
+        self._declare(self._seen, self._log.last_before(segment), segment.end)
         if not self._ready:
             self._offset = segment.end
         return bool(self._ready)
+
+    def _declare(self, seen: Mapping[int, int], last: Mapping[int, int], offset: int) -> None:
+        """Have gaps ready for the numbers between these."""
+        for stream, last_seq in last.items():
+            first_seq = seen.get(stream, 0) + 1
+            if last_seq >= first_seq:
+                gap = Gap(first_seq, last_seq, "disk_corrupt", 0, 0)
+                self._ready.append((Frame.of_gap(stream, gap, wall_ns=0, mono_ns=0), offset))

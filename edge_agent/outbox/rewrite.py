@@ -34,11 +34,13 @@ class RewriteJob:
     start: int = field(init=False)
     end: int = field(init=False)
     lost: int = 0  # samples that became a gap by this job
+    _sound: bool = True
 
     def run(self) -> None:
         """Raises DiskError; the old file is then still whole."""
         segment = self.segment
         found = scan(self.disk.read(segment.name, 0, segment.end), segment.start)
+        self._sound = found.state == "clean"
         first = self.before.header if self.before is not None else segment.header
         frames = list(self._thinned(found.frames)) if self.thin else list(self._gaps(found.frames, first.last))
         self.header = replace(first, until=self.last, rewritten="thinned" if self.thin else "dropped")
@@ -82,3 +84,15 @@ class RewriteJob:
             yield frame
         for stream, gap in open_gaps.items():
             yield Frame.of_gap(stream, gap, wall_ns=self.wall_ns, mono_ns=0)
+        if not self._sound:
+            yield from self._unreadable(frames)
+
+    def _unreadable(self, frames: list[Frame]) -> Iterator[Frame]:
+        """What damage hides of the segment, by the numbers at its end."""
+        seen = dict(self.segment.header.last) | {frame.stream_id: frame.last_seq for frame in frames}
+        for stream, last_seq in self.last.items():
+            from_seq = max(seen.get(stream, 0), self.acked.get(stream, 0)) + 1
+            if last_seq >= from_seq:
+                self.lost += last_seq - from_seq + 1
+                gap = Gap(from_seq, last_seq, "disk_corrupt", 0, 0)
+                yield Frame.of_gap(stream, gap, wall_ns=self.wall_ns, mono_ns=0)

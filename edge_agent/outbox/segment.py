@@ -1,7 +1,8 @@
 """The outbox's file format: a segment is a header and then frames, each with its own CRC. Pure: bytes in, bytes out.
 
 A segment starts with `MAGIC`, the CRC-32 and the length of a JSON header, and the header. A frame is 44 bytes of
-numbers and a body; its CRC-32 covers everything after itself. The body of samples is what the link carries of a Batch
+numbers and a body; its CRC-32 covers everything after itself, and three bytes among the numbers check those alone, so
+that a damaged length is never taken for a frame that was cut off. The body of samples is what the link carries of a Batch
 after its numbers (columns `stamps`, `lengths`, `payload`, or a MetricBatch's three), so that sending is a copy; the
 body of a gap is JSON. Little-endian throughout.
 """
@@ -23,7 +24,7 @@ __all__ = ["Frame", "Gap", "Kind", "Scan", "SegmentHeader", "pack_frame", "pack_
 
 MAGIC = b"MROUTBX1"
 _PREFIX = struct.Struct("<8sII")  # magic, CRC of the JSON, its length
-_FRAME = struct.Struct("<IIB3xIQIqq")  # CRC, body length, kind, stream, first seq, count, wall ns, monotonic ns
+_FRAME = struct.Struct("<IIIIQIqq")  # CRC, body length, check << 8 | kind, stream, first, count, wall ns, monotonic ns
 _CRC_BYTES = 4
 _HEADER_BYTES = 4 * 1024 * 1024  # a header names every stream of its log
 _BODY_BYTES = LIMITS.sample_bytes + 64 * 1024
@@ -141,6 +142,11 @@ def read_header(data: bytes) -> tuple[SegmentHeader, int]:
     return header, _PREFIX.size + size
 
 
+def header_is_cut(data: bytes) -> bool:
+    """Whether these bytes, all of a file, end inside a header: nothing of that file was ever accepted."""
+    return MAGIC.startswith(data[: len(MAGIC)]) and data[_PREFIX.size :].find(b'"}') < 0
+
+
 def header_size(data: bytes) -> int:
     """How many bytes prefix and header take, from the first 16 of them; 0 when they are no header's."""
     if len(data) < _PREFIX.size:
@@ -151,18 +157,17 @@ def header_size(data: bytes) -> int:
 
 def pack_frame(frame: Frame) -> bytes:
     """A frame's bytes."""
-    head = _FRAME.pack(
-        0,
-        len(frame.body),
-        frame.kind,
-        frame.stream_id,
-        frame.first_seq,
-        frame.count,
-        frame.wall_ns,
-        frame.mono_ns,
-    )[_CRC_BYTES:]
+    numbers = (frame.stream_id, frame.first_seq, frame.count, frame.wall_ns, frame.mono_ns)
+    head = _FRAME.pack(0, len(frame.body), frame.kind, *numbers)
+    head = _FRAME.pack(0, len(frame.body), _check(head, 0) << 8 | frame.kind, *numbers)[_CRC_BYTES:]
     crc = zlib.crc32(frame.body, zlib.crc32(head))
     return b"".join((crc.to_bytes(_CRC_BYTES, "little"), head, frame.body))
+
+
+def _check(data: bytes | memoryview, offset: int) -> int:
+    """Three bytes over a frame's numbers without their place."""
+    length, numbers = data[offset + _CRC_BYTES : offset + 9], data[offset + 12 : offset + FRAME_BYTES]
+    return zlib.crc32(numbers, zlib.crc32(length)) >> 8
 
 
 def scan(data: bytes | memoryview, start: int = 0, *, max_frames: int = 1 << 30) -> Scan:
@@ -174,8 +179,9 @@ def scan(data: bytes | memoryview, start: int = 0, *, max_frames: int = 1 << 30)
     while offset < len(view) and len(frames) < max_frames:
         if len(view) - offset < FRAME_BYTES:
             return Scan(frames, ends, "torn")
-        crc, size, kind, stream, first, count, wall_ns, mono_ns = _FRAME.unpack_from(view, offset)
-        if size > _BODY_BYTES or kind not in _KINDS:
+        crc, size, mark, stream, first, count, wall_ns, mono_ns = _FRAME.unpack_from(view, offset)
+        kind = mark & 0xFF
+        if size > _BODY_BYTES or kind not in _KINDS or mark >> 8 != _check(view, offset):
             return Scan(frames, ends, "corrupt")
         end = offset + FRAME_BYTES + size
         if end > len(view):
