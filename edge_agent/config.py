@@ -12,6 +12,8 @@ from typing import Any, get_args
 from edge_agent.drive_guard import DEFAULT_ACTUATORS
 from edge_agent.outbox import CLASSES, ClassPolicy
 from edge_agent.topics import DEFAULT_TOPICS, Delivery, TopicRule
+from edge_agent.uplink.address import GatewayAddress, TransportSetting, parse_address
+from edge_agent.uplink.lane import Compression
 from metaros.errors import ConfigError, MetarosError
 from metaros.idl.globs import Glob
 from metaros.idl.names import validate_namespace
@@ -19,6 +21,7 @@ from metaros.limits import LIMITS
 
 __all__ = ["OutboxSettings", "Settings", "load_settings", "sanitised_hostname"]
 
+CHOICES = {"transport": get_args(TransportSetting), "compression": get_args(Compression)}
 RULE_KEYS = {
     "match": str,
     "class": str,
@@ -52,6 +55,9 @@ class Settings:
     name: str = ""  # "" = the host's name
     namespace: str = "/"
     gateway: str = "127.0.0.1:8081"
+    gateways: tuple[str, ...] = ()  # several that share one store, in order; instead of `gateway`
+    transport: TransportSetting = "auto"
+    compression: Compression = "none"  # of bulk and event batches on the wire
     zenoh_port: int = 7447
     exclude: tuple[str, ...] = ()
     host_metrics: bool = True
@@ -61,6 +67,10 @@ class Settings:
     labels: Mapping[str, str] = field(default_factory=dict)
     topics: tuple[TopicRule, ...] = DEFAULT_TOPICS
     outbox: OutboxSettings = OutboxSettings()
+
+    def addresses(self) -> list[GatewayAddress]:
+        """The gateways to try, in order. Raises ConfigError."""
+        return [parse_address(text).only(self.transport) for text in self.gateways or (self.gateway,)]
 
 
 def load_settings(path: Path | None = None, overrides: Mapping[str, Any] | None = None) -> Settings:
@@ -78,12 +88,19 @@ def load_settings(path: Path | None = None, overrides: Mapping[str, Any] | None 
     rules = topic_rules(table.pop("topics", []), where)
     defaults = expect(table.pop("default_topics", True), bool, "default_topics", where)
     values = {key: convert(key, value, where) for key, value in table.items()}
+    if {"gateway", "gateways"} <= values.keys():
+        raise ConfigError(f"{where}: give gateway or gateways, not both")
     values["topics"] = (*rules, *(DEFAULT_TOPICS if defaults else ()))
     for key, value in (overrides or {}).items():
         if value is not None:
+            if key in ("gateway", "gateways"):
+                values.pop("gateway", None)
+                values.pop("gateways", None)
             values[key] = convert(key, value, "command line")
     values["name"] = values.get("name") or sanitised_hostname()
-    return Settings(**values)
+    settings = Settings(**values)
+    settings.addresses()
+    return settings
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -111,10 +128,14 @@ def convert(key: str, value: Any, where: str) -> Any:
                 raise ConfigError(f"{where}: {key} must be 1 to 65535, not {value}")
             return value
         case "gateway":
-            host, _, port = expect(value, str, key, where).rpartition(":")
-            if not host or not port.isdigit():
-                raise ConfigError(f"{where}: {key} must be HOST:PORT, not {value!r}")
-            return value
+            return checked_gateway(expect(value, str, key, where), where)
+        case "gateways":
+            texts = [expect(item, str, key, where) for item in expect(value, (list, tuple), key, where)]
+            if not texts:
+                raise ConfigError(f"{where}: gateways must name at least one")
+            return tuple(checked_gateway(text, where) for text in dict.fromkeys(texts))
+        case "transport" | "compression":
+            return chosen(key, value, where)
         case "host_metrics":
             return expect(value, bool, key, where)
         case "labels":
@@ -175,6 +196,22 @@ def outbox_settings(table: dict[str, Any], where: str) -> OutboxSettings:
         if expect(value, int, f"outbox.{key}", where) < 65536:
             raise ConfigError(f"{where}: outbox.{key} must be at least 65536 bytes, not {value}")
     return OutboxSettings(**table)
+
+
+def checked_gateway(text: str, where: str) -> str:
+    """A gateway's address."""
+    try:
+        parse_address(text)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: gateway: {error}") from error
+    return text
+
+
+def chosen(key: str, value: Any, where: str) -> str:
+    """One of the words that a setting knows."""
+    if value not in CHOICES[key]:
+        raise ConfigError(f"{where}: {key} must be one of {', '.join(CHOICES[key])}, not {value!r}")
+    return str(value)
 
 
 def checked_namespace(namespace: str, where: str) -> str:

@@ -29,9 +29,9 @@ from edge_agent.teleop import Teleop
 from edge_agent.topics import TopicTable
 from edge_agent.uplink.backoff import Backoff
 from edge_agent.uplink.budget import Budget
-from edge_agent.uplink.grpc import GrpcUplink
 from edge_agent.uplink.keeper import SessionKeeper
 from edge_agent.uplink.session import Identity, Queues
+from edge_agent.uplink.uplink import Uplink
 from metaros.clock import Clock, SystemClock, system_rng
 from metaros.node import Context, Node
 from metaros.signals import on_stop
@@ -114,10 +114,11 @@ async def run_parts(settings: Settings, state_dir: Path, node: Node, clock: Cloc
         commands,
         clock,
         store_id=StoreId(OsDisk(state_dir)),
+        compression=settings.compression,
         malformed=lambda: pipeline.malformed + tap.ingress.malformed.total(),
         wake=lambda: uplink.wake(),
     )
-    uplink = GrpcUplink(settings.gateway, keeper, Backoff(rng))
+    uplink = Uplink(settings.addresses(), keeper, Backoff(rng), clock)
     writer = OutboxWriter(outbox, disk, on_flushed=uplink.wake)
     pipeline = Pipeline(outbox, queues.live, queues.linger, wake_writer=writer.wake, wake_uplink=uplink.wake)
     tap = Tap(node, queues.channels, scope, pipeline.take, uplink.wake, clock)

@@ -85,7 +85,6 @@ class SessionKeeper:
     def session_ended(self, error: BaseException | None = None) -> None:
         """Nobody watches or drives any more: stop what moves, drop what was only for viewers."""
         self._queues.outbox.online = False
-        self.facts.reconnects += 1
         if isinstance(error, RefusedError) and error.reason == "forked":
             LOG.warning("another copy of this outbox has spoken to the gateway: what is held goes under a new epoch")
             try:
