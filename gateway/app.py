@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from typing import Any
 
 from starlette.types import ASGIApp
@@ -43,7 +44,9 @@ class Gateway:
         self.registry = Registry()
         self.hub = Hub()
         self.leases = LeaseTable(valid_s=LIMITS.lease_s)
-        self.links = Links(self.registry, self.store, self._hooks(), clock=clock)
+        beat_s = settings.heartbeat_s
+        limits = replace(LIMITS, heartbeat_s=beat_s, dead_after_s=3 * beat_s)
+        self.links = Links(self.registry, self.store, self._hooks(), clock=clock, limits=limits)
         self.commands = CommandDesk(self.links.send)
         self.teleop = TeleopDesk(self.registry.get, self.commands, self.leases, self.links.send, clock=clock)
         self.fleet = FleetDesk(

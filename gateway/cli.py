@@ -23,6 +23,7 @@ AllowOrigin = Annotated[list[str] | None, typer.Option(help="Origin of another p
 RetentionDays = Annotated[float, typer.Option(min=0.01, help="How long series are kept.")]
 RetentionMib = Annotated[int, typer.Option(min=1, help="How large the store may grow before the oldest data goes.")]
 TickMs = Annotated[float, typer.Option(min=0.0, max=100.0, help="How long live samples wait to share one write.")]
+HeartbeatS = Annotated[float, typer.Option(min=0.2, max=60.0, help="A link silent for three of these is dead.")]
 StatusFile = Annotated[Path | None, typer.Option(metavar="FILE", help="Write this JSON file when ready.")]
 
 
@@ -44,6 +45,7 @@ def _gateway(
     retention_days: RetentionDays = 7.0,
     retention_mib: RetentionMib = 4096,
     tick_ms: TickMs = 5.0,
+    heartbeat_s: HeartbeatS = 5.0,
     status_file: StatusFile = None,
 ) -> None:
     """Run the gateway until Ctrl-C."""
@@ -61,5 +63,6 @@ def _gateway(
         retention_days=retention_days,
         retention_bytes=retention_mib * MIB,
         tick_s=tick_ms / 1000,
+        heartbeat_s=heartbeat_s,
     )
     run(settings, status_file=status_file)

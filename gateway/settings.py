@@ -35,6 +35,7 @@ class Settings:
     retention_bytes: int = 4096 * MIB
     store_queue_bytes: int = 256 * MIB
     tick_s: float = 0.005
+    heartbeat_s: float = LIMITS.heartbeat_s  # a link that is silent for three of them is dead
     viewer_stall_s: float = LIMITS.viewer_stall_s
     actuator_topics: tuple[str, ...] = ("**/cmd_vel",)
     static_dir: Path = Path(__file__).parent / "static"
@@ -50,6 +51,8 @@ class Settings:
             raise ConfigError("--retention-days is more than 0 and --retention-mib at least 1")
         if not 0.0 <= self.tick_s <= 0.1:
             raise ConfigError("--tick-ms is 0 to 100")
+        if not 0.2 <= self.heartbeat_s <= 60.0:
+            raise ConfigError("--heartbeat-s is 0.2 to 60")
 
 
 def is_loopback(host: str) -> bool:
