@@ -1,0 +1,47 @@
+"""The real gateway program as a child of a fault campaign."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+
+import gateway.settings
+from gateway.main import run
+from gateway.settings import Settings
+from tests.support.load_robot import die_with_parent, log_to
+
+__all__ = ["GatewayConfig", "run_gateway"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GatewayConfig:
+    """One life of the gateway."""
+
+    folder: Path
+    data_dir: Path
+    http_port: int
+    grpc_port: int
+    host: str = "127.0.0.1"
+    heartbeat_s: float = 5.0
+    store_url: str = ""
+
+
+def run_gateway(config: GatewayConfig) -> None:
+    """The process."""
+    die_with_parent()
+    log_to(config.folder / "gateway.log")
+    if config.host != "127.0.0.1":  # in a network namespace of the campaign's own there is nobody else
+        gateway.settings.is_loopback = lambda host: True
+    known = {field.name for field in dataclasses.fields(Settings)}
+    wanted = {
+        "host": config.host,
+        "port": config.http_port,
+        "grpc_port": config.grpc_port,
+        "data_dir": config.data_dir,
+        "heartbeat_s": config.heartbeat_s,
+        "store_url": config.store_url or None,
+        "retention_bytes": 1 << 40,
+    }
+    values = {name: value for name, value in wanted.items() if name in known and value is not None}
+    run(Settings(**values), status_file=config.folder / "gateway.json")  # type: ignore[arg-type]
