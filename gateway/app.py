@@ -64,6 +64,7 @@ class Gateway:
             settings=self.settings,
             clock=self._clock,
             registry=self.registry,
+            links=self.links,
             store=self.store,
             hub=self.hub,
             fleet=self.fleet,

@@ -128,7 +128,7 @@ def _http_config(gateway: Gateway) -> uvicorn.Config:
         access_log=False,
         server_header=False,
         proxy_headers=False,
-        ws_max_size=LIMITS.json_bytes,
+        ws_max_size=LIMITS.frame_bytes,  # of the link; requests of the others are bounded where they are read
         ws_per_message_deflate=False,
         timeout_graceful_shutdown=HTTP_GRACE_S,
     )

@@ -12,7 +12,7 @@ from gateway.api.problem import install_problems
 from gateway.api.rest import commands, health, robots, uplink
 from gateway.api.services import Services
 from gateway.api.static import Dashboard
-from gateway.api.ws import stream, teleop
+from gateway.api.ws import link, stream, teleop
 
 __all__ = ["ROUTERS", "create_api", "route_paths"]
 
@@ -23,6 +23,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     uplink.router,
     stream.router,
     teleop.router,
+    link.router,
 )
 OPENAPI = "/api/v1/openapi.json"
 

@@ -23,6 +23,7 @@ __all__ = ["PROTOCOL_KEY", "Guard"]
 PROTOCOL_KEY = "metaros.protocol"  # where a socket's scope keeps uvicorn's protocol object, see ws/cut.py
 REFUSED = 4403
 LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
+AGENTS_ONLY = "/api/v1/link"  # no page of anybody's has business there, ours included
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 DRAINED_BYTES = 32 * 1024 * 1024
 BODY_LIMITS = {"application/json": LIMITS.json_bytes, "application/cdr": LIMITS.frame_bytes - 64 * 1024}
@@ -85,7 +86,7 @@ class Guard:
             )
         host = hosts[0].decode().lower()
         origins = _all(scope, b"origin")
-        allowed = {f"http://{host}", f"https://{host}", *self._origins}
+        allowed = {f"http://{host}", f"https://{host}", *self._origins} if scope["path"] != AGENTS_ONLY else set()
         if len(origins) > 1 or any(origin.decode("latin-1").lower() not in allowed for origin in origins):
             shown = b", ".join(origins)[:100].decode("latin-1")
             raise OriginError(f"pages of {shown!r} may not use this gateway (start it with --allow-origin to let them)")

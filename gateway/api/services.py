@@ -11,6 +11,7 @@ from starlette.requests import HTTPConnection
 from gateway.domain.lease import LeaseTable
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.teleop import TeleopDesk
+from gateway.ingest.links import Links
 from gateway.ingest.registry import Registry
 from gateway.live.hub import Hub
 from gateway.settings import Settings
@@ -27,6 +28,7 @@ class Services:
     settings: Settings
     clock: Clock
     registry: Registry
+    links: Links
     store: Store
     hub: Hub
     fleet: FleetDesk

@@ -27,11 +27,12 @@ from edge_agent.outbox.outbox import FlushJob
 from edge_agent.state_dir import locked
 from edge_agent.store_id import StoreId
 from edge_agent.topics import TopicRule, TopicTable
+from edge_agent.uplink.address import parse_address
 from edge_agent.uplink.backoff import Backoff
 from edge_agent.uplink.budget import Budget
-from edge_agent.uplink.grpc import GrpcUplink
 from edge_agent.uplink.keeper import SessionKeeper
 from edge_agent.uplink.session import AgentSession, Identity, Queues
+from edge_agent.uplink.uplink import Uplink
 from metaros.clock import SystemClock, system_rng
 from metaros.idl import type_hash
 from tests.support.load_robot_samples import KINDS, LOST, Counters, Entry, Journal, number_in, number_of, payload
@@ -172,7 +173,7 @@ class LoadRobot:
             wake=lambda: None,
         )
         self.keeper.counters = self.counters
-        self.uplink = GrpcUplink(config.gateway, self.keeper, Backoff(rng))
+        self.uplink = Uplink([parse_address(config.gateway)], self.keeper, Backoff(rng), clock)
         self.writer = OutboxWriter(self.outbox, disk, on_flushed=self.uplink.wake)
         self.given = dict.fromkeys(KINDS, 0)
 

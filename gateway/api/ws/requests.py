@@ -25,6 +25,8 @@ def read_request(text: str | None) -> dict[str, Any]:
     """A JSON object, or InvalidRequestError."""
     if text is None:
         raise InvalidRequestError("requests are JSON texts")
+    if len(text) > LIMITS.json_bytes:
+        raise InvalidRequestError(f"a request has at most {LIMITS.json_bytes} bytes")
     try:
         request = orjson.loads(text)
     except orjson.JSONDecodeError as error:

@@ -1,0 +1,74 @@
+"""Serving one lane, whatever carries it: Hello, then a reader and a writer until either ends."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+
+from gateway.errors import LinkError, ProtocolError
+from gateway.ingest.links import Lane, Links
+from metaros._proto import link_pb2
+
+__all__ = ["serve_lane"]
+
+log = logging.getLogger(__name__)
+
+HELLO_S = 10.0
+REFUSED_RETRY_MS = 1000
+LAST_WORDS_S = 1.0  # how long a closed lane may take to write its Goodbye
+
+Read = Callable[[], Awaitable[link_pb2.AgentFrame | None]]
+Write = Callable[[link_pb2.GatewayFrame], Awaitable[None]]
+
+
+async def serve_lane(links: Links, read: Read, write: Write) -> bool:
+    """Run a lane from its Hello to its end. `read` gives None once the connection is over.
+
+    False when the agent took not even the last words: the connection has to be cut.
+    """
+    try:
+        async with asyncio.timeout(HELLO_S):
+            first = await read()
+        if first is None:
+            return True
+        if first.WhichOneof("frame") != "hello":
+            raise ProtocolError("the first frame of a lane is its Hello")
+        lane = await links.join(first.hello)
+    except LinkError as error:
+        log.warning("a link was refused: %s", error)
+        goodbye = link_pb2.Goodbye(code=error.code, message=str(error)[:1024], retry_after_ms=REFUSED_RETRY_MS)
+        return await _in_time(write(link_pb2.GatewayFrame(goodbye=goodbye)))
+    except TimeoutError:
+        return False
+    reader = asyncio.create_task(_read(links, lane, read))
+    writer = asyncio.create_task(_write(lane, write))
+    try:
+        await asyncio.wait({reader, writer}, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        links.ended(lane)
+        lane.outbox.close()
+        reader.cancel()
+        said, _ = await asyncio.wait({writer}, timeout=LAST_WORDS_S)
+        writer.cancel()
+        await asyncio.gather(reader, writer, return_exceptions=True)
+    return bool(said)
+
+
+async def _read(links: Links, lane: Lane, read: Read) -> None:
+    while (frame := await read()) is not None:
+        await links.receive(lane, frame)
+
+
+async def _write(lane: Lane, write: Write) -> None:
+    while (frame := await lane.outbox.next()) is not None:
+        await write(frame)
+
+
+async def _in_time(writing: Awaitable[None]) -> bool:
+    try:
+        async with asyncio.timeout(LAST_WORDS_S):
+            await writing
+    except (TimeoutError, LinkError):
+        return False
+    return True
