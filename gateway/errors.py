@@ -19,7 +19,8 @@
     ├── LinkError                    an agent's fault on the link
     │   ├── ProtocolError            a frame breaks the protocol                        protocol
     │   ├── FencedError              a newer session of this robot is alive             fenced
-    │   └── ForkedError              another copy of the robot's outbox has spoken      forked
+    │   ├── ForkedError              another copy of the robot's outbox has spoken      forked
+    │   └── UnsettledError           what its last process sent is still being stored   unsettled
     └── StoreError                   the store cannot do it now                         store_unavailable
 
 The library's errors (`metaros.errors`) pass through with their own codes; the table below covers them too.
@@ -56,6 +57,7 @@ __all__ = [
     "TooManyError",
     "UnknownRobotError",
     "UnknownTopicError",
+    "UnsettledError",
     "error_row",
 ]
 
@@ -186,6 +188,12 @@ class ForkedError(LinkError):
     """Another copy of the robot's outbox has spoken under the same epoch."""
 
     code = "forked"
+
+
+class UnsettledError(LinkError):
+    """What the agent's last process sent is still being stored: it may come back in a moment."""
+
+    code = "unsettled"
 
 
 class StoreError(GatewayError):

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Collection, Iterable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from edge_agent.errors import BehindError, DiskError, DiskFullError
@@ -94,7 +95,7 @@ class Outbox:
         self.lost = dict.fromkeys(classes, 0)  # samples that became gaps since the program started
         self.writer = writer
         self.state = self._open()
-        self._save(self.state.with_writer(writer))
+        self._save(self.state.with_writer(writer, self._last()))
         self.ids = IdLog(disk, held={held.stream_id & CHANNEL_MASK for held in self.ranges()} - {0})
 
     # -- what came in -----------------------------------------------------------------------------------------------
@@ -239,19 +240,26 @@ class Outbox:
                 found.append(StreamRange(stream, self.state.epochs[era], log.first_held(era, stream), last, base))
         return found
 
-    def resume(self, marks: Mapping[tuple[int, int], int]) -> None:
+    def resume(self, marks: Mapping[tuple[int, int], int], writers: Mapping[int, str] = MappingProxyType({})) -> None:
         """A new session: all after the gateway's (epoch, stream) watermarks, 0 where none is named, is to be sent.
 
+        `writers` names the writer of each epoch that the gateway knows.
+
         Raises:
-            BehindError: the gateway has numbers that this directory never gave: an older copy of it, or a disk that
-                forgot what it had synced. Everything is then under a new epoch, for the next session.
+            BehindError: the gateway has numbers that this directory had not given when that writer ended: it is a copy
+                of another one, or the disk forgot what it had synced. Everything is then under a new epoch, for the
+                next session.
         """
+        eras = {epoch: era for era, epoch in self.state.epochs.items()}
         for held in self.ranges():
-            if marks.get((held.epoch, held.stream_id), 0) > held.last_seq:
+            mark, last_seq = marks.get((held.epoch, held.stream_id), 0), held.last_seq
+            if held.epoch in writers and mark > held.base_seq:
+                given = self.state.written_by(writers[held.epoch], eras[held.epoch], held.stream_id)
+                last_seq = last_seq if given is None else given
+            if mark > last_seq:
                 self.relabel()
                 raise BehindError(f"the gateway has more of stream {held.stream_id} than this outbox ever accepted")
-        by_era = {epoch: era for era, epoch in self.state.epochs.items()}
-        own = {(by_era[epoch], stream): seq for (epoch, stream), seq in marks.items() if epoch in by_era}
+        own = {(eras[epoch], stream): seq for (epoch, stream), seq in marks.items() if epoch in eras}
         for log in self.logs.values():
             log.rewind(own)
 
@@ -336,6 +344,14 @@ class Outbox:
         for name, log in self.logs.items():
             self._log_of.update({stream: name for _, stream in log.streams()})
         return state
+
+    def _last(self) -> dict[int, dict[int, int]]:
+        """Era -> stream -> the newest number there is."""
+        found: dict[int, dict[int, int]] = {}
+        for log in self.logs.values():
+            for era, stream in log.streams():
+                found.setdefault(era, {})[stream] = log.last_of(era, self.state.era).get(stream, 0)
+        return found
 
     def _save(self, state: OutboxState) -> None:
         """Save a new state, with the reserve's space where there is no other, and only then go by it."""

@@ -2,9 +2,9 @@
 
 A segment starts with `MAGIC`, the CRC-32 and the length of a JSON header, and the header. A frame is 44 bytes of
 numbers and a body; its CRC-32 covers everything after itself, and three bytes among the numbers check those alone, so
-that a damaged length is never taken for a frame that was cut off. The body of samples is what the link carries of a Batch
-after its numbers (columns `stamps`, `lengths`, `payload`, or a MetricBatch's three), so that sending is a copy; the
-body of a gap is JSON. Little-endian throughout.
+that a damaged length is never taken for a frame that was cut off. The body of samples is what the link carries of a
+Batch after its numbers (columns `stamps`, `lengths`, `payload`, or a MetricBatch's three), so that sending is a copy;
+the body of a gap is JSON. Little-endian throughout.
 """
 
 from __future__ import annotations

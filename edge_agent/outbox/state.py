@@ -3,12 +3,16 @@
 An epoch is the random name under which a directory's numbers are known to the gateway. An era is the outbox's own
 small number for it, kept in the segments, so that all of an era's frames can be given another epoch at once: that is
 what a directory does that was copied, when its twin has already spoken under the old one.
+
+Each process notes what it found when it began. So a copy knows that whatever the gateway has beyond that, written by
+the process before, was written after the copy was made: by the original.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection
+import zlib
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 from edge_agent.outbox.disk import Disk
@@ -16,8 +20,11 @@ from edge_agent.outbox.disk import Disk
 __all__ = ["OutboxState"]
 
 _NAME = "state.json"
-_MAX_BYTES = 1024 * 1024
+_MAX_BYTES = 16 * 1024 * 1024
 _WRITERS = 256
+_OLD_WRITERS = 16  # kept before the one that the gateway knows, should its store be put back to an older backup
+
+Streams = dict[int, int]  # stream -> a number
 
 
 @dataclass(slots=True)
@@ -26,7 +33,9 @@ class OutboxState:
 
     epochs: dict[int, int] = field(default_factory=dict)  # era -> epoch
     writers: list[str] = field(default_factory=list)  # the last one the gateway knows, then all since
-    bases: dict[int, dict[int, int]] = field(default_factory=dict)  # era -> stream -> newest number of an older epoch
+    bases: dict[int, Streams] = field(default_factory=dict)  # era -> stream -> newest number of an older epoch
+    # writer -> era -> stream -> newest number that it found, where that is not what the writer before it found
+    found: dict[str, dict[int, Streams]] = field(default_factory=dict)
 
     @property
     def era(self) -> int:
@@ -37,22 +46,21 @@ class OutboxState:
     def load(cls, disk: Disk) -> OutboxState | None:
         """What the directory says; None when it is new, or when what it says cannot be read."""
         try:
-            facts = json.loads(disk.read(_NAME, 0, _MAX_BYTES)) if disk.size(_NAME) else None
-            if facts is None:
+            crc, _, body = (disk.read(_NAME, 0, _MAX_BYTES) if disk.size(_NAME) else b"").partition(b" ")
+            if not body or int(crc, 16) != zlib.crc32(body):
                 return None
+            facts = json.loads(body)
             epochs = {int(era): int(epoch) for era, epoch in facts["epochs"].items()}
-            bases = {
-                int(era): {int(stream): int(seq) for stream, seq in streams.items()}
-                for era, streams in facts["bases"].items()
-            }
-            return cls(epochs, list(facts["writers"]), bases) if epochs else None
+            found = {writer: numbers(eras) for writer, eras in facts["found"].items()}
+            return cls(epochs, list(facts["writers"]), numbers(facts["bases"]), found) if epochs else None
         except (ValueError, KeyError, TypeError, AttributeError):
             return None
 
     def save(self, disk: Disk) -> None:
         """Raises DiskError; the old state then stays."""
-        facts = {"epochs": self.epochs, "writers": self.writers, "bases": self.bases}
-        disk.replace(_NAME, json.dumps(facts).encode())
+        facts = {"epochs": self.epochs, "writers": self.writers, "bases": self.bases, "found": self.found}
+        body = json.dumps(facts, separators=(",", ":")).encode()
+        disk.replace(_NAME, b"%08x %s" % (zlib.crc32(body), body))
 
     def begin_era(self, new_epoch: Callable[[], int]) -> None:
         """Another era after the present one."""
@@ -62,16 +70,58 @@ class OutboxState:
         """With another epoch for every era, in which each stream begins after its number in `bases`."""
         return replace(self, epochs={era: fresh(new_epoch) for era in self.epochs}, bases=bases)
 
-    def with_writer(self, writer: str) -> OutboxState:
-        """A process begins to write; the one that the gateway knows is kept."""
-        return replace(self, writers=[*self.writers[:1], *self.writers[1:][-(_WRITERS - 2) :], writer])
+    def with_writer(self, writer: str, last: Mapping[int, Mapping[int, int]]) -> OutboxState:
+        """A process begins to write, and finds these numbers; the writer that the gateway knows is kept."""
+        known = self._found_until(len(self.writers))
+        news = {
+            era: {stream: seq for stream, seq in streams.items() if known.get(era, {}).get(stream) != seq}
+            for era, streams in last.items()
+        }
+        more = replace(self, writers=[*self.writers, writer], found={**self.found, writer: news})
+        return more._only([*self.writers[:1], *self.writers[1:][-(_WRITERS - 2) :], writer])
 
     def known(self, stored: Collection[str], held: Collection[int]) -> OutboxState:
-        """The gateway has these writers in store: those before them, and eras of which nothing is held, go."""
+        """The gateway has these writers in store: those long before them, and eras of which nothing is held, go."""
         places = [self.writers.index(writer) for writer in stored if writer in self.writers]
-        epochs = {era: epoch for era, epoch in self.epochs.items() if era in held or era == self.era}
-        bases = {era: streams for era, streams in self.bases.items() if era in epochs}
-        return OutboxState(epochs, self.writers[min(places, default=0) :], bases)
+        kept = self._only(self.writers[max(0, min(places, default=0) - _OLD_WRITERS) :])
+        kept.epochs = {era: epoch for era, epoch in self.epochs.items() if era in held or era == self.era}
+        kept.bases = {era: streams for era, streams in self.bases.items() if era in kept.epochs}
+        kept.found = {
+            writer: {era: streams for era, streams in eras.items() if era in kept.epochs}
+            for writer, eras in kept.found.items()
+        }
+        return kept
+
+    def written_by(self, writer: str, era: int, stream: int) -> int | None:
+        """The newest number that a writer, or one before it, may have given; None: the newest there is."""
+        place = self.writers.index(writer) + 1 if writer in self.writers else len(self.writers)
+        if place == len(self.writers):
+            return None
+        return self._found_until(place + 1).get(era, {}).get(stream, 0)
+
+    def _found_until(self, count: int) -> dict[int, Streams]:
+        """What the last of the first `count` writers found."""
+        found: dict[int, Streams] = {}
+        for writer in self.writers[:count]:
+            for era, streams in self.found.get(writer, {}).items():
+                found.setdefault(era, {}).update(streams)
+        return found
+
+    def _only(self, writers: list[str]) -> OutboxState:
+        """With these of its writers; what others found is told by the next one that stays."""
+        found: dict[str, dict[int, Streams]] = {}
+        waiting: dict[int, Streams] = {}
+        for writer in self.writers:
+            for era, streams in self.found.get(writer, {}).items():
+                waiting.setdefault(era, {}).update(streams)
+            if writer in writers:
+                found[writer], waiting = waiting, {}
+        return replace(self, writers=writers, found=found)
+
+
+def numbers(eras: Mapping[str, Mapping[str, int]]) -> dict[int, Streams]:
+    """Era -> stream -> number, as JSON has them."""
+    return {int(era): {int(stream): int(seq) for stream, seq in streams.items()} for era, streams in eras.items()}
 
 
 def fresh(new_epoch: Callable[[], int]) -> int:

@@ -124,7 +124,7 @@ class AgentSession:
             lane: LaneSender(lane, queues, clock=clock, limits=limits, compression=compression) for lane in LANES
         }
         self._marks: dict[tuple[int, int], int] = {}
-        self._stored_writers: set[str] = set()
+        self._stored_writers: dict[int, str] = {}
         self._heartbeat_s = limits.heartbeat_s
         self._next_statistics_s = self._heard_s = clock.monotonic_s()
         self._next_beat_s = dict.fromkeys(LANES, self._heard_s)
@@ -241,11 +241,11 @@ class AgentSession:
             self._heartbeat_s = min(max(welcome.heartbeat_s, LEAST_BEAT_S), MOST_BEAT_S)
         sender.welcome(welcome)
         self._marks.update({(mark.epoch, mark.stream_id): mark.seq for mark in welcome.watermarks})
-        self._stored_writers.update(welcome.stored_writers)
+        self._stored_writers.update({known.epoch: known.writer for known in welcome.stored_writers})
         if not self.established:
             return []
-        self._queues.outbox.resume(self._marks)
-        self._queues.outbox.writers_stored(self._stored_writers)
+        self._queues.outbox.resume(self._marks, self._stored_writers)
+        self._queues.outbox.writers_stored(self._stored_writers.values())
         return [Established(self.gateway_id, self.store_id)]
 
     def _acknowledged(self, ack: link_pb2.Ack) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from gateway.domain.channel import LIVE, METRIC_STREAM, Channel, Series
 from gateway.domain.robot import Robot
 from gateway.domain.sample import Gap, Rows, Run
-from gateway.errors import ForkedError, LinkError, ProtocolError
+from gateway.errors import ForkedError, LinkError, ProtocolError, UnsettledError
 from gateway.ingest.events import (
     Announced,
     Arrived,
@@ -103,12 +103,15 @@ class Session:
         Raises:
             ProtocolError: this Hello opens no lane here; only its own connection gets the Goodbye.
             ForkedError: likewise, as the agent's outbox is a copy of one that was here meanwhile.
+            UnsettledError: likewise, for a moment.
         """
         check_hello(hello, limits=self._limits)
         if self._closed or hello.lane in self._lanes:
             raise ProtocolError("this lane of the session is open already, or the session is over")
         if self._streams.forked(hello):
             raise ForkedError(f"another copy of the outbox of {self.robot.id} has spoken under its epoch")
+        if self._streams.unsettled(hello):
+            raise UnsettledError("what the writer before this one sent is being stored")
         self._lanes[hello.lane] = _Lane(now_s, Reassembler(limits=self._limits))
         lost: list[Event] = []
         self._streams.begin(hello.streams)
@@ -134,6 +137,7 @@ class Session:
                 raise ProtocolError("a frame is empty, or a second Hello")
             events += handler(lane, frame, now_s, wall_ns)
         except (LinkError, FrameError) as error:
+            self._streams.refuse()  # of this frame's batches some were counted in, and none goes to the store
             code = error.code if isinstance(error, LinkError) else ProtocolError.code
             events += self.close(code, str(error))
         return events
@@ -206,7 +210,10 @@ class Session:
             window_bytes=self._limits.window_bytes,
             window_batches=self._limits.window_batches,
             heartbeat_s=self._limits.heartbeat_s,
-            stored_writers=self._streams.stored_writers(hello),
+            stored_writers=[
+                link_pb2.EpochWriter(epoch=epoch, writer=writer)
+                for epoch, writer in self._streams.stored_writers(hello).items()
+            ],
         )
         return link_pb2.GatewayFrame(welcome=welcome)
 
@@ -249,7 +256,7 @@ class Session:
         if channel.delivery == LIVE:
             return [Arrived(Run(channel, columns, wall_ns), columns.epoch, columns.last_seq, False, 0)]
         accepted = self._streams.accept(columns.stream_id, columns.epoch, columns.first_seq, columns.last_seq)
-        fresh = _without_first(columns, accepted.duplicates)
+        fresh = columns.after(accepted.duplicates)
         run = Run(channel, fresh, wall_ns)
         return [Arrived(run, columns.epoch, accepted.seq, True, accepted.duplicates, lane != BACKFILL)]
 
@@ -310,18 +317,3 @@ class Session:
         while len(self._beats) > REMEMBERED_BEATS:
             del self._beats[next(iter(self._beats))]
         return [Send(CONTROL, link_pb2.GatewayFrame(heartbeat=beat))]
-
-
-def _without_first(columns: SampleColumns, skip: int) -> SampleColumns:
-    """The columns without their first `skip` samples."""
-    if skip == 0:
-        return columns
-    offsets = columns.offsets[skip:]
-    return SampleColumns(
-        stream_id=columns.stream_id,
-        epoch=columns.epoch,
-        first_seq=columns.first_seq + skip,
-        stamps_ns=columns.stamps_ns[skip:],
-        offsets=offsets - offsets[0],
-        payload=columns.payload[int(offsets[0]) :],
-    )

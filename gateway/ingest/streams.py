@@ -96,9 +96,21 @@ class StreamTable:
         """A commit with this writer is done."""
         self._stored_writers[epoch] = writer
 
-    def stored_writers(self, hello: link_pb2.Hello) -> set[str]:
+    def stored_writers(self, hello: link_pb2.Hello) -> dict[int, str]:
         """The writers of the agent's epochs that are stored."""
-        return {writer for state in hello.streams if (writer := self._stored_writers.get(state.epoch)) is not None}
+        epochs = {state.epoch for state in hello.streams}
+        return {epoch: writer for epoch, writer in self._stored_writers.items() if epoch in epochs}
+
+    def unsettled(self, hello: link_pb2.Hello) -> bool:
+        """Whether an earlier writer's samples of the agent's epochs are still on their way to the store.
+
+        They may be another copy's, so the new one must be told of them; once they are stored, or refused, it is.
+        """
+        writer = hello.writers[-1] if hello.writers else ""
+        news = {state.epoch for state in hello.streams if self.writers.get(state.epoch, writer) != writer}
+        return bool(news) and any(
+            seq > self._stored.get(key, 0) for key, seq in self._accepted.items() if key[1] in news
+        )
 
     def written_by(self, hello: link_pb2.Hello) -> dict[int, str]:
         """Note the agent's process as the writer of its epochs; those of which that is new."""

@@ -82,7 +82,8 @@ class GatewayHalf:
                 self.writers[state.epoch] = hello.writers[-1]
             seq = self.watermarks[key]
             welcome.watermarks.append(link_pb2.Watermark(stream_id=state.stream_id, epoch=state.epoch, seq=seq))
-        welcome.stored_writers.extend(sorted({self.writers[s.epoch] for s in hello.streams if s.epoch in self.writers}))
+        for epoch in {s.epoch for s in hello.streams if s.epoch in self.writers}:
+            welcome.stored_writers.add(epoch=epoch, writer=self.writers[epoch])
         self.out[lane].append(link_pb2.GatewayFrame(welcome=welcome))
 
     def on_announce(self, lane: int, announce: link_pb2.Announce) -> None:
