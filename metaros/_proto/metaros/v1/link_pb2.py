@@ -4,104 +4,109 @@
 # source: metaros/v1/link.proto
 # Protobuf Python Version: 7.35.1
 """Generated protocol buffer code."""
-
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import descriptor_pool as _descriptor_pool
 from google.protobuf import runtime_version as _runtime_version
 from google.protobuf import symbol_database as _symbol_database
 from google.protobuf.internal import builder as _builder
-
-_runtime_version.ValidateProtobufRuntimeVersion(_runtime_version.Domain.PUBLIC, 7, 35, 1, "", "metaros/v1/link.proto")
+_runtime_version.ValidateProtobufRuntimeVersion(
+    _runtime_version.Domain.PUBLIC,
+    7,
+    35,
+    1,
+    '',
+    'metaros/v1/link.proto'
+)
 # @@protoc_insertion_point(imports)
 
 _sym_db = _symbol_database.Default()
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(
-    b'\n\x15metaros/v1/link.proto\x12\nmetaros.v1"\x8b\x03\n\nAgentFrame\x12"\n\x05hello\x18\x01 \x01(\x0b\x32\x11.metaros.v1.HelloH\x00\x12(\n\x08\x61nnounce\x18\x02 \x01(\x0b\x32\x14.metaros.v1.AnnounceH\x00\x12&\n\x07\x62\x61tches\x18\x03 \x01(\x0b\x32\x13.metaros.v1.BatchesH\x00\x12*\n\x07metrics\x18\x04 \x01(\x0b\x32\x17.metaros.v1.MetricBatchH\x00\x12\x1e\n\x03gap\x18\x05 \x01(\x0b\x32\x0f.metaros.v1.GapH\x00\x12\x31\n\nstatistics\x18\x06 \x01(\x0b\x32\x1b.metaros.v1.TopicStatisticsH\x00\x12+\n\x06result\x18\x07 \x01(\x0b\x32\x19.metaros.v1.CommandResultH\x00\x12*\n\theartbeat\x18\x08 \x01(\x0b\x32\x15.metaros.v1.HeartbeatH\x00\x12&\n\x07resumed\x18\t \x01(\x0b\x32\x13.metaros.v1.ResumedH\x00\x42\x07\n\x05\x66rame"\xd6\x02\n\x0cGatewayFrame\x12&\n\x07welcome\x18\x01 \x01(\x0b\x32\x13.metaros.v1.WelcomeH\x00\x12\x1e\n\x03\x61\x63k\x18\x02 \x01(\x0b\x32\x0f.metaros.v1.AckH\x00\x12$\n\x06\x64\x65mand\x18\x03 \x01(\x0b\x32\x12.metaros.v1.DemandH\x00\x12&\n\x07\x63ommand\x18\x04 \x01(\x0b\x32\x13.metaros.v1.CommandH\x00\x12$\n\x06teleop\x18\x05 \x01(\x0b\x32\x12.metaros.v1.TeleopH\x00\x12*\n\theartbeat\x18\x06 \x01(\x0b\x32\x15.metaros.v1.HeartbeatH\x00\x12&\n\x07goodbye\x18\x07 \x01(\x0b\x32\x13.metaros.v1.GoodbyeH\x00\x12-\n\x0bretry_later\x18\x08 \x01(\x0b\x32\x16.metaros.v1.RetryLaterH\x00\x42\x07\n\x05\x66rame"\xcc\x02\n\x05Hello\x12\x10\n\x08protocol\x18\x01 \x01(\r\x12\x10\n\x08robot_id\x18\x02 \x01(\t\x12\x12\n\nsession_id\x18\x03 \x01(\x0c\x12\x16\n\x0esession_number\x18\x04 \x01(\x04\x12\x1e\n\x04lane\x18\x05 \x01(\x0e\x32\x10.metaros.v1.Lane\x12\x15\n\ragent_version\x18\x06 \x01(\t\x12\x11\n\tnamespace\x18\x07 \x01(\t\x12\x10\n\x08hostname\x18\x08 \x01(\t\x12-\n\x06labels\x18\t \x03(\x0b\x32\x1d.metaros.v1.Hello.LabelsEntry\x12(\n\x07streams\x18\n \x03(\x0b\x32\x17.metaros.v1.StreamState\x12\x0f\n\x07writers\x18\x0b \x03(\t\x1a-\n\x0bLabelsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\t:\x02\x38\x01"f\n\x0bStreamState\x12\x11\n\tstream_id\x18\x01 \x01(\r\x12\r\n\x05\x65poch\x18\x02 \x01(\x06\x12\x11\n\tfirst_seq\x18\x03 \x01(\x04\x12\x10\n\x08last_seq\x18\x04 \x01(\x04\x12\x10\n\x08\x62\x61se_seq\x18\x05 \x01(\x04"\xce\x01\n\x07Welcome\x12\x12\n\ngateway_id\x18\x01 \x01(\t\x12\x10\n\x08store_id\x18\x02 \x01(\t\x12)\n\nwatermarks\x18\x03 \x03(\x0b\x32\x15.metaros.v1.Watermark\x12\x14\n\x0cwindow_bytes\x18\x04 \x01(\x04\x12\x16\n\x0ewindow_batches\x18\x05 \x01(\r\x12\x13\n\x0bheartbeat_s\x18\x06 \x01(\x01\x12/\n\x0estored_writers\x18\x07 \x03(\x0b\x32\x17.metaros.v1.EpochWriter",\n\x0b\x45pochWriter\x12\r\n\x05\x65poch\x18\x01 \x01(\x06\x12\x0e\n\x06writer\x18\x02 \x01(\t":\n\tWatermark\x12\x11\n\tstream_id\x18\x01 \x01(\r\x12\r\n\x05\x65poch\x18\x02 \x01(\x06\x12\x0b\n\x03seq\x18\x03 \x01(\x04"0\n\x03\x41\x63k\x12)\n\nwatermarks\x18\x01 \x03(\x0b\x32\x15.metaros.v1.Watermark"U\n\x08\x41nnounce\x12%\n\x08\x63hannels\x18\x01 \x03(\x0b\x32\x13.metaros.v1.Channel\x12"\n\x06series\x18\x02 \x03(\x0b\x32\x12.metaros.v1.Series"\xec\x01\n\x07\x43hannel\x12\x12\n\nchannel_id\x18\x01 \x01(\r\x12\r\n\x05topic\x18\x02 \x01(\t\x12\x10\n\x08\x65ncoding\x18\x03 \x01(\t\x12\x13\n\x0bschema_name\x18\x04 \x01(\t\x12\x17\n\x0fschema_encoding\x18\x05 \x01(\t\x12\x0e\n\x06schema\x18\x06 \x01(\x0c\x12\x11\n\ttype_hash\x18\x07 \x01(\t\x12\x0b\n\x03qos\x18\x08 \x01(\t\x12(\n\x05\x63lass\x18\t \x01(\x0e\x32\x19.metaros.v1.DeliveryClass\x12\x13\n\x0bmax_rate_hz\x18\n \x01(\x01\x12\x0f\n\x07\x66orward\x18\x0b \x01(\x08"G\n\x06Series\x12\x11\n\tseries_id\x18\x01 \x01(\r\x12\x0c\n\x04name\x18\x02 \x01(\t\x12\r\n\x05topic\x18\x03 \x01(\t\x12\r\n\x05\x66ield\x18\x04 \x01(\t"-\n\x07\x42\x61tches\x12"\n\x07\x62\x61tches\x18\x01 \x03(\x0b\x32\x11.metaros.v1.Batch"\xd5\x01\n\x05\x42\x61tch\x12\x11\n\tstream_id\x18\x01 \x01(\r\x12\r\n\x05\x65poch\x18\x02 \x01(\x06\x12\x11\n\tfirst_seq\x18\x03 \x01(\x04\x12\r\n\x05\x63ount\x18\x04 \x01(\r\x12\x0e\n\x06stamps\x18\x05 \x01(\x0c\x12\x0f\n\x07lengths\x18\x06 \x01(\x0c\x12\x0f\n\x07payload\x18\x07 \x01(\x0c\x12\x13\n\x0b\x63hunk_index\x18\x08 \x01(\r\x12\x13\n\x0b\x63hunk_count\x18\t \x01(\r\x12,\n\x0b\x63ompression\x18\n \x01(\x0e\x32\x17.metaros.v1.Compression"\x85\x01\n\x0bMetricBatch\x12\r\n\x05\x65poch\x18\x01 \x01(\x06\x12\x11\n\tfirst_seq\x18\x02 \x01(\x04\x12\r\n\x05\x63ount\x18\x03 \x01(\r\x12\x12\n\nseries_ids\x18\x04 \x01(\x0c\x12\x0e\n\x06stamps\x18\x05 \x01(\x0c\x12\x0e\n\x06values\x18\x06 \x01(\x0c\x12\x11\n\tstream_id\x18\x07 \x01(\r"y\n\x03Gap\x12\x11\n\tstream_id\x18\x01 \x01(\r\x12\r\n\x05\x65poch\x18\x02 \x01(\x06\x12\x10\n\x08\x66rom_seq\x18\x03 \x01(\x04\x12\x0e\n\x06to_seq\x18\x04 \x01(\x04\x12\x0e\n\x06reason\x18\x05 \x01(\t\x12\x0f\n\x07\x66rom_ns\x18\x06 \x01(\x12\x12\r\n\x05to_ns\x18\x07 \x01(\x12"\xa3\x01\n\x0fTopicStatistics\x12%\n\x06topics\x18\x01 \x03(\x0b\x32\x15.metaros.v1.TopicRate\x12\x14\n\x0coutbox_bytes\x18\x02 \x01(\x04\x12\x16\n\x0eoutbox_samples\x18\x03 \x01(\x04\x12\x11\n\tmalformed\x18\x04 \x01(\x04\x12(\n\x04link\x18\x05 \x01(\x0b\x32\x1a.metaros.v1.LinkStatistics"\xd9\x01\n\x0eLinkStatistics\x12\x11\n\ttransport\x18\x01 \x01(\t\x12\x0f\n\x07gateway\x18\x02 \x01(\t\x12\x1a\n\x12\x62udget_bytes_per_s\x18\x03 \x01(\x04\x12\x18\n\x10sent_bytes_per_s\x18\x04 \x01(\x01\x12\x12\n\nreconnects\x18\x05 \x01(\x04\x12\'\n\x07\x63lasses\x18\x06 \x03(\x0b\x32\x16.metaros.v1.ClassDepth\x12\x17\n\x0f\x64isk_free_bytes\x18\x07 \x01(\x04\x12\x17\n\x0f\x63lock_offset_ns\x18\x08 \x01(\x12"\x8f\x01\n\nClassDepth\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x13\n\x0b\x66resh_bytes\x18\x02 \x01(\x04\x12\x16\n\x0e\x62\x61\x63kfill_bytes\x18\x03 \x01(\x04\x12\x0f\n\x07samples\x18\x04 \x01(\x04\x12\x0c\n\x04lost\x18\x05 \x01(\x04\x12\x12\n\ndisk_bytes\x18\x06 \x01(\x04\x12\x13\n\x0bquota_bytes\x18\x07 \x01(\x04"\x91\x01\n\tTopicRate\x12\x12\n\nchannel_id\x18\x01 \x01(\r\x12\x0f\n\x07rate_hz\x18\x02 \x01(\x01\x12\x13\n\x0b\x62ytes_per_s\x18\x03 \x01(\x01\x12\x10\n\x08messages\x18\x04 \x01(\x04\x12\x0f\n\x07\x64ropped\x18\x05 \x01(\x04\x12\x12\n\npublishers\x18\x06 \x01(\r\x12\x13\n\x0bsubscribers\x18\x07 \x01(\r"D\n\x06\x44\x65mand\x12\x10\n\x08revision\x18\x01 \x01(\x04\x12(\n\x07\x65ntries\x18\x02 \x03(\x0b\x32\x17.metaros.v1.DemandEntry"6\n\x0b\x44\x65mandEntry\x12\x12\n\nchannel_id\x18\x01 \x01(\r\x12\x13\n\x0bmax_rate_hz\x18\x02 \x01(\x01"\xbc\x02\n\x07\x43ommand\x12\x12\n\ncommand_id\x18\x01 \x01(\x0c\x12\x12\n\ntimeout_ms\x18\x02 \x01(\r\x12\x10\n\x08lease_id\x18\x03 \x01(\t\x12-\n\x07publish\x18\x04 \x01(\x0b\x32\x1a.metaros.v1.PublishMessageH\x00\x12/\n\x0c\x63\x61ll_service\x18\x05 \x01(\x0b\x32\x17.metaros.v1.CallServiceH\x00\x12-\n\x0bgrant_lease\x18\x06 \x01(\x0b\x32\x16.metaros.v1.GrantLeaseH\x00\x12\x31\n\rrelease_lease\x18\x07 \x01(\x0b\x32\x18.metaros.v1.ReleaseLeaseH\x00\x12+\n\nset_uplink\x18\x08 \x01(\x0b\x32\x15.metaros.v1.SetUplinkH\x00\x42\x08\n\x06\x61\x63tion"V\n\x0ePublishMessage\x12\r\n\x05topic\x18\x01 \x01(\t\x12\x11\n\ttype_name\x18\x02 \x01(\t\x12\x11\n\ttype_hash\x18\x03 \x01(\t\x12\x0f\n\x07payload\x18\x04 \x01(\x0c"U\n\x0b\x43\x61llService\x12\x0f\n\x07service\x18\x01 \x01(\t\x12\x11\n\ttype_name\x18\x02 \x01(\t\x12\x11\n\ttype_hash\x18\x03 \x01(\t\x12\x0f\n\x07request\x18\x04 \x01(\x0c"@\n\nGrantLease\x12\x10\n\x08lease_id\x18\x01 \x01(\t\x12\x0e\n\x06holder\x18\x02 \x01(\t\x12\x10\n\x08valid_ms\x18\x03 \x01(\r" \n\x0cReleaseLease\x12\x10\n\x08lease_id\x18\x01 \x01(\t" \n\tSetUplink\x12\x13\n\x0b\x62ytes_per_s\x18\x01 \x01(\x04"_\n\rCommandResult\x12\x12\n\ncommand_id\x18\x01 \x01(\x0c\x12\n\n\x02ok\x18\x02 \x01(\x08\x12\x0c\n\x04\x63ode\x18\x03 \x01(\t\x12\x0f\n\x07message\x18\x04 \x01(\t\x12\x0f\n\x07payload\x18\x05 \x01(\x0c"~\n\x06Teleop\x12\x10\n\x08lease_id\x18\x01 \x01(\t\x12\x0b\n\x03seq\x18\x02 \x01(\x04\x12\x0f\n\x07sent_ns\x18\x03 \x01(\x12\x12\r\n\x05topic\x18\x04 \x01(\t\x12\x11\n\ttype_name\x18\x05 \x01(\t\x12\x11\n\ttype_hash\x18\x06 \x01(\t\x12\x0f\n\x07payload\x18\x07 \x01(\x0c">\n\tHeartbeat\x12\x0f\n\x07sent_ns\x18\x01 \x01(\x12\x12\x0f\n\x07\x65\x63ho_ns\x18\x02 \x01(\x12\x12\x0f\n\x07held_ns\x18\x03 \x01(\x12"C\n\nRetryLater\x12\r\n\x05token\x18\x01 \x01(\x04\x12\x16\n\x0eretry_after_ms\x18\x02 \x01(\r\x12\x0e\n\x06reason\x18\x03 \x01(\t"\x18\n\x07Resumed\x12\r\n\x05token\x18\x01 \x01(\x04"@\n\x07Goodbye\x12\x0c\n\x04\x63ode\x18\x01 \x01(\t\x12\x0f\n\x07message\x18\x02 \x01(\t\x12\x16\n\x0eretry_after_ms\x18\x03 \x01(\r*P\n\x04Lane\x12\x14\n\x10LANE_UNSPECIFIED\x10\x00\x12\x10\n\x0cLANE_CONTROL\x10\x01\x12\r\n\tLANE_DATA\x10\x02\x12\x11\n\rLANE_BACKFILL\x10\x03*\x96\x01\n\rDeliveryClass\x12\x1e\n\x1a\x44\x45LIVERY_CLASS_UNSPECIFIED\x10\x00\x12\x18\n\x14\x44\x45LIVERY_CLASS_EVENT\x10\x01\x12\x19\n\x15\x44\x45LIVERY_CLASS_METRIC\x10\x02\x12\x17\n\x13\x44\x45LIVERY_CLASS_BULK\x10\x03\x12\x17\n\x13\x44\x45LIVERY_CLASS_LIVE\x10\x04*9\n\x0b\x43ompression\x12\x14\n\x10\x43OMPRESSION_NONE\x10\x00\x12\x14\n\x10\x43OMPRESSION_ZSTD\x10\x01\x32G\n\x04Link\x12?\n\x07\x43onnect\x12\x16.metaros.v1.AgentFrame\x1a\x18.metaros.v1.GatewayFrame(\x01\x30\x01\x62\x06proto3'
-)
+
+
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x15metaros/v1/link.proto\x12\nmetaros.v1\"\x8b\x03\n\nAgentFrame\x12\"\n\x05hello\x18\x01 \x01(\x0b\x32\x11.metaros.v1.HelloH\x00\x12(\n\x08\x61nnounce\x18\x02 \x01(\x0b\x32\x14.metaros.v1.AnnounceH\x00\x12&\n\x07\x62\x61tches\x18\x03 \x01(\x0b\x32\x13.metaros.v1.BatchesH\x00\x12*\n\x07metrics\x18\x04 \x01(\x0b\x32\x17.metaros.v1.MetricBatchH\x00\x12\x1e\n\x03gap\x18\x05 \x01(\x0b\x32\x0f.metaros.v1.GapH\x00\x12\x31\n\nstatistics\x18\x06 \x01(\x0b\x32\x1b.metaros.v1.TopicStatisticsH\x00\x12+\n\x06result\x18\x07 \x01(\x0b\x32\x19.metaros.v1.CommandResultH\x00\x12*\n\theartbeat\x18\x08 \x01(\x0b\x32\x15.metaros.v1.HeartbeatH\x00\x12&\n\x07resumed\x18\t \x01(\x0b\x32\x13.metaros.v1.ResumedH\x00\x42\x07\n\x05\x66rame\"\xd6\x02\n\x0cGatewayFrame\x12&\n\x07welcome\x18\x01 \x01(\x0b\x32\x13.metaros.v1.WelcomeH\x00\x12\x1e\n\x03\x61\x63k\x18\x02 \x01(\x0b\x32\x0f.metaros.v1.AckH\x00\x12$\n\x06\x64\x65mand\x18\x03 \x01(\x0b\x32\x12.metaros.v1.DemandH\x00\x12&\n\x07\x63ommand\x18\x04 \x01(\x0b\x32\x13.metaros.v1.CommandH\x00\x12$\n\x06teleop\x18\x05 \x01(\x0b\x32\x12.metaros.v1.TeleopH\x00\x12*\n\theartbeat\x18\x06 \x01(\x0b\x32\x15.metaros.v1.HeartbeatH\x00\x12&\n\x07goodbye\x18\x07 \x01(\x0b\x32\x13.metaros.v1.GoodbyeH\x00\x12-\n\x0bretry_later\x18\x08 \x01(\x0b\x32\x16.metaros.v1.RetryLaterH\x00\x42\x07\n\x05\x66rame\"\xcc\x02\n\x05Hello\x12\x10\n\x08protocol\x18\x01 \x01(\r\x12\x10\n\x08robot_id\x18\x02 \x01(\t\x12\x12\n\nsession_id\x18\x03 \x01(\x0c\x12\x16\n\x0esession_number\x18\x04 \x01(\x04\x12\x1e\n\x04lane\x18\x05 \x01(\x0e\x32\x10.metaros.v1.Lane\x12\x15\n\ragent_version\x18\x06 \x01(\t\x12\x11\n\tnamespace\x18\x07 \x01(\t\x12\x10\n\x08hostname\x18\x08 \x01(\t\x12-\n\x06labels\x18\t \x03(\x0b\x32\x1d.metaros.v1.Hello.LabelsEntry\x12(\n\x07streams\x18\n \x03(\x0b\x32\x17.metaros.v1.StreamState\x12\x0f\n\x07writers\x18\x0b \x03(\t\x1a-\n\x0bLabelsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\t:\x02\x38\x01\"f\n\x0bStreamState\x12\x11\n\tstream_id\x18\x01 \x01(\r\x12\r\n\x05\x65poch\x18\x02 \x01(\x06\x12\x11\n\tfirst_seq\x18\x03 \x01(\x04\x12\x10\n\x08last_seq\x18\x04 \x01(\x04\x12\x10\n\x08\x62\x61se_seq\x18\x05 \x01(\x04\"\xce\x01\n\x07Welcome\x12\x12\n\ngateway_id\x18\x01 \x01(\t\x12\x10\n\x08store_id\x18\x02 \x01(\t\x12)\n\nwatermarks\x18\x03 \x03(\x0b\x32\x15.metaros.v1.Watermark\x12\x14\n\x0cwindow_bytes\x18\x04 \x01(\x04\x12\x16\n\x0ewindow_batches\x18\x05 \x01(\r\x12\x13\n\x0bheartbeat_s\x18\x06 \x01(\x01\x12/\n\x0estored_writers\x18\x07 \x03(\x0b\x32\x17.metaros.v1.EpochWriter\",\n\x0b\x45pochWriter\x12\r\n\x05\x65poch\x18\x01 \x01(\x06\x12\x0e\n\x06writer\x18\x02 \x01(\t\":\n\tWatermark\x12\x11\n\tstream_id\x18\x01 \x01(\r\x12\r\n\x05\x65poch\x18\x02 \x01(\x06\x12\x0b\n\x03seq\x18\x03 \x01(\x04\"0\n\x03\x41\x63k\x12)\n\nwatermarks\x18\x01 \x03(\x0b\x32\x15.metaros.v1.Watermark\"U\n\x08\x41nnounce\x12%\n\x08\x63hannels\x18\x01 \x03(\x0b\x32\x13.metaros.v1.Channel\x12\"\n\x06series\x18\x02 \x03(\x0b\x32\x12.metaros.v1.Series\"\xec\x01\n\x07\x43hannel\x12\x12\n\nchannel_id\x18\x01 \x01(\r\x12\r\n\x05topic\x18\x02 \x01(\t\x12\x10\n\x08\x65ncoding\x18\x03 \x01(\t\x12\x13\n\x0bschema_name\x18\x04 \x01(\t\x12\x17\n\x0fschema_encoding\x18\x05 \x01(\t\x12\x0e\n\x06schema\x18\x06 \x01(\x0c\x12\x11\n\ttype_hash\x18\x07 \x01(\t\x12\x0b\n\x03qos\x18\x08 \x01(\t\x12(\n\x05\x63lass\x18\t \x01(\x0e\x32\x19.metaros.v1.DeliveryClass\x12\x13\n\x0bmax_rate_hz\x18\n \x01(\x01\x12\x0f\n\x07\x66orward\x18\x0b \x01(\x08\"G\n\x06Series\x12\x11\n\tseries_id\x18\x01 \x01(\r\x12\x0c\n\x04name\x18\x02 \x01(\t\x12\r\n\x05topic\x18\x03 \x01(\t\x12\r\n\x05\x66ield\x18\x04 \x01(\t\"-\n\x07\x42\x61tches\x12\"\n\x07\x62\x61tches\x18\x01 \x03(\x0b\x32\x11.metaros.v1.Batch\"\xd5\x01\n\x05\x42\x61tch\x12\x11\n\tstream_id\x18\x01 \x01(\r\x12\r\n\x05\x65poch\x18\x02 \x01(\x06\x12\x11\n\tfirst_seq\x18\x03 \x01(\x04\x12\r\n\x05\x63ount\x18\x04 \x01(\r\x12\x0e\n\x06stamps\x18\x05 \x01(\x0c\x12\x0f\n\x07lengths\x18\x06 \x01(\x0c\x12\x0f\n\x07payload\x18\x07 \x01(\x0c\x12\x13\n\x0b\x63hunk_index\x18\x08 \x01(\r\x12\x13\n\x0b\x63hunk_count\x18\t \x01(\r\x12,\n\x0b\x63ompression\x18\n \x01(\x0e\x32\x17.metaros.v1.Compression\"\x85\x01\n\x0bMetricBatch\x12\r\n\x05\x65poch\x18\x01 \x01(\x06\x12\x11\n\tfirst_seq\x18\x02 \x01(\x04\x12\r\n\x05\x63ount\x18\x03 \x01(\r\x12\x12\n\nseries_ids\x18\x04 \x01(\x0c\x12\x0e\n\x06stamps\x18\x05 \x01(\x0c\x12\x0e\n\x06values\x18\x06 \x01(\x0c\x12\x11\n\tstream_id\x18\x07 \x01(\r\"y\n\x03Gap\x12\x11\n\tstream_id\x18\x01 \x01(\r\x12\r\n\x05\x65poch\x18\x02 \x01(\x06\x12\x10\n\x08\x66rom_seq\x18\x03 \x01(\x04\x12\x0e\n\x06to_seq\x18\x04 \x01(\x04\x12\x0e\n\x06reason\x18\x05 \x01(\t\x12\x0f\n\x07\x66rom_ns\x18\x06 \x01(\x12\x12\r\n\x05to_ns\x18\x07 \x01(\x12\"\xa3\x01\n\x0fTopicStatistics\x12%\n\x06topics\x18\x01 \x03(\x0b\x32\x15.metaros.v1.TopicRate\x12\x14\n\x0coutbox_bytes\x18\x02 \x01(\x04\x12\x16\n\x0eoutbox_samples\x18\x03 \x01(\x04\x12\x11\n\tmalformed\x18\x04 \x01(\x04\x12(\n\x04link\x18\x05 \x01(\x0b\x32\x1a.metaros.v1.LinkStatistics\"\xd9\x01\n\x0eLinkStatistics\x12\x11\n\ttransport\x18\x01 \x01(\t\x12\x0f\n\x07gateway\x18\x02 \x01(\t\x12\x1a\n\x12\x62udget_bytes_per_s\x18\x03 \x01(\x04\x12\x18\n\x10sent_bytes_per_s\x18\x04 \x01(\x01\x12\x12\n\nreconnects\x18\x05 \x01(\x04\x12\'\n\x07\x63lasses\x18\x06 \x03(\x0b\x32\x16.metaros.v1.ClassDepth\x12\x17\n\x0f\x64isk_free_bytes\x18\x07 \x01(\x04\x12\x17\n\x0f\x63lock_offset_ns\x18\x08 \x01(\x12\"\x8f\x01\n\nClassDepth\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x13\n\x0b\x66resh_bytes\x18\x02 \x01(\x04\x12\x16\n\x0e\x62\x61\x63kfill_bytes\x18\x03 \x01(\x04\x12\x0f\n\x07samples\x18\x04 \x01(\x04\x12\x0c\n\x04lost\x18\x05 \x01(\x04\x12\x12\n\ndisk_bytes\x18\x06 \x01(\x04\x12\x13\n\x0bquota_bytes\x18\x07 \x01(\x04\"\x91\x01\n\tTopicRate\x12\x12\n\nchannel_id\x18\x01 \x01(\r\x12\x0f\n\x07rate_hz\x18\x02 \x01(\x01\x12\x13\n\x0b\x62ytes_per_s\x18\x03 \x01(\x01\x12\x10\n\x08messages\x18\x04 \x01(\x04\x12\x0f\n\x07\x64ropped\x18\x05 \x01(\x04\x12\x12\n\npublishers\x18\x06 \x01(\r\x12\x13\n\x0bsubscribers\x18\x07 \x01(\r\"D\n\x06\x44\x65mand\x12\x10\n\x08revision\x18\x01 \x01(\x04\x12(\n\x07\x65ntries\x18\x02 \x03(\x0b\x32\x17.metaros.v1.DemandEntry\"6\n\x0b\x44\x65mandEntry\x12\x12\n\nchannel_id\x18\x01 \x01(\r\x12\x13\n\x0bmax_rate_hz\x18\x02 \x01(\x01\"\xbc\x02\n\x07\x43ommand\x12\x12\n\ncommand_id\x18\x01 \x01(\x0c\x12\x12\n\ntimeout_ms\x18\x02 \x01(\r\x12\x10\n\x08lease_id\x18\x03 \x01(\t\x12-\n\x07publish\x18\x04 \x01(\x0b\x32\x1a.metaros.v1.PublishMessageH\x00\x12/\n\x0c\x63\x61ll_service\x18\x05 \x01(\x0b\x32\x17.metaros.v1.CallServiceH\x00\x12-\n\x0bgrant_lease\x18\x06 \x01(\x0b\x32\x16.metaros.v1.GrantLeaseH\x00\x12\x31\n\rrelease_lease\x18\x07 \x01(\x0b\x32\x18.metaros.v1.ReleaseLeaseH\x00\x12+\n\nset_uplink\x18\x08 \x01(\x0b\x32\x15.metaros.v1.SetUplinkH\x00\x42\x08\n\x06\x61\x63tion\"V\n\x0ePublishMessage\x12\r\n\x05topic\x18\x01 \x01(\t\x12\x11\n\ttype_name\x18\x02 \x01(\t\x12\x11\n\ttype_hash\x18\x03 \x01(\t\x12\x0f\n\x07payload\x18\x04 \x01(\x0c\"U\n\x0b\x43\x61llService\x12\x0f\n\x07service\x18\x01 \x01(\t\x12\x11\n\ttype_name\x18\x02 \x01(\t\x12\x11\n\ttype_hash\x18\x03 \x01(\t\x12\x0f\n\x07request\x18\x04 \x01(\x0c\"@\n\nGrantLease\x12\x10\n\x08lease_id\x18\x01 \x01(\t\x12\x0e\n\x06holder\x18\x02 \x01(\t\x12\x10\n\x08valid_ms\x18\x03 \x01(\r\" \n\x0cReleaseLease\x12\x10\n\x08lease_id\x18\x01 \x01(\t\" \n\tSetUplink\x12\x13\n\x0b\x62ytes_per_s\x18\x01 \x01(\x04\"_\n\rCommandResult\x12\x12\n\ncommand_id\x18\x01 \x01(\x0c\x12\n\n\x02ok\x18\x02 \x01(\x08\x12\x0c\n\x04\x63ode\x18\x03 \x01(\t\x12\x0f\n\x07message\x18\x04 \x01(\t\x12\x0f\n\x07payload\x18\x05 \x01(\x0c\"~\n\x06Teleop\x12\x10\n\x08lease_id\x18\x01 \x01(\t\x12\x0b\n\x03seq\x18\x02 \x01(\x04\x12\x0f\n\x07sent_ns\x18\x03 \x01(\x12\x12\r\n\x05topic\x18\x04 \x01(\t\x12\x11\n\ttype_name\x18\x05 \x01(\t\x12\x11\n\ttype_hash\x18\x06 \x01(\t\x12\x0f\n\x07payload\x18\x07 \x01(\x0c\">\n\tHeartbeat\x12\x0f\n\x07sent_ns\x18\x01 \x01(\x12\x12\x0f\n\x07\x65\x63ho_ns\x18\x02 \x01(\x12\x12\x0f\n\x07held_ns\x18\x03 \x01(\x12\"C\n\nRetryLater\x12\r\n\x05token\x18\x01 \x01(\x04\x12\x16\n\x0eretry_after_ms\x18\x02 \x01(\r\x12\x0e\n\x06reason\x18\x03 \x01(\t\"\x18\n\x07Resumed\x12\r\n\x05token\x18\x01 \x01(\x04\"@\n\x07Goodbye\x12\x0c\n\x04\x63ode\x18\x01 \x01(\t\x12\x0f\n\x07message\x18\x02 \x01(\t\x12\x16\n\x0eretry_after_ms\x18\x03 \x01(\r*P\n\x04Lane\x12\x14\n\x10LANE_UNSPECIFIED\x10\x00\x12\x10\n\x0cLANE_CONTROL\x10\x01\x12\r\n\tLANE_DATA\x10\x02\x12\x11\n\rLANE_BACKFILL\x10\x03*\x96\x01\n\rDeliveryClass\x12\x1e\n\x1a\x44\x45LIVERY_CLASS_UNSPECIFIED\x10\x00\x12\x18\n\x14\x44\x45LIVERY_CLASS_EVENT\x10\x01\x12\x19\n\x15\x44\x45LIVERY_CLASS_METRIC\x10\x02\x12\x17\n\x13\x44\x45LIVERY_CLASS_BULK\x10\x03\x12\x17\n\x13\x44\x45LIVERY_CLASS_LIVE\x10\x04*9\n\x0b\x43ompression\x12\x14\n\x10\x43OMPRESSION_NONE\x10\x00\x12\x14\n\x10\x43OMPRESSION_ZSTD\x10\x01\x32G\n\x04Link\x12?\n\x07\x43onnect\x12\x16.metaros.v1.AgentFrame\x1a\x18.metaros.v1.GatewayFrame(\x01\x30\x01\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
-_builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, "metaros.v1.link_pb2", _globals)
+_builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'metaros.v1.link_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
-    DESCRIPTOR._loaded_options = None
-    _globals["_HELLO_LABELSENTRY"]._loaded_options = None
-    _globals["_HELLO_LABELSENTRY"]._serialized_options = b"8\001"
-    _globals["_LANE"]._serialized_start = 4389
-    _globals["_LANE"]._serialized_end = 4469
-    _globals["_DELIVERYCLASS"]._serialized_start = 4472
-    _globals["_DELIVERYCLASS"]._serialized_end = 4622
-    _globals["_COMPRESSION"]._serialized_start = 4624
-    _globals["_COMPRESSION"]._serialized_end = 4681
-    _globals["_AGENTFRAME"]._serialized_start = 38
-    _globals["_AGENTFRAME"]._serialized_end = 433
-    _globals["_GATEWAYFRAME"]._serialized_start = 436
-    _globals["_GATEWAYFRAME"]._serialized_end = 778
-    _globals["_HELLO"]._serialized_start = 781
-    _globals["_HELLO"]._serialized_end = 1113
-    _globals["_HELLO_LABELSENTRY"]._serialized_start = 1068
-    _globals["_HELLO_LABELSENTRY"]._serialized_end = 1113
-    _globals["_STREAMSTATE"]._serialized_start = 1115
-    _globals["_STREAMSTATE"]._serialized_end = 1217
-    _globals["_WELCOME"]._serialized_start = 1220
-    _globals["_WELCOME"]._serialized_end = 1426
-    _globals["_EPOCHWRITER"]._serialized_start = 1428
-    _globals["_EPOCHWRITER"]._serialized_end = 1472
-    _globals["_WATERMARK"]._serialized_start = 1474
-    _globals["_WATERMARK"]._serialized_end = 1532
-    _globals["_ACK"]._serialized_start = 1534
-    _globals["_ACK"]._serialized_end = 1582
-    _globals["_ANNOUNCE"]._serialized_start = 1584
-    _globals["_ANNOUNCE"]._serialized_end = 1669
-    _globals["_CHANNEL"]._serialized_start = 1672
-    _globals["_CHANNEL"]._serialized_end = 1908
-    _globals["_SERIES"]._serialized_start = 1910
-    _globals["_SERIES"]._serialized_end = 1981
-    _globals["_BATCHES"]._serialized_start = 1983
-    _globals["_BATCHES"]._serialized_end = 2028
-    _globals["_BATCH"]._serialized_start = 2031
-    _globals["_BATCH"]._serialized_end = 2244
-    _globals["_METRICBATCH"]._serialized_start = 2247
-    _globals["_METRICBATCH"]._serialized_end = 2380
-    _globals["_GAP"]._serialized_start = 2382
-    _globals["_GAP"]._serialized_end = 2503
-    _globals["_TOPICSTATISTICS"]._serialized_start = 2506
-    _globals["_TOPICSTATISTICS"]._serialized_end = 2669
-    _globals["_LINKSTATISTICS"]._serialized_start = 2672
-    _globals["_LINKSTATISTICS"]._serialized_end = 2889
-    _globals["_CLASSDEPTH"]._serialized_start = 2892
-    _globals["_CLASSDEPTH"]._serialized_end = 3035
-    _globals["_TOPICRATE"]._serialized_start = 3038
-    _globals["_TOPICRATE"]._serialized_end = 3183
-    _globals["_DEMAND"]._serialized_start = 3185
-    _globals["_DEMAND"]._serialized_end = 3253
-    _globals["_DEMANDENTRY"]._serialized_start = 3255
-    _globals["_DEMANDENTRY"]._serialized_end = 3309
-    _globals["_COMMAND"]._serialized_start = 3312
-    _globals["_COMMAND"]._serialized_end = 3628
-    _globals["_PUBLISHMESSAGE"]._serialized_start = 3630
-    _globals["_PUBLISHMESSAGE"]._serialized_end = 3716
-    _globals["_CALLSERVICE"]._serialized_start = 3718
-    _globals["_CALLSERVICE"]._serialized_end = 3803
-    _globals["_GRANTLEASE"]._serialized_start = 3805
-    _globals["_GRANTLEASE"]._serialized_end = 3869
-    _globals["_RELEASELEASE"]._serialized_start = 3871
-    _globals["_RELEASELEASE"]._serialized_end = 3903
-    _globals["_SETUPLINK"]._serialized_start = 3905
-    _globals["_SETUPLINK"]._serialized_end = 3937
-    _globals["_COMMANDRESULT"]._serialized_start = 3939
-    _globals["_COMMANDRESULT"]._serialized_end = 4034
-    _globals["_TELEOP"]._serialized_start = 4036
-    _globals["_TELEOP"]._serialized_end = 4162
-    _globals["_HEARTBEAT"]._serialized_start = 4164
-    _globals["_HEARTBEAT"]._serialized_end = 4226
-    _globals["_RETRYLATER"]._serialized_start = 4228
-    _globals["_RETRYLATER"]._serialized_end = 4295
-    _globals["_RESUMED"]._serialized_start = 4297
-    _globals["_RESUMED"]._serialized_end = 4321
-    _globals["_GOODBYE"]._serialized_start = 4323
-    _globals["_GOODBYE"]._serialized_end = 4387
-    _globals["_LINK"]._serialized_start = 4683
-    _globals["_LINK"]._serialized_end = 4754
+  DESCRIPTOR._loaded_options = None
+  _globals['_HELLO_LABELSENTRY']._loaded_options = None
+  _globals['_HELLO_LABELSENTRY']._serialized_options = b'8\001'
+  _globals['_LANE']._serialized_start=4389
+  _globals['_LANE']._serialized_end=4469
+  _globals['_DELIVERYCLASS']._serialized_start=4472
+  _globals['_DELIVERYCLASS']._serialized_end=4622
+  _globals['_COMPRESSION']._serialized_start=4624
+  _globals['_COMPRESSION']._serialized_end=4681
+  _globals['_AGENTFRAME']._serialized_start=38
+  _globals['_AGENTFRAME']._serialized_end=433
+  _globals['_GATEWAYFRAME']._serialized_start=436
+  _globals['_GATEWAYFRAME']._serialized_end=778
+  _globals['_HELLO']._serialized_start=781
+  _globals['_HELLO']._serialized_end=1113
+  _globals['_HELLO_LABELSENTRY']._serialized_start=1068
+  _globals['_HELLO_LABELSENTRY']._serialized_end=1113
+  _globals['_STREAMSTATE']._serialized_start=1115
+  _globals['_STREAMSTATE']._serialized_end=1217
+  _globals['_WELCOME']._serialized_start=1220
+  _globals['_WELCOME']._serialized_end=1426
+  _globals['_EPOCHWRITER']._serialized_start=1428
+  _globals['_EPOCHWRITER']._serialized_end=1472
+  _globals['_WATERMARK']._serialized_start=1474
+  _globals['_WATERMARK']._serialized_end=1532
+  _globals['_ACK']._serialized_start=1534
+  _globals['_ACK']._serialized_end=1582
+  _globals['_ANNOUNCE']._serialized_start=1584
+  _globals['_ANNOUNCE']._serialized_end=1669
+  _globals['_CHANNEL']._serialized_start=1672
+  _globals['_CHANNEL']._serialized_end=1908
+  _globals['_SERIES']._serialized_start=1910
+  _globals['_SERIES']._serialized_end=1981
+  _globals['_BATCHES']._serialized_start=1983
+  _globals['_BATCHES']._serialized_end=2028
+  _globals['_BATCH']._serialized_start=2031
+  _globals['_BATCH']._serialized_end=2244
+  _globals['_METRICBATCH']._serialized_start=2247
+  _globals['_METRICBATCH']._serialized_end=2380
+  _globals['_GAP']._serialized_start=2382
+  _globals['_GAP']._serialized_end=2503
+  _globals['_TOPICSTATISTICS']._serialized_start=2506
+  _globals['_TOPICSTATISTICS']._serialized_end=2669
+  _globals['_LINKSTATISTICS']._serialized_start=2672
+  _globals['_LINKSTATISTICS']._serialized_end=2889
+  _globals['_CLASSDEPTH']._serialized_start=2892
+  _globals['_CLASSDEPTH']._serialized_end=3035
+  _globals['_TOPICRATE']._serialized_start=3038
+  _globals['_TOPICRATE']._serialized_end=3183
+  _globals['_DEMAND']._serialized_start=3185
+  _globals['_DEMAND']._serialized_end=3253
+  _globals['_DEMANDENTRY']._serialized_start=3255
+  _globals['_DEMANDENTRY']._serialized_end=3309
+  _globals['_COMMAND']._serialized_start=3312
+  _globals['_COMMAND']._serialized_end=3628
+  _globals['_PUBLISHMESSAGE']._serialized_start=3630
+  _globals['_PUBLISHMESSAGE']._serialized_end=3716
+  _globals['_CALLSERVICE']._serialized_start=3718
+  _globals['_CALLSERVICE']._serialized_end=3803
+  _globals['_GRANTLEASE']._serialized_start=3805
+  _globals['_GRANTLEASE']._serialized_end=3869
+  _globals['_RELEASELEASE']._serialized_start=3871
+  _globals['_RELEASELEASE']._serialized_end=3903
+  _globals['_SETUPLINK']._serialized_start=3905
+  _globals['_SETUPLINK']._serialized_end=3937
+  _globals['_COMMANDRESULT']._serialized_start=3939
+  _globals['_COMMANDRESULT']._serialized_end=4034
+  _globals['_TELEOP']._serialized_start=4036
+  _globals['_TELEOP']._serialized_end=4162
+  _globals['_HEARTBEAT']._serialized_start=4164
+  _globals['_HEARTBEAT']._serialized_end=4226
+  _globals['_RETRYLATER']._serialized_start=4228
+  _globals['_RETRYLATER']._serialized_end=4295
+  _globals['_RESUMED']._serialized_start=4297
+  _globals['_RESUMED']._serialized_end=4321
+  _globals['_GOODBYE']._serialized_start=4323
+  _globals['_GOODBYE']._serialized_end=4387
+  _globals['_LINK']._serialized_start=4683
+  _globals['_LINK']._serialized_end=4754
 # @@protoc_insertion_point(module_scope)

@@ -26,7 +26,6 @@ class Compression(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     COMPRESSION_NONE: _ClassVar[Compression]
     COMPRESSION_ZSTD: _ClassVar[Compression]
-
 LANE_UNSPECIFIED: Lane
 LANE_CONTROL: Lane
 LANE_DATA: Lane
@@ -59,18 +58,7 @@ class AgentFrame(_message.Message):
     result: CommandResult
     heartbeat: Heartbeat
     resumed: Resumed
-    def __init__(
-        self,
-        hello: _Optional[_Union[Hello, _Mapping]] = ...,
-        announce: _Optional[_Union[Announce, _Mapping]] = ...,
-        batches: _Optional[_Union[Batches, _Mapping]] = ...,
-        metrics: _Optional[_Union[MetricBatch, _Mapping]] = ...,
-        gap: _Optional[_Union[Gap, _Mapping]] = ...,
-        statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ...,
-        result: _Optional[_Union[CommandResult, _Mapping]] = ...,
-        heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ...,
-        resumed: _Optional[_Union[Resumed, _Mapping]] = ...,
-    ) -> None: ...
+    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., announce: _Optional[_Union[Announce, _Mapping]] = ..., batches: _Optional[_Union[Batches, _Mapping]] = ..., metrics: _Optional[_Union[MetricBatch, _Mapping]] = ..., gap: _Optional[_Union[Gap, _Mapping]] = ..., statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ..., result: _Optional[_Union[CommandResult, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., resumed: _Optional[_Union[Resumed, _Mapping]] = ...) -> None: ...
 
 class GatewayFrame(_message.Message):
     __slots__ = ("welcome", "ack", "demand", "command", "teleop", "heartbeat", "goodbye", "retry_later")
@@ -90,32 +78,10 @@ class GatewayFrame(_message.Message):
     heartbeat: Heartbeat
     goodbye: Goodbye
     retry_later: RetryLater
-    def __init__(
-        self,
-        welcome: _Optional[_Union[Welcome, _Mapping]] = ...,
-        ack: _Optional[_Union[Ack, _Mapping]] = ...,
-        demand: _Optional[_Union[Demand, _Mapping]] = ...,
-        command: _Optional[_Union[Command, _Mapping]] = ...,
-        teleop: _Optional[_Union[Teleop, _Mapping]] = ...,
-        heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ...,
-        goodbye: _Optional[_Union[Goodbye, _Mapping]] = ...,
-        retry_later: _Optional[_Union[RetryLater, _Mapping]] = ...,
-    ) -> None: ...
+    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ack: _Optional[_Union[Ack, _Mapping]] = ..., demand: _Optional[_Union[Demand, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., teleop: _Optional[_Union[Teleop, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ..., retry_later: _Optional[_Union[RetryLater, _Mapping]] = ...) -> None: ...
 
 class Hello(_message.Message):
-    __slots__ = (
-        "protocol",
-        "robot_id",
-        "session_id",
-        "session_number",
-        "lane",
-        "agent_version",
-        "namespace",
-        "hostname",
-        "labels",
-        "streams",
-        "writers",
-    )
+    __slots__ = ("protocol", "robot_id", "session_id", "session_number", "lane", "agent_version", "namespace", "hostname", "labels", "streams", "writers")
     class LabelsEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -123,7 +89,6 @@ class Hello(_message.Message):
         key: str
         value: str
         def __init__(self, key: _Optional[str] = ..., value: _Optional[str] = ...) -> None: ...
-
     PROTOCOL_FIELD_NUMBER: _ClassVar[int]
     ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
     SESSION_ID_FIELD_NUMBER: _ClassVar[int]
@@ -146,20 +111,7 @@ class Hello(_message.Message):
     labels: _containers.ScalarMap[str, str]
     streams: _containers.RepeatedCompositeFieldContainer[StreamState]
     writers: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(
-        self,
-        protocol: _Optional[int] = ...,
-        robot_id: _Optional[str] = ...,
-        session_id: _Optional[bytes] = ...,
-        session_number: _Optional[int] = ...,
-        lane: _Optional[_Union[Lane, str]] = ...,
-        agent_version: _Optional[str] = ...,
-        namespace: _Optional[str] = ...,
-        hostname: _Optional[str] = ...,
-        labels: _Optional[_Mapping[str, str]] = ...,
-        streams: _Optional[_Iterable[_Union[StreamState, _Mapping]]] = ...,
-        writers: _Optional[_Iterable[str]] = ...,
-    ) -> None: ...
+    def __init__(self, protocol: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[bytes] = ..., session_number: _Optional[int] = ..., lane: _Optional[_Union[Lane, str]] = ..., agent_version: _Optional[str] = ..., namespace: _Optional[str] = ..., hostname: _Optional[str] = ..., labels: _Optional[_Mapping[str, str]] = ..., streams: _Optional[_Iterable[_Union[StreamState, _Mapping]]] = ..., writers: _Optional[_Iterable[str]] = ...) -> None: ...
 
 class StreamState(_message.Message):
     __slots__ = ("stream_id", "epoch", "first_seq", "last_seq", "base_seq")
@@ -173,25 +125,10 @@ class StreamState(_message.Message):
     first_seq: int
     last_seq: int
     base_seq: int
-    def __init__(
-        self,
-        stream_id: _Optional[int] = ...,
-        epoch: _Optional[int] = ...,
-        first_seq: _Optional[int] = ...,
-        last_seq: _Optional[int] = ...,
-        base_seq: _Optional[int] = ...,
-    ) -> None: ...
+    def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., last_seq: _Optional[int] = ..., base_seq: _Optional[int] = ...) -> None: ...
 
 class Welcome(_message.Message):
-    __slots__ = (
-        "gateway_id",
-        "store_id",
-        "watermarks",
-        "window_bytes",
-        "window_batches",
-        "heartbeat_s",
-        "stored_writers",
-    )
+    __slots__ = ("gateway_id", "store_id", "watermarks", "window_bytes", "window_batches", "heartbeat_s", "stored_writers")
     GATEWAY_ID_FIELD_NUMBER: _ClassVar[int]
     STORE_ID_FIELD_NUMBER: _ClassVar[int]
     WATERMARKS_FIELD_NUMBER: _ClassVar[int]
@@ -206,16 +143,7 @@ class Welcome(_message.Message):
     window_batches: int
     heartbeat_s: float
     stored_writers: _containers.RepeatedCompositeFieldContainer[EpochWriter]
-    def __init__(
-        self,
-        gateway_id: _Optional[str] = ...,
-        store_id: _Optional[str] = ...,
-        watermarks: _Optional[_Iterable[_Union[Watermark, _Mapping]]] = ...,
-        window_bytes: _Optional[int] = ...,
-        window_batches: _Optional[int] = ...,
-        heartbeat_s: _Optional[float] = ...,
-        stored_writers: _Optional[_Iterable[_Union[EpochWriter, _Mapping]]] = ...,
-    ) -> None: ...
+    def __init__(self, gateway_id: _Optional[str] = ..., store_id: _Optional[str] = ..., watermarks: _Optional[_Iterable[_Union[Watermark, _Mapping]]] = ..., window_bytes: _Optional[int] = ..., window_batches: _Optional[int] = ..., heartbeat_s: _Optional[float] = ..., stored_writers: _Optional[_Iterable[_Union[EpochWriter, _Mapping]]] = ...) -> None: ...
 
 class EpochWriter(_message.Message):
     __slots__ = ("epoch", "writer")
@@ -233,9 +161,7 @@ class Watermark(_message.Message):
     stream_id: int
     epoch: int
     seq: int
-    def __init__(
-        self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., seq: _Optional[int] = ...
-    ) -> None: ...
+    def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., seq: _Optional[int] = ...) -> None: ...
 
 class Ack(_message.Message):
     __slots__ = ("watermarks",)
@@ -249,25 +175,10 @@ class Announce(_message.Message):
     SERIES_FIELD_NUMBER: _ClassVar[int]
     channels: _containers.RepeatedCompositeFieldContainer[Channel]
     series: _containers.RepeatedCompositeFieldContainer[Series]
-    def __init__(
-        self,
-        channels: _Optional[_Iterable[_Union[Channel, _Mapping]]] = ...,
-        series: _Optional[_Iterable[_Union[Series, _Mapping]]] = ...,
-    ) -> None: ...
+    def __init__(self, channels: _Optional[_Iterable[_Union[Channel, _Mapping]]] = ..., series: _Optional[_Iterable[_Union[Series, _Mapping]]] = ...) -> None: ...
 
 class Channel(_message.Message):
-    __slots__ = (
-        "channel_id",
-        "topic",
-        "encoding",
-        "schema_name",
-        "schema_encoding",
-        "schema",
-        "type_hash",
-        "qos",
-        "max_rate_hz",
-        "forward",
-    )
+    __slots__ = ("channel_id", "topic", "encoding", "schema_name", "schema_encoding", "schema", "type_hash", "qos", "max_rate_hz", "forward")
     CHANNEL_ID_FIELD_NUMBER: _ClassVar[int]
     TOPIC_FIELD_NUMBER: _ClassVar[int]
     ENCODING_FIELD_NUMBER: _ClassVar[int]
@@ -289,20 +200,7 @@ class Channel(_message.Message):
     qos: str
     max_rate_hz: float
     forward: bool
-    def __init__(
-        self,
-        channel_id: _Optional[int] = ...,
-        topic: _Optional[str] = ...,
-        encoding: _Optional[str] = ...,
-        schema_name: _Optional[str] = ...,
-        schema_encoding: _Optional[str] = ...,
-        schema: _Optional[bytes] = ...,
-        type_hash: _Optional[str] = ...,
-        qos: _Optional[str] = ...,
-        max_rate_hz: _Optional[float] = ...,
-        forward: _Optional[bool] = ...,
-        **kwargs,
-    ) -> None: ...
+    def __init__(self, channel_id: _Optional[int] = ..., topic: _Optional[str] = ..., encoding: _Optional[str] = ..., schema_name: _Optional[str] = ..., schema_encoding: _Optional[str] = ..., schema: _Optional[bytes] = ..., type_hash: _Optional[str] = ..., qos: _Optional[str] = ..., max_rate_hz: _Optional[float] = ..., forward: _Optional[bool] = ..., **kwargs) -> None: ...
 
 class Series(_message.Message):
     __slots__ = ("series_id", "name", "topic", "field")
@@ -314,13 +212,7 @@ class Series(_message.Message):
     name: str
     topic: str
     field: str
-    def __init__(
-        self,
-        series_id: _Optional[int] = ...,
-        name: _Optional[str] = ...,
-        topic: _Optional[str] = ...,
-        field: _Optional[str] = ...,
-    ) -> None: ...
+    def __init__(self, series_id: _Optional[int] = ..., name: _Optional[str] = ..., topic: _Optional[str] = ..., field: _Optional[str] = ...) -> None: ...
 
 class Batches(_message.Message):
     __slots__ = ("batches",)
@@ -329,18 +221,7 @@ class Batches(_message.Message):
     def __init__(self, batches: _Optional[_Iterable[_Union[Batch, _Mapping]]] = ...) -> None: ...
 
 class Batch(_message.Message):
-    __slots__ = (
-        "stream_id",
-        "epoch",
-        "first_seq",
-        "count",
-        "stamps",
-        "lengths",
-        "payload",
-        "chunk_index",
-        "chunk_count",
-        "compression",
-    )
+    __slots__ = ("stream_id", "epoch", "first_seq", "count", "stamps", "lengths", "payload", "chunk_index", "chunk_count", "compression")
     STREAM_ID_FIELD_NUMBER: _ClassVar[int]
     EPOCH_FIELD_NUMBER: _ClassVar[int]
     FIRST_SEQ_FIELD_NUMBER: _ClassVar[int]
@@ -361,19 +242,7 @@ class Batch(_message.Message):
     chunk_index: int
     chunk_count: int
     compression: Compression
-    def __init__(
-        self,
-        stream_id: _Optional[int] = ...,
-        epoch: _Optional[int] = ...,
-        first_seq: _Optional[int] = ...,
-        count: _Optional[int] = ...,
-        stamps: _Optional[bytes] = ...,
-        lengths: _Optional[bytes] = ...,
-        payload: _Optional[bytes] = ...,
-        chunk_index: _Optional[int] = ...,
-        chunk_count: _Optional[int] = ...,
-        compression: _Optional[_Union[Compression, str]] = ...,
-    ) -> None: ...
+    def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., count: _Optional[int] = ..., stamps: _Optional[bytes] = ..., lengths: _Optional[bytes] = ..., payload: _Optional[bytes] = ..., chunk_index: _Optional[int] = ..., chunk_count: _Optional[int] = ..., compression: _Optional[_Union[Compression, str]] = ...) -> None: ...
 
 class MetricBatch(_message.Message):
     __slots__ = ("epoch", "first_seq", "count", "series_ids", "stamps", "values", "stream_id")
@@ -391,16 +260,7 @@ class MetricBatch(_message.Message):
     stamps: bytes
     values: bytes
     stream_id: int
-    def __init__(
-        self,
-        epoch: _Optional[int] = ...,
-        first_seq: _Optional[int] = ...,
-        count: _Optional[int] = ...,
-        series_ids: _Optional[bytes] = ...,
-        stamps: _Optional[bytes] = ...,
-        values: _Optional[bytes] = ...,
-        stream_id: _Optional[int] = ...,
-    ) -> None: ...
+    def __init__(self, epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., count: _Optional[int] = ..., series_ids: _Optional[bytes] = ..., stamps: _Optional[bytes] = ..., values: _Optional[bytes] = ..., stream_id: _Optional[int] = ...) -> None: ...
 
 class Gap(_message.Message):
     __slots__ = ("stream_id", "epoch", "from_seq", "to_seq", "reason", "from_ns", "to_ns")
@@ -418,16 +278,7 @@ class Gap(_message.Message):
     reason: str
     from_ns: int
     to_ns: int
-    def __init__(
-        self,
-        stream_id: _Optional[int] = ...,
-        epoch: _Optional[int] = ...,
-        from_seq: _Optional[int] = ...,
-        to_seq: _Optional[int] = ...,
-        reason: _Optional[str] = ...,
-        from_ns: _Optional[int] = ...,
-        to_ns: _Optional[int] = ...,
-    ) -> None: ...
+    def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., from_seq: _Optional[int] = ..., to_seq: _Optional[int] = ..., reason: _Optional[str] = ..., from_ns: _Optional[int] = ..., to_ns: _Optional[int] = ...) -> None: ...
 
 class TopicStatistics(_message.Message):
     __slots__ = ("topics", "outbox_bytes", "outbox_samples", "malformed", "link")
@@ -441,26 +292,10 @@ class TopicStatistics(_message.Message):
     outbox_samples: int
     malformed: int
     link: LinkStatistics
-    def __init__(
-        self,
-        topics: _Optional[_Iterable[_Union[TopicRate, _Mapping]]] = ...,
-        outbox_bytes: _Optional[int] = ...,
-        outbox_samples: _Optional[int] = ...,
-        malformed: _Optional[int] = ...,
-        link: _Optional[_Union[LinkStatistics, _Mapping]] = ...,
-    ) -> None: ...
+    def __init__(self, topics: _Optional[_Iterable[_Union[TopicRate, _Mapping]]] = ..., outbox_bytes: _Optional[int] = ..., outbox_samples: _Optional[int] = ..., malformed: _Optional[int] = ..., link: _Optional[_Union[LinkStatistics, _Mapping]] = ...) -> None: ...
 
 class LinkStatistics(_message.Message):
-    __slots__ = (
-        "transport",
-        "gateway",
-        "budget_bytes_per_s",
-        "sent_bytes_per_s",
-        "reconnects",
-        "classes",
-        "disk_free_bytes",
-        "clock_offset_ns",
-    )
+    __slots__ = ("transport", "gateway", "budget_bytes_per_s", "sent_bytes_per_s", "reconnects", "classes", "disk_free_bytes", "clock_offset_ns")
     TRANSPORT_FIELD_NUMBER: _ClassVar[int]
     GATEWAY_FIELD_NUMBER: _ClassVar[int]
     BUDGET_BYTES_PER_S_FIELD_NUMBER: _ClassVar[int]
@@ -477,17 +312,7 @@ class LinkStatistics(_message.Message):
     classes: _containers.RepeatedCompositeFieldContainer[ClassDepth]
     disk_free_bytes: int
     clock_offset_ns: int
-    def __init__(
-        self,
-        transport: _Optional[str] = ...,
-        gateway: _Optional[str] = ...,
-        budget_bytes_per_s: _Optional[int] = ...,
-        sent_bytes_per_s: _Optional[float] = ...,
-        reconnects: _Optional[int] = ...,
-        classes: _Optional[_Iterable[_Union[ClassDepth, _Mapping]]] = ...,
-        disk_free_bytes: _Optional[int] = ...,
-        clock_offset_ns: _Optional[int] = ...,
-    ) -> None: ...
+    def __init__(self, transport: _Optional[str] = ..., gateway: _Optional[str] = ..., budget_bytes_per_s: _Optional[int] = ..., sent_bytes_per_s: _Optional[float] = ..., reconnects: _Optional[int] = ..., classes: _Optional[_Iterable[_Union[ClassDepth, _Mapping]]] = ..., disk_free_bytes: _Optional[int] = ..., clock_offset_ns: _Optional[int] = ...) -> None: ...
 
 class ClassDepth(_message.Message):
     __slots__ = ("name", "fresh_bytes", "backfill_bytes", "samples", "lost", "disk_bytes", "quota_bytes")
@@ -505,16 +330,7 @@ class ClassDepth(_message.Message):
     lost: int
     disk_bytes: int
     quota_bytes: int
-    def __init__(
-        self,
-        name: _Optional[str] = ...,
-        fresh_bytes: _Optional[int] = ...,
-        backfill_bytes: _Optional[int] = ...,
-        samples: _Optional[int] = ...,
-        lost: _Optional[int] = ...,
-        disk_bytes: _Optional[int] = ...,
-        quota_bytes: _Optional[int] = ...,
-    ) -> None: ...
+    def __init__(self, name: _Optional[str] = ..., fresh_bytes: _Optional[int] = ..., backfill_bytes: _Optional[int] = ..., samples: _Optional[int] = ..., lost: _Optional[int] = ..., disk_bytes: _Optional[int] = ..., quota_bytes: _Optional[int] = ...) -> None: ...
 
 class TopicRate(_message.Message):
     __slots__ = ("channel_id", "rate_hz", "bytes_per_s", "messages", "dropped", "publishers", "subscribers")
@@ -532,16 +348,7 @@ class TopicRate(_message.Message):
     dropped: int
     publishers: int
     subscribers: int
-    def __init__(
-        self,
-        channel_id: _Optional[int] = ...,
-        rate_hz: _Optional[float] = ...,
-        bytes_per_s: _Optional[float] = ...,
-        messages: _Optional[int] = ...,
-        dropped: _Optional[int] = ...,
-        publishers: _Optional[int] = ...,
-        subscribers: _Optional[int] = ...,
-    ) -> None: ...
+    def __init__(self, channel_id: _Optional[int] = ..., rate_hz: _Optional[float] = ..., bytes_per_s: _Optional[float] = ..., messages: _Optional[int] = ..., dropped: _Optional[int] = ..., publishers: _Optional[int] = ..., subscribers: _Optional[int] = ...) -> None: ...
 
 class Demand(_message.Message):
     __slots__ = ("revision", "entries")
@@ -549,9 +356,7 @@ class Demand(_message.Message):
     ENTRIES_FIELD_NUMBER: _ClassVar[int]
     revision: int
     entries: _containers.RepeatedCompositeFieldContainer[DemandEntry]
-    def __init__(
-        self, revision: _Optional[int] = ..., entries: _Optional[_Iterable[_Union[DemandEntry, _Mapping]]] = ...
-    ) -> None: ...
+    def __init__(self, revision: _Optional[int] = ..., entries: _Optional[_Iterable[_Union[DemandEntry, _Mapping]]] = ...) -> None: ...
 
 class DemandEntry(_message.Message):
     __slots__ = ("channel_id", "max_rate_hz")
@@ -562,16 +367,7 @@ class DemandEntry(_message.Message):
     def __init__(self, channel_id: _Optional[int] = ..., max_rate_hz: _Optional[float] = ...) -> None: ...
 
 class Command(_message.Message):
-    __slots__ = (
-        "command_id",
-        "timeout_ms",
-        "lease_id",
-        "publish",
-        "call_service",
-        "grant_lease",
-        "release_lease",
-        "set_uplink",
-    )
+    __slots__ = ("command_id", "timeout_ms", "lease_id", "publish", "call_service", "grant_lease", "release_lease", "set_uplink")
     COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
     TIMEOUT_MS_FIELD_NUMBER: _ClassVar[int]
     LEASE_ID_FIELD_NUMBER: _ClassVar[int]
@@ -588,17 +384,7 @@ class Command(_message.Message):
     grant_lease: GrantLease
     release_lease: ReleaseLease
     set_uplink: SetUplink
-    def __init__(
-        self,
-        command_id: _Optional[bytes] = ...,
-        timeout_ms: _Optional[int] = ...,
-        lease_id: _Optional[str] = ...,
-        publish: _Optional[_Union[PublishMessage, _Mapping]] = ...,
-        call_service: _Optional[_Union[CallService, _Mapping]] = ...,
-        grant_lease: _Optional[_Union[GrantLease, _Mapping]] = ...,
-        release_lease: _Optional[_Union[ReleaseLease, _Mapping]] = ...,
-        set_uplink: _Optional[_Union[SetUplink, _Mapping]] = ...,
-    ) -> None: ...
+    def __init__(self, command_id: _Optional[bytes] = ..., timeout_ms: _Optional[int] = ..., lease_id: _Optional[str] = ..., publish: _Optional[_Union[PublishMessage, _Mapping]] = ..., call_service: _Optional[_Union[CallService, _Mapping]] = ..., grant_lease: _Optional[_Union[GrantLease, _Mapping]] = ..., release_lease: _Optional[_Union[ReleaseLease, _Mapping]] = ..., set_uplink: _Optional[_Union[SetUplink, _Mapping]] = ...) -> None: ...
 
 class PublishMessage(_message.Message):
     __slots__ = ("topic", "type_name", "type_hash", "payload")
@@ -610,13 +396,7 @@ class PublishMessage(_message.Message):
     type_name: str
     type_hash: str
     payload: bytes
-    def __init__(
-        self,
-        topic: _Optional[str] = ...,
-        type_name: _Optional[str] = ...,
-        type_hash: _Optional[str] = ...,
-        payload: _Optional[bytes] = ...,
-    ) -> None: ...
+    def __init__(self, topic: _Optional[str] = ..., type_name: _Optional[str] = ..., type_hash: _Optional[str] = ..., payload: _Optional[bytes] = ...) -> None: ...
 
 class CallService(_message.Message):
     __slots__ = ("service", "type_name", "type_hash", "request")
@@ -628,13 +408,7 @@ class CallService(_message.Message):
     type_name: str
     type_hash: str
     request: bytes
-    def __init__(
-        self,
-        service: _Optional[str] = ...,
-        type_name: _Optional[str] = ...,
-        type_hash: _Optional[str] = ...,
-        request: _Optional[bytes] = ...,
-    ) -> None: ...
+    def __init__(self, service: _Optional[str] = ..., type_name: _Optional[str] = ..., type_hash: _Optional[str] = ..., request: _Optional[bytes] = ...) -> None: ...
 
 class GrantLease(_message.Message):
     __slots__ = ("lease_id", "holder", "valid_ms")
@@ -644,9 +418,7 @@ class GrantLease(_message.Message):
     lease_id: str
     holder: str
     valid_ms: int
-    def __init__(
-        self, lease_id: _Optional[str] = ..., holder: _Optional[str] = ..., valid_ms: _Optional[int] = ...
-    ) -> None: ...
+    def __init__(self, lease_id: _Optional[str] = ..., holder: _Optional[str] = ..., valid_ms: _Optional[int] = ...) -> None: ...
 
 class ReleaseLease(_message.Message):
     __slots__ = ("lease_id",)
@@ -672,14 +444,7 @@ class CommandResult(_message.Message):
     code: str
     message: str
     payload: bytes
-    def __init__(
-        self,
-        command_id: _Optional[bytes] = ...,
-        ok: _Optional[bool] = ...,
-        code: _Optional[str] = ...,
-        message: _Optional[str] = ...,
-        payload: _Optional[bytes] = ...,
-    ) -> None: ...
+    def __init__(self, command_id: _Optional[bytes] = ..., ok: _Optional[bool] = ..., code: _Optional[str] = ..., message: _Optional[str] = ..., payload: _Optional[bytes] = ...) -> None: ...
 
 class Teleop(_message.Message):
     __slots__ = ("lease_id", "seq", "sent_ns", "topic", "type_name", "type_hash", "payload")
@@ -697,16 +462,7 @@ class Teleop(_message.Message):
     type_name: str
     type_hash: str
     payload: bytes
-    def __init__(
-        self,
-        lease_id: _Optional[str] = ...,
-        seq: _Optional[int] = ...,
-        sent_ns: _Optional[int] = ...,
-        topic: _Optional[str] = ...,
-        type_name: _Optional[str] = ...,
-        type_hash: _Optional[str] = ...,
-        payload: _Optional[bytes] = ...,
-    ) -> None: ...
+    def __init__(self, lease_id: _Optional[str] = ..., seq: _Optional[int] = ..., sent_ns: _Optional[int] = ..., topic: _Optional[str] = ..., type_name: _Optional[str] = ..., type_hash: _Optional[str] = ..., payload: _Optional[bytes] = ...) -> None: ...
 
 class Heartbeat(_message.Message):
     __slots__ = ("sent_ns", "echo_ns", "held_ns")
@@ -716,9 +472,7 @@ class Heartbeat(_message.Message):
     sent_ns: int
     echo_ns: int
     held_ns: int
-    def __init__(
-        self, sent_ns: _Optional[int] = ..., echo_ns: _Optional[int] = ..., held_ns: _Optional[int] = ...
-    ) -> None: ...
+    def __init__(self, sent_ns: _Optional[int] = ..., echo_ns: _Optional[int] = ..., held_ns: _Optional[int] = ...) -> None: ...
 
 class RetryLater(_message.Message):
     __slots__ = ("token", "retry_after_ms", "reason")
@@ -728,9 +482,7 @@ class RetryLater(_message.Message):
     token: int
     retry_after_ms: int
     reason: str
-    def __init__(
-        self, token: _Optional[int] = ..., retry_after_ms: _Optional[int] = ..., reason: _Optional[str] = ...
-    ) -> None: ...
+    def __init__(self, token: _Optional[int] = ..., retry_after_ms: _Optional[int] = ..., reason: _Optional[str] = ...) -> None: ...
 
 class Resumed(_message.Message):
     __slots__ = ("token",)
@@ -746,6 +498,4 @@ class Goodbye(_message.Message):
     code: str
     message: str
     retry_after_ms: int
-    def __init__(
-        self, code: _Optional[str] = ..., message: _Optional[str] = ..., retry_after_ms: _Optional[int] = ...
-    ) -> None: ...
+    def __init__(self, code: _Optional[str] = ..., message: _Optional[str] = ..., retry_after_ms: _Optional[int] = ...) -> None: ...
