@@ -97,7 +97,7 @@ class LaneSender:
         """A stream, perhaps of this lane, is stored up to a number."""
         freed = self.window.acknowledged(mark.epoch, mark.stream_id, mark.seq, now_s)
         if freed and self.lane == BACKFILL:
-            self._queues.budget.backfilled(freed, now_s)
+            self._queues.budget.backfilled(freed, now_s, delay_s=self.window.delay_s)
 
     def wait_s(self, now_s: float) -> float | None:
         """Seconds until there may be more by time alone: the end of a pause, the budget, the linger of live."""
@@ -142,6 +142,8 @@ class LaneSender:
             self._send(taken)
             epoch = self._queues.outbox.epoch_of(taken.era)
             self.window.sent(epoch, taken.frame.stream_id, taken.frame.last_seq, size, now_s)
+            if self.lane == BACKFILL:
+                self._queues.budget.backfill_taken(size, now_s)
             moved += size
         return moved
 

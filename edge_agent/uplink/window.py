@@ -17,7 +17,8 @@ class Window:
     size_bytes: int = 0
     batches: int = 0
     waiting_since_s: float = 0.0  # when the gateway last acknowledged something, while something is out
-    _flights: dict[tuple[int, int], deque[tuple[int, int]]] = field(default_factory=dict)  # -> (last seq, bytes)
+    delay_s: float = 0.0  # what the frame that was acknowledged last took, from being sent
+    _flights: dict[tuple[int, int], deque[tuple[int, int, float]]] = field(default_factory=dict)  # seq, bytes, time
 
     def open(self) -> bool:
         """Whether more may be sent."""
@@ -27,7 +28,7 @@ class Window:
         """A frame went out."""
         if self.batches == 0:
             self.waiting_since_s = now_s
-        self._flights.setdefault((epoch, stream_id), deque()).append((last_seq, size_bytes))
+        self._flights.setdefault((epoch, stream_id), deque()).append((last_seq, size_bytes, now_s))
         self.batches += 1
         self.size_bytes += size_bytes
 
@@ -35,7 +36,9 @@ class Window:
         """A stream is stored up to `seq`; how many bytes that frees."""
         flight, freed = self._flights.get((epoch, stream_id), ()), 0
         while flight and flight[0][0] <= seq:
-            freed += flight.popleft()[1]
+            _, size_bytes, sent_s = flight.popleft()
+            freed += size_bytes
+            self.delay_s = now_s - sent_s
             self.batches -= 1
             self.waiting_since_s = now_s
         self.size_bytes -= freed
