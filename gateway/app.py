@@ -39,8 +39,18 @@ class Gateway:
     def __init__(self, settings: Settings, *, clock: Clock) -> None:
         self.settings = settings
         self._clock = clock
-        retention = Retention(age_s=settings.retention_days * 86400, size_bytes=settings.retention_bytes)
-        self.store = Store(settings.data_dir, clock=clock, retention=retention, queue_bytes=settings.store_queue_bytes)
+        retention = Retention(
+            age_s=settings.retention_days * 86400,
+            event_age_s=settings.event_retention_days * 86400,
+            size_bytes=settings.retention_bytes,
+        )
+        self.store = Store(
+            settings.data_dir,
+            clock=clock,
+            retention=retention,
+            queue_bytes=settings.store_queue_bytes,
+            url=settings.store_url,
+        )
         self.registry = Registry()
         self.hub = Hub()
         self.leases = LeaseTable(valid_s=LIMITS.lease_s)

@@ -18,9 +18,20 @@ RobotsPort = Annotated[
     int | None, typer.Option(min=0, max=65535, help="Port robots connect to; default 8081, or a free one.")
 ]
 DataDir = Annotated[Path | None, typer.Option(file_okay=False, help="Where data is kept; default ~/.metaros/gateway.")]
+StoreUrl = Annotated[
+    str,
+    typer.Option(
+        "--store",
+        metavar="URL",
+        envvar="METAROS_STORE",
+        show_envvar=False,
+        help="postgresql://user@host/database instead of a file in the data directory.",
+    ),
+]
 AllowHost = Annotated[list[str] | None, typer.Option(help="Another name browsers may call this gateway by.")]
 AllowOrigin = Annotated[list[str] | None, typer.Option(help="Origin of another page that may use this gateway.")]
-RetentionDays = Annotated[float, typer.Option(min=0.01, help="How long series are kept.")]
+RetentionDays = Annotated[float, typer.Option(min=0.01, help="How long series and messages are kept.")]
+EventRetentionDays = Annotated[float, typer.Option(min=0.01, help="How long events and the record of losses are kept.")]
 RetentionMib = Annotated[int, typer.Option(min=1, help="How large the store may grow before the oldest data goes.")]
 TickMs = Annotated[float, typer.Option(min=0.0, max=100.0, help="How long live samples wait to share one write.")]
 HeartbeatS = Annotated[float, typer.Option(min=0.2, max=60.0, help="A link silent for three of these is dead.")]
@@ -40,9 +51,11 @@ def _gateway(
     port: Port = None,
     grpc_port: RobotsPort = None,
     data_dir: DataDir = None,
+    store: StoreUrl = "",
     allow_host: AllowHost = None,
     allow_origin: AllowOrigin = None,
     retention_days: RetentionDays = 7.0,
+    event_retention_days: EventRetentionDays = 90.0,
     retention_mib: RetentionMib = 4096,
     tick_ms: TickMs = 5.0,
     heartbeat_s: HeartbeatS = 5.0,
@@ -60,7 +73,9 @@ def _gateway(
         data_dir=data_dir or default_data_dir(),
         allow_hosts=tuple(allow_host or ()),
         allow_origins=tuple(allow_origin or ()),
+        store_url=store,
         retention_days=retention_days,
+        event_retention_days=event_retention_days,
         retention_bytes=retention_mib * MIB,
         tick_s=tick_ms / 1000,
         heartbeat_s=heartbeat_s,

@@ -22,6 +22,7 @@
     │   ├── ForkedError              another copy of the robot's outbox has spoken      forked
     │   └── UnsettledError           what its last process sent is still being stored   unsettled
     └── StoreError                   the store cannot do it now                         store_unavailable
+        └── UnstorableError          these values can never be stored                   store_unavailable
 
 The library's errors (`metaros.errors`) pass through with their own codes; the table below covers them too.
 """
@@ -58,6 +59,7 @@ __all__ = [
     "UnknownRobotError",
     "UnknownTopicError",
     "UnsettledError",
+    "UnstorableError",
     "error_row",
 ]
 
@@ -198,6 +200,12 @@ class UnsettledError(LinkError):
 
 class StoreError(GatewayError):
     """The store cannot do it now."""
+
+    code = "store_unavailable"
+
+
+class UnstorableError(StoreError):
+    """The database takes these values never, whatever is done about it: a mistake of ours."""
 
     code = "store_unavailable"
 

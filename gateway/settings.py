@@ -29,9 +29,11 @@ class Settings:
     port: int | None = None
     grpc_port: int | None = None
     data_dir: Path = field(default_factory=default_data_dir)
+    store_url: str = field(default="", repr=False)  # PostgreSQL; "": a file in the data directory
     allow_hosts: tuple[str, ...] = ()
     allow_origins: tuple[str, ...] = ()
     retention_days: float = 7.0
+    event_retention_days: float = 90.0
     retention_bytes: int = 4096 * MIB
     store_queue_bytes: int = 256 * MIB
     tick_s: float = 0.005
@@ -47,8 +49,10 @@ class Settings:
                 f"--host {self.host}: loopback only until the identity step\n"
                 "Use 127.0.0.1, and reach it from elsewhere through an SSH tunnel."
             )
-        if self.retention_days <= 0 or self.retention_bytes < MIB:
-            raise ConfigError("--retention-days is more than 0 and --retention-mib at least 1")
+        if min(self.retention_days, self.event_retention_days) <= 0 or self.retention_bytes < MIB:
+            raise ConfigError(
+                "--retention-days and --event-retention-days are more than 0, and --retention-mib at least 1"
+            )
         if not 0.0 <= self.tick_s <= 0.1:
             raise ConfigError("--tick-ms is 0 to 100")
         if not 0.2 <= self.heartbeat_s <= 60.0:

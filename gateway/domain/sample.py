@@ -48,6 +48,10 @@ class Run:
         for seq, stamp_ns, payload in self.columns.samples():
             yield Sample(self.channel, seq, stamp_ns, self.receive_ns, payload)
 
+    def after(self, skip: int) -> Run:
+        """The run without its first `skip` samples."""
+        return Run(self.channel, self.columns.after(skip), self.receive_ns) if skip else self
+
 
 @dataclass(frozen=True, slots=True)
 class Rows:
@@ -60,6 +64,10 @@ class Rows:
 
     def __len__(self) -> int:
         return len(self.values)
+
+    def after(self, skip: int) -> Rows:
+        """The rows without the first `skip` of them."""
+        return Rows(self.series, self.index[skip:], self.stamps[skip:], self.values[skip:])
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
 from gateway.domain.sample import Run
-from gateway.errors import FencedError, ForkedError, RobotOfflineError
+from gateway.errors import FencedError, ForkedError, RobotOfflineError, StoreError, UnsettledError
 from gateway.ingest.events import (
     Announced,
     Arrived,
@@ -31,7 +31,7 @@ from gateway.ingest.outbox import LaneOutbox
 from gateway.ingest.registry import Registry, RobotRecord
 from gateway.ingest.session import Session
 from gateway.ingest.streams import StreamTable
-from gateway.store import RobotWrite, Store, StreamWrite, Write, WriterWrite
+from gateway.store import Committed, RobotWrite, Store, StreamWrite, WriterWrite
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
@@ -99,13 +99,11 @@ class Links:
             record = self._registry.find(robot.id)
             if record is None:
                 record = self._registry.add(RobotRecord(robot, seen_ns=self._clock.wall_ns()))
-            if record.streams is None:
-                stored, writers = await self._store.streams(robot.id), await self._store.writers(robot.id)
-                record.streams = StreamTable(stored, writers=writers)
-            if record.streams.forked(hello):
+            streams = record.streams = await self._streams(record, hello)
+            if streams.forked(hello):
                 record.forks += 1
                 raise ForkedError(f"another copy of the outbox of {robot.id} has spoken under its epoch")
-            live = self._admit(hello, record, record.streams)
+            live = self._admit(hello, record, streams)
             outbox = LaneOutbox(max_bytes=OUTBOX_BYTES)
             events = live.session.open_lane(hello, now_s=self._clock.monotonic_s(), wall_ns=self._clock.wall_ns())
             live.outboxes[hello.lane] = outbox
@@ -133,25 +131,31 @@ class Links:
             raise RobotOfflineError(f"robot {robot_id} has no link now")
         self._put(live, LANES[0], frame)
 
-    def committed(self, writes: Sequence[Write]) -> None:
-        """A commit is done: move the stored watermarks and acknowledge, one Ack a robot."""
-        newest: dict[str, dict[tuple[int, int], int]] = {}
-        for write in writes:
+    def committed(self, done: Committed) -> None:
+        """A commit is done: move the stored watermarks and acknowledge them, one Ack a robot."""
+        for write in done.writes:
             if isinstance(write, WriterWrite) and (streams := self._registry.get(write.robot).streams) is not None:
                 streams.commit_writer(write.epoch, write.writer)
-            if isinstance(write, StreamWrite):
-                seqs = newest.setdefault(write.robot, {})
-                key = (write.stream_id, write.epoch)
-                seqs[key] = max(write.seq, seqs.get(key, 0))
-        for robot_id, seqs in newest.items():
-            record = self._registry.get(robot_id)
-            for (stream_id, epoch), seq in seqs.items():
+        acks: dict[str, list[tuple[int, int, int]]] = {}
+        for mark in done.marks:
+            acks.setdefault(mark.robot, []).append((mark.stream_id, mark.epoch, mark.seq))
+        for robot_id, marks in acks.items():
+            record, live = self._registry.get(robot_id), self._live.get(robot_id)
+            if record.streams is not None and any(seq < record.streams.stored(s, epoch) for s, epoch, seq in marks):
+                self._went_back(record, live)
+                continue
+            for stream_id, epoch, seq in marks:
                 if record.streams is not None:
                     record.streams.commit(stream_id, epoch, seq)
-            live = self._live.get(robot_id)
             if live is not None:
-                acks = [(stream_id, epoch, seq) for (stream_id, epoch), seq in seqs.items()]
-                self._apply(live, live.session.committed(acks))
+                self._apply(live, live.session.committed(marks))
+
+    def _went_back(self, record: RobotRecord, live: _Live | None) -> None:
+        """The store has less than it had: it was restored meanwhile. The agent must hear of it in a Welcome."""
+        log.error("robot %s: the store has lost samples that it had acknowledged", record.robot.id)
+        if live is not None:
+            self._apply(live, live.session.close("store_behind", "the store has gone back in time"))
+        record.streams = None
 
     def refused(self, robots: Collection[str]) -> None:
         """The store gave up what these robots had queued: they send it again later."""
@@ -175,6 +179,21 @@ class Links:
         """Say goodbye on every lane: the gateway goes down and wants its agents back soon."""
         for live in list(self._live.values()):
             self._apply(live, live.session.close("shutting_down", "the gateway is shutting down", retry_after_ms=200))
+
+    async def _streams(self, record: RobotRecord, hello: link_pb2.Hello) -> StreamTable:
+        """The robot's watermarks: as we know them, or as the store does, when somebody else may write there too."""
+        live, robot_id = self._live.get(record.robot.id), record.robot.id
+        ours = live is not None and live.session.session_id == hello.session_id
+        if record.streams is not None and (ours or not self._store.shared):
+            return record.streams
+        try:
+            stored, writers = await self._store.streams(robot_id), await self._store.writers(robot_id)
+        except StoreError as error:
+            raise UnsettledError(f"the store cannot be read now: {error}") from error
+        if record.streams is None:
+            return StreamTable(stored, writers=writers)
+        record.streams.refresh(stored, writers)
+        return record.streams
 
     def _admit(self, hello: link_pb2.Hello, record: RobotRecord, streams: StreamTable) -> _Live:
         """The session this Hello belongs to: the living one, or a new one that fences it."""
@@ -248,6 +267,7 @@ class Links:
             epoch=event.epoch,
             seq=event.seq,
             run=event.run if event.run.count else None,
+            base=self._base(live, columns.stream_id, event.epoch),
         )
         self._store.submit(write)
 
@@ -258,6 +278,7 @@ class Links:
             epoch=event.epoch,
             seq=event.seq,
             rows=event.rows if len(event.rows) else None,
+            base=self._base(live, event.stream_id, event.epoch),
         )
         self._store.submit(write)
 
@@ -276,8 +297,13 @@ class Links:
             epoch=event.epoch,
             seq=event.gap.to_seq,
             gap=event.gap,
+            base=self._base(live, event.stream_id, event.epoch),
         )
         self._store.submit(write)
+
+    @staticmethod
+    def _base(live: _Live, stream_id: int, epoch: int) -> int:
+        return live.record.streams.base(stream_id, epoch) if live.record.streams is not None else 0
 
     def _closed(self, live: _Live, event: Closed) -> None:
         live.closed = True

@@ -40,6 +40,7 @@ class StreamTable:
         self._stored_writers: dict[int, str] = dict(writers or {})
         self._stored: dict[Key, int] = dict(stored or {})
         self._accepted: dict[Key, int] = dict(self._stored)
+        self._bases: dict[Key, int] = {}
         self._max_streams = max_streams
 
     @property
@@ -54,6 +55,18 @@ class StreamTable:
     def stored(self, stream_id: int, epoch: int) -> int:
         """The last sequence number committed, 0 for none."""
         return self._stored.get((stream_id, epoch), 0)
+
+    def base(self, stream_id: int, epoch: int) -> int:
+        """After which number the stream begins, in case nothing of it is stored yet."""
+        return self._bases.get((stream_id, epoch), 0)
+
+    def refresh(self, stored: Mapping[Key, int], writers: Mapping[int, str]) -> None:
+        """Another gateway on the same store may have served the robot meanwhile."""
+        for (stream_id, epoch), seq in stored.items():
+            self.commit(stream_id, epoch, seq)
+        for epoch, writer in writers.items():
+            if self._stored_writers.get(epoch) != writer:
+                self._stored_writers[epoch] = self.writers[epoch] = writer
 
     def accept(self, stream_id: int, epoch: int, first_seq: int, last_seq: int) -> Accepted:
         """Take a run of a durable stream in; ProtocolError when samples before it are missing and undeclared."""
@@ -130,6 +143,7 @@ class StreamTable:
         for state in states:
             key = (state.stream_id, state.epoch)
             if state.base_seq and key not in self._accepted:
+                self._put(self._bases, key, state.base_seq)
                 self._put(self._accepted, key, state.base_seq)
                 self._put(self._stored, key, state.base_seq)
 

@@ -1,8 +1,19 @@
-"""What survives a restart: robots, watermarks, gaps and numeric series in one SQLite file."""
+"""What survives a restart: robots, watermarks, gaps, messages and numeric series, in SQLite or PostgreSQL."""
 
 from __future__ import annotations
 
+from gateway.store.samples import SampleFilter, StoredBatch
 from gateway.store.store import Store
-from gateway.store.writes import RobotWrite, StreamWrite, Write, WriterWrite
+from gateway.store.writes import Committed, Mark, RobotWrite, StreamWrite, Write, WriterWrite
 
-__all__ = ["RobotWrite", "Store", "StreamWrite", "Write", "WriterWrite"]
+__all__ = [
+    "Committed",
+    "Mark",
+    "RobotWrite",
+    "SampleFilter",
+    "Store",
+    "StoredBatch",
+    "StreamWrite",
+    "Write",
+    "WriterWrite",
+]

@@ -1,160 +1,223 @@
-"""One group commit: rows, watermarks and gaps of every link that waited, in one transaction."""
+"""One group commit: rows, watermarks and gaps of every link that waited, in one transaction.
+
+The contract is kept here, whoever queued what: of every write only that is stored which follows its stream's
+watermark, and the watermark moves with it. A commit may therefore be repeated, be it that its outcome is unknown or
+that two gateways have the same samples.
+"""
 
 from __future__ import annotations
 
-import sqlite3
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import orjson
 
-from gateway.domain.channel import Channel
+from gateway.domain.channel import EVENT, Channel
 from gateway.domain.robot import Robot
-from gateway.domain.sample import Gap, Rows, Run
-from gateway.store.schema import signed
-from gateway.store.writes import RobotWrite, StreamWrite, Write, WriterWrite
+from gateway.domain.sample import Rows, Run
+from gateway.store.engine import StoreEngine, placeholders, signed, slices
+from gateway.store.writes import Committed, Mark, RobotWrite, StreamWrite, Write, WriterWrite
 
 __all__ = ["Committer"]
 
-_UPSERT_ROBOT = """
+_Key = tuple[int, int, int]  # robot, stream, epoch
+_REMEMBERED_MARKS = 1 << 18
+
+_PUT_ROBOT = """
     INSERT INTO robots (id, namespace, hostname, agent_version, labels, first_seen_ns, last_seen_ns)
     VALUES (?, ?, ?, ?, ?, ?, ?)
     ON CONFLICT (id) DO UPDATE SET namespace = excluded.namespace, hostname = excluded.hostname,
         agent_version = excluded.agent_version, labels = excluded.labels, last_seen_ns = excluded.last_seen_ns
 """
-_UPSERT_STREAM = """
-    INSERT INTO streams VALUES (?, ?, ?, ?, ?)
-    ON CONFLICT (robot, stream_id, epoch) DO UPDATE SET seq = max(seq, excluded.seq), updated_ns = excluded.updated_ns
+_NEW_ROBOT = """
+    INSERT INTO robots (id, namespace, hostname, agent_version, labels, first_seen_ns, last_seen_ns)
+    VALUES (?, '/', '', '', '{}', ?, ?) ON CONFLICT (id) DO NOTHING
 """
+_PUT_CHANNEL = """
+    INSERT INTO channels (robot, topic, schema_name, type_hash, encoding, class, schema_encoding, schema, qos)
+    VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)
+    ON CONFLICT (robot, topic, schema_name, type_hash, encoding, class) DO UPDATE SET
+        schema_encoding = excluded.schema_encoding, schema = excluded.schema, qos = excluded.qos
+"""
+_FIND_CHANNEL = """
+    SELECT channel FROM channels
+    WHERE robot = ? AND topic = ? AND schema_name = ? AND type_hash = ? AND encoding = ? AND class = ?
+"""
+_PUT_SERIES = """
+    INSERT INTO series (robot, name, topic, field) VALUES (?, ?, ?, ?)
+    ON CONFLICT (robot, name) DO UPDATE SET topic = excluded.topic, field = excluded.field
+"""
+_PUT_BATCH = """
+    INSERT INTO sample_batches (robot, stream_id, epoch, first_seq, count, channel, event, first_ns, last_ns,
+        receive_ns, stored_ns, stamps, lengths, payload) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
+"""
+_PUT_ROWS = "INSERT INTO metric_batches (robot, count, stored_ns, series, stamps, vals) VALUES (?, ?, ?, ?, ?, ?)"
+_PUT_GAP = "INSERT INTO gaps VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
+_PUT_MARK = """
+    INSERT INTO streams VALUES (?, ?, ?, ?, ?)
+    ON CONFLICT (robot, stream_id, epoch) DO UPDATE SET seq = excluded.seq, updated_ns = excluded.updated_ns
+"""
+_PUT_WRITER = """
+    INSERT INTO writers VALUES (?, ?, ?) ON CONFLICT (robot, epoch) DO UPDATE SET writer = excluded.writer
+"""
+_PUT_META = "INSERT INTO meta VALUES (?, ?) ON CONFLICT (key) DO UPDATE SET value = excluded.value"
+
+
+@dataclass(slots=True)
+class _Group:
+    """The rows of one commit, by table."""
+
+    batches: list[tuple[Any, ...]] = field(default_factory=list)
+    rows: list[tuple[Any, ...]] = field(default_factory=list)
+    gaps: list[tuple[Any, ...]] = field(default_factory=list)
+    marks: dict[_Key, int] = field(default_factory=dict)
 
 
 class Committer:
-    """Turns writes into SQL; keeps the numbers of robots and series it has seen."""
+    """Turns writes into rows; keeps the numbers of robots, series and channels it has seen, and the watermarks."""
 
-    def __init__(self, connection: sqlite3.Connection) -> None:
-        self._connection = connection
+    def __init__(self, engine: StoreEngine, *, name: str = "") -> None:
+        self._engine = engine
+        self._name = f"last_commit_ns {name}"
         self._robots: dict[str, int] = {}
         self._series: dict[tuple[int, str], int] = {}
-        self._channels: dict[tuple[int, str, str, str, str, str], int] = {}
+        self._channels: dict[tuple[Any, ...], int] = {}
+        self._marks: dict[_Key, int] = {}
 
-    def commit(self, writes: Sequence[Write], *, now_ns: int) -> None:
-        """Store all of `writes` or none; raises sqlite3.Error after rolling back."""
-        self._connection.execute("BEGIN IMMEDIATE")
+    def commit(self, writes: Sequence[Write], *, now_ns: int) -> Committed:
+        """Store what is new of `writes`, all or nothing; StoreError when it did not work."""
         try:
-            # Always something to write: a commit of nothing must not look like a disk that works.
-            self._connection.execute("INSERT OR REPLACE INTO meta VALUES ('last_commit_ns', ?)", (str(now_ns),))
-            for write in writes:
-                if isinstance(write, RobotWrite):
-                    self._put_robot(write.robot, write.seen_ns)
-                elif isinstance(write, WriterWrite):
-                    self._put_writer(write, now_ns)
-                else:
-                    self._put_stream(write, now_ns)
-            self._connection.execute("COMMIT")
+            with self._engine.transaction(write=True):
+                # Always something to write: a commit of nothing must not look like a disk that works.
+                self._engine.execute(_PUT_META, self._name, str(now_ns))
+                self._put_robots(writes, now_ns)
+                self._put_writers(write for write in writes if isinstance(write, WriterWrite))
+                marks = self._put_streams([write for write in writes if isinstance(write, StreamWrite)], now_ns)
         except BaseException:
-            if self._connection.in_transaction:
-                self._connection.execute("ROLLBACK")
             # Numbers given inside the rolled back transaction do not exist.
-            self._robots.clear()
-            self._series.clear()
-            self._channels.clear()
+            for cache in (self._robots, self._series, self._channels, self._marks):
+                cache.clear()
             raise
+        if self._engine.shared or len(self._marks) > _REMEMBERED_MARKS:
+            self._marks.clear()
+        return Committed(writes, marks)
 
-    def _put_robot(self, robot: Robot, seen_ns: int) -> None:
-        labels = orjson.dumps(dict(robot.labels)).decode()
-        values = (robot.id, robot.namespace, robot.hostname, robot.agent_version, labels, seen_ns, seen_ns)
-        self._connection.execute(_UPSERT_ROBOT, values)
+    def _put_robots(self, writes: Sequence[Write], now_ns: int) -> None:
+        """Robots first, in order of their names: whoever shares the database waits for each other here, if at all."""
+        said = {write.robot.id: write for write in writes if isinstance(write, RobotWrite)}
+        named = sorted({write.robot for write in writes if not isinstance(write, RobotWrite)} | said.keys())
+        new = [robot_id for robot_id in named if robot_id not in self._robots]
+        self._engine.many(_NEW_ROBOT, [(robot_id, now_ns, now_ns) for robot_id in new])
+        for some in slices(named if self._engine.shared else new):
+            find = f"SELECT id, robot FROM robots WHERE id IN ({placeholders(len(some))}) ORDER BY id"
+            self._robots.update(
+                (row[0], int(row[1])) for row in self._engine.fetch(find + self._engine.for_update, *some)
+            )
+        self._engine.many(_PUT_ROBOT, [_robot_row(said[key].robot, said[key].seen_ns) for key in sorted(said)])
 
-    def _put_stream(self, write: StreamWrite, now_ns: int) -> None:
-        robot = self._robot_number(write.robot, now_ns)
-        key = (robot, write.stream_id, signed(write.epoch))
+    def _put_writers(self, writes: Iterable[WriterWrite]) -> None:
+        last = {(self._robots[write.robot], signed(write.epoch)): _text(write.writer) for write in writes}
+        self._engine.many(_PUT_WRITER, [(*key, writer) for key, writer in last.items()])
+
+    def _put_streams(self, writes: Sequence[StreamWrite], now_ns: int) -> list[Mark]:
+        touched = {
+            (self._robots[write.robot], write.stream_id, signed(write.epoch)): (write.robot, write.epoch)
+            for write in writes
+        }
+        self._read_marks([key for key in touched if key not in self._marks])
+        group = _Group()
+        for write in writes:
+            key = (self._robots[write.robot], write.stream_id, signed(write.epoch))
+            fresh = write.after(self._marks.get(key, write.base))
+            if fresh is not None:
+                self._add(group, key, fresh, now_ns)
+                self._marks[key] = group.marks[key] = write.seq
+        self._engine.many(_PUT_BATCH, group.batches)
+        self._engine.many(_PUT_ROWS, group.rows)
+        self._engine.many(_PUT_GAP, group.gaps)
+        self._engine.many(_PUT_MARK, [(*key, seq, now_ns) for key, seq in group.marks.items()])
+        return [
+            Mark(robot, key[1], epoch, self._marks[key])
+            for key, (robot, epoch) in touched.items()
+            if key in self._marks
+        ]
+
+    def _read_marks(self, keys: Sequence[_Key]) -> None:
+        """The watermarks as they are stored; a stream without one is new."""
+        for some in slices(keys):
+            values = ", ".join(["(CAST(? AS BIGINT), CAST(? AS BIGINT), CAST(? AS BIGINT))"] * len(some))
+            find = (
+                f"SELECT s.robot, s.stream_id, s.epoch, s.seq FROM (VALUES {values}) AS k JOIN streams s"
+                " ON s.robot = k.column1 AND s.stream_id = k.column2 AND s.epoch = k.column3"
+            )
+            for robot, stream_id, epoch, seq in self._engine.fetch(find, *(number for key in some for number in key)):
+                self._marks[robot, stream_id, epoch] = int(seq)
+
+    def _add(self, group: _Group, key: _Key, write: StreamWrite, now_ns: int) -> None:
         if write.run is not None:
-            self._put_run(key, write.run, now_ns)
+            group.batches.append(self._batch_row(key, write.run, now_ns))
         if write.rows is not None:
-            self._put_rows(robot, write.rows, now_ns)
+            group.rows.append(self._metric_row(key[0], write.rows, now_ns))
         if write.gap is not None:
-            self._put_gap(key, write.gap, now_ns)
-        self._connection.execute(_UPSERT_STREAM, (*key, write.seq, now_ns))
+            gap = write.gap
+            group.gaps.append((*key, gap.from_seq, gap.to_seq, _text(gap.reason), gap.from_ns, gap.to_ns, now_ns))
 
-    def _put_writer(self, write: WriterWrite, now_ns: int) -> None:
-        robot = self._robot_number(write.robot, now_ns)
-        self._connection.execute(
-            "INSERT OR REPLACE INTO writers VALUES (?, ?, ?)", (robot, signed(write.epoch), write.writer)
-        )
-
-    def _put_run(self, key: tuple[int, int, int], run: Run, now_ns: int) -> None:
+    def _batch_row(self, key: _Key, run: Run, now_ns: int) -> tuple[Any, ...]:
         columns = run.columns
         stamps = columns.stamps_ns
-        channel = self._channel_number(key[0], run.channel)
-        lengths = np.diff(columns.offsets).astype("<u4").tobytes()
-        self._connection.execute(
-            "INSERT INTO sample_batches (robot, stream_id, epoch, first_seq, count, channel, first_ns, last_ns,"
-            " receive_ns, stored_ns, stamps, lengths, payload) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-            (
-                *key,
-                columns.first_seq,
-                columns.count,
-                channel,
-                int(stamps.min()),
-                int(stamps.max()),
-                run.receive_ns,
-                now_ns,
-                stamps.tobytes(),
-                lengths,
-                columns.payload,
-            ),
+        return (
+            *key,
+            columns.first_seq,
+            columns.count,
+            self._channel_number(key[0], run.channel),
+            int(run.channel.delivery == EVENT),
+            int(stamps.min()),
+            int(stamps.max()),
+            run.receive_ns,
+            now_ns,
+            stamps.tobytes(),
+            np.diff(columns.offsets).astype("<u4").tobytes(),
+            columns.payload,
+        )
+
+    def _metric_row(self, robot: int, rows: Rows, now_ns: int) -> tuple[Any, ...]:
+        numbers = np.array([self._series_number(robot, s.name, s.topic, s.field) for s in rows.series], np.uint32)
+        return (
+            robot,
+            len(rows),
+            now_ns,
+            numbers[rows.index].tobytes(),
+            rows.stamps.tobytes(),
+            rows.values.tobytes(),
         )
 
     def _channel_number(self, robot: int, channel: Channel) -> int:
-        key = (robot, channel.topic, channel.schema_name, channel.type_hash, channel.encoding, channel.delivery)
+        texts = (channel.topic, channel.schema_name, channel.type_hash, channel.encoding, channel.delivery)
+        key = (robot, *map(_text, texts))
         number = self._channels.get(key)
         if number is None:
-            self._connection.execute(
-                "INSERT INTO channels (robot, topic, schema_name, type_hash, encoding, class, schema_encoding, schema,"
-                " qos) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (robot, topic, schema_name, type_hash, encoding,"
-                " class) DO UPDATE SET schema_encoding = excluded.schema_encoding, schema = excluded.schema,"
-                " qos = excluded.qos",
-                (*key, channel.schema_encoding, channel.schema, channel.qos),
-            )
-            find = (
-                "SELECT channel FROM channels WHERE robot = ? AND topic = ? AND schema_name = ? AND type_hash = ?"
-                " AND encoding = ? AND class = ?"
-            )
-            number = self._channels[key] = int(self._connection.execute(find, key).fetchone()[0])
+            self._engine.execute(_PUT_CHANNEL, *key, _text(channel.schema_encoding), channel.schema, _text(channel.qos))
+            number = self._channels[key] = int(self._engine.fetch(_FIND_CHANNEL, *key)[0][0])
         return number
 
-    def _put_rows(self, robot: int, rows: Rows, now_ns: int) -> None:
-        numbers = np.array([self._series_number(robot, s.name, s.topic, s.field) for s in rows.series], np.uint32)
-        series = numbers[rows.index].tobytes()
-        self._connection.execute(
-            "INSERT INTO metric_batches (robot, count, stored_ns, series, stamps, vals) VALUES (?, ?, ?, ?, ?, ?)",
-            (robot, len(rows), now_ns, series, rows.stamps.tobytes(), rows.values.tobytes()),
-        )
-
-    def _put_gap(self, key: tuple[int, int, int], gap: Gap, now_ns: int) -> None:
-        self._connection.execute(
-            "INSERT OR IGNORE INTO gaps VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)",
-            (*key, gap.from_seq, gap.to_seq, gap.reason, gap.from_ns, gap.to_ns, now_ns),
-        )
-
-    def _robot_number(self, robot_id: str, now_ns: int) -> int:
-        number = self._robots.get(robot_id)
+    def _series_number(self, robot: int, name: str, topic: str, field_name: str) -> int:
+        key = (robot, _text(name))
+        number = self._series.get(key)
         if number is None:
-            self._connection.execute(
-                "INSERT OR IGNORE INTO robots VALUES (NULL, ?, '/', '', '', '{}', ?, ?)", (robot_id, now_ns, now_ns)
-            )
-            row = self._connection.execute("SELECT robot FROM robots WHERE id = ?", (robot_id,)).fetchone()
-            number = self._robots[robot_id] = int(row[0])
-        return number
-
-    def _series_number(self, robot: int, name: str, topic: str, field: str) -> int:
-        number = self._series.get((robot, name))
-        if number is None:
-            self._connection.execute(
-                "INSERT INTO series (robot, name, topic, field) VALUES (?, ?, ?, ?)"
-                " ON CONFLICT (robot, name) DO UPDATE SET topic = excluded.topic, field = excluded.field",
-                (robot, name, topic, field),
-            )
+            self._engine.execute(_PUT_SERIES, *key, _text(topic), _text(field_name))
             find = "SELECT series FROM series WHERE robot = ? AND name = ?"
-            number = self._series[robot, name] = int(self._connection.execute(find, (robot, name)).fetchone()[0])
+            number = self._series[key] = int(self._engine.fetch(find, *key)[0][0])
         return number
+
+
+def _robot_row(robot: Robot, seen_ns: int) -> tuple[Any, ...]:
+    labels = orjson.dumps(dict(robot.labels)).decode()
+    texts = (robot.id, robot.namespace, robot.hostname, robot.agent_version, labels)
+    return (*map(_text, texts), seen_ns, seen_ns)
+
+
+def _text(text: str) -> str:
+    """A robot's text as every database takes it: PostgreSQL knows no NUL."""
+    return text.replace("\0", "\ufffd") if "\0" in text else text

@@ -6,11 +6,10 @@ therefore sees every row exactly once, before, during and after.
 
 from __future__ import annotations
 
-import sqlite3
-
 import numpy as np
 import numpy.typing as npt
 
+from gateway.store.engine import StoreEngine
 from gateway.store.schema import CHUNK_SAMPLES
 
 __all__ = ["merge_step", "waiting_batches"]
@@ -19,29 +18,23 @@ Stamps = npt.NDArray[np.int64]
 Values = npt.NDArray[np.float64]
 
 
-def waiting_batches(connection: sqlite3.Connection) -> tuple[int, int]:
+def waiting_batches(engine: StoreEngine) -> tuple[int, int]:
     """(how many batches wait for the merge, when the oldest of them was stored); the time is 0 when none waits."""
-    count = connection.execute("SELECT count(*) FROM metric_batches").fetchone()[0]
-    oldest = connection.execute("SELECT stored_ns FROM metric_batches ORDER BY batch LIMIT 1").fetchone()
-    return int(count), int(oldest[0]) if oldest else 0
+    with engine.transaction(write=False):
+        count = engine.fetch("SELECT count(*) FROM metric_batches")[0][0]
+        oldest = engine.fetch("SELECT stored_ns FROM metric_batches ORDER BY batch LIMIT 1")
+    return int(count), int(oldest[0][0]) if oldest else 0
 
 
-def merge_step(connection: sqlite3.Connection, *, max_batches: int) -> int:
+def merge_step(engine: StoreEngine, *, max_batches: int) -> int:
     """Move the rows of at most `max_batches` batches into chunks; returns how many batches went."""
-    connection.execute("BEGIN IMMEDIATE")
-    try:
-        moved = _move(connection, max_batches)
-        connection.execute("COMMIT")
-    except BaseException:
-        if connection.in_transaction:
-            connection.execute("ROLLBACK")
-        raise
-    return moved
+    with engine.transaction(write=True):
+        return _move(engine, max_batches)
 
 
-def _move(connection: sqlite3.Connection, max_batches: int) -> int:
+def _move(engine: StoreEngine, max_batches: int) -> int:
     query = "SELECT batch, stored_ns, series, stamps, vals FROM metric_batches ORDER BY batch LIMIT ?"
-    batches = connection.execute(query, (max_batches,)).fetchall()
+    batches = engine.fetch(query + engine.for_update, max_batches)
     if not batches:
         return 0
     series = np.frombuffer(b"".join(batch[2] for batch in batches), np.uint32)
@@ -54,35 +47,35 @@ def _move(connection: sqlite3.Connection, max_batches: int) -> int:
     stored_ns = max(batch[1] for batch in batches)
     for index, number in enumerate(numbers.tolist()):
         rows = slice(bounds[index], bounds[index + 1])
-        _append(connection, number, stamps[rows], values[rows], stored_ns)
-    connection.execute("DELETE FROM metric_batches WHERE batch <= ?", (batches[-1][0],))
+        _append(engine, number, stamps[rows], values[rows], stored_ns)
+    engine.many("DELETE FROM metric_batches WHERE batch = ?", [(batch[0],) for batch in batches])
     return len(batches)
 
 
-def _append(connection: sqlite3.Connection, series: int, stamps: Stamps, values: Values, stored_ns: int) -> None:
+def _append(engine: StoreEngine, series: int, stamps: Stamps, values: Values, stored_ns: int) -> None:
     """Fill the series' open chunk, then make new ones."""
     find = (
         "SELECT chunk, count, stamps, vals FROM metric_chunks WHERE series = ? AND count < 1000"
         " ORDER BY chunk DESC LIMIT 1"
     )
-    row = connection.execute(find, (series,)).fetchone()
-    if row is not None:
+    for row in engine.fetch(find + engine.for_update, series):
         taken = min(len(stamps), CHUNK_SAMPLES - row[1])
         held = (np.frombuffer(row[2], np.int64), np.frombuffer(row[3], np.float64))
         joined = _chunk(np.concatenate((held[0], stamps[:taken])), np.concatenate((held[1], values[:taken])))
-        connection.execute(
+        engine.execute(
             "UPDATE metric_chunks SET first_ns = ?, last_ns = ?, count = ?, stamps = ?, vals = ?, stored_ns = ?"
             " WHERE chunk = ?",
-            (*joined, stored_ns, row[0]),
+            *joined,
+            stored_ns,
+            row[0],
         )
         stamps, values = stamps[taken:], values[taken:]
-    for start in range(0, len(stamps), CHUNK_SAMPLES):
-        chunk = _chunk(stamps[start : start + CHUNK_SAMPLES], values[start : start + CHUNK_SAMPLES])
-        connection.execute(
-            "INSERT INTO metric_chunks (first_ns, last_ns, count, stamps, vals, stored_ns, series)"
-            " VALUES (?, ?, ?, ?, ?, ?, ?)",
-            (*chunk, stored_ns, series),
-        )
+    pieces = [slice(start, start + CHUNK_SAMPLES) for start in range(0, len(stamps), CHUNK_SAMPLES)]
+    engine.many(
+        "INSERT INTO metric_chunks (first_ns, last_ns, count, stamps, vals, stored_ns, series)"
+        " VALUES (?, ?, ?, ?, ?, ?, ?)",
+        [(*_chunk(stamps[piece], values[piece]), stored_ns, series) for piece in pieces],
+    )
 
 
 def _chunk(stamps: Stamps, values: Values) -> tuple[int, int, int, bytes, bytes]:

@@ -1,10 +1,10 @@
-"""Reading: robots, watermarks, series, and ranges of series in buckets; all on read-only connections."""
+"""Reading: robots, watermarks, series, and ranges of series in buckets; each on a snapshot of its own."""
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,7 @@ import orjson
 from gateway.domain.channel import Series
 from gateway.domain.robot import Robot
 from gateway.domain.sample import Gap
-from gateway.store.schema import unsigned
+from gateway.store.engine import Row, StoreEngine, unsigned
 
 __all__ = [
     "SeriesFacts",
@@ -73,93 +73,91 @@ class SeriesRange:
     count: npt.NDArray[np.int64]
 
 
-def read_robots(connection: sqlite3.Connection) -> list[StoredRobot]:
+def read_robots(engine: StoreEngine) -> list[StoredRobot]:
     """Every robot that ever connected."""
     query = "SELECT id, namespace, hostname, agent_version, labels, first_seen_ns, last_seen_ns FROM robots"
     return [
         StoredRobot(Robot(row[0], row[1], row[2], row[3], orjson.loads(row[4])), row[5], row[6])
-        for row in connection.execute(query)
+        for row in _snapshot(engine, query)
     ]
 
 
-def read_streams(connection: sqlite3.Connection, robot_id: str) -> dict[tuple[int, int], int]:
+def read_streams(engine: StoreEngine, robot_id: str) -> dict[tuple[int, int], int]:
     """The robot's watermarks by (stream, epoch)."""
     query = "SELECT stream_id, epoch, seq FROM streams JOIN robots USING (robot) WHERE id = ?"
-    return {(row[0], unsigned(row[1])): row[2] for row in connection.execute(query, (robot_id,))}
+    return {(row[0], unsigned(row[1])): row[2] for row in _snapshot(engine, query, robot_id)}
 
 
-def read_writers(connection: sqlite3.Connection, robot_id: str) -> dict[int, str]:
+def read_writers(engine: StoreEngine, robot_id: str) -> dict[int, str]:
     """Who last wrote under each of the robot's epochs."""
     query = "SELECT epoch, writer FROM writers JOIN robots USING (robot) WHERE id = ?"
-    return {unsigned(row[0]): row[1] for row in connection.execute(query, (robot_id,))}
+    return {unsigned(row[0]): row[1] for row in _snapshot(engine, query, robot_id)}
 
 
-def read_gaps(connection: sqlite3.Connection, robot_id: str, *, limit: int) -> list[StoredGap]:
+def read_gaps(engine: StoreEngine, robot_id: str, *, limit: int) -> list[StoredGap]:
     """The robot's declared losses, the newest first."""
     query = (
         "SELECT stream_id, epoch, from_seq, to_seq, reason, from_ns, to_ns, stored_ns FROM gaps"
         " JOIN robots USING (robot) WHERE id = ? ORDER BY stored_ns DESC, from_seq DESC LIMIT ?"
     )
-    rows = connection.execute(query, (robot_id, limit))
+    rows = _snapshot(engine, query, robot_id, limit)
     return [StoredGap(row[0], unsigned(row[1]), Gap(*row[2:7]), row[7]) for row in rows]
 
 
-def read_series(connection: sqlite3.Connection, robot_id: str) -> list[SeriesFacts]:
+def read_series(engine: StoreEngine, robot_id: str) -> list[SeriesFacts]:
     """The robot's series by name, with stored counts and newest rows."""
-    connection.execute("BEGIN")
-    try:
+    with engine.transaction(write=False):
         listing = (
-            "SELECT series, name, topic, field, (SELECT sum(count) FROM metric_chunks c WHERE c.series = s.series)"
+            "SELECT series, name, topic, field,"
+            " (SELECT CAST(sum(count) AS BIGINT) FROM metric_chunks c WHERE c.series = s.series)"
             " FROM series s JOIN robots USING (robot) WHERE id = ? ORDER BY name"
         )
-        rows = connection.execute(listing, (robot_id,)).fetchall()
+        rows = engine.fetch(listing, robot_id)
         facts = {row[0]: SeriesFacts(Series(row[1], row[2], row[3]), row[4] or 0) for row in rows}
         for number, fact in facts.items():
             newest = "SELECT stamps, vals FROM metric_chunks WHERE series = ? ORDER BY last_ns DESC LIMIT 1"
-            row = connection.execute(newest, (number,)).fetchone()
-            if row is not None:
+            for row in engine.fetch(newest, number):
                 fact.stamp_ns = int(np.frombuffer(row[0], np.int64)[-1])
                 fact.value = float(np.frombuffer(row[1])[-1])
-        for series, stamps, values in _waiting(connection, robot_id):
+        for series, stamps, values in _waiting(engine, robot_id):
             numbers, counts = np.unique(series, return_counts=True)
             for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
                 last = int(np.flatnonzero(series == number)[-1])
                 fact = facts[number]
                 fact.samples += count
                 fact.stamp_ns, fact.value = int(stamps[last]), float(values[last])
-    finally:
-        connection.execute("COMMIT")
     return list(facts.values())
 
 
 def read_range(
-    connection: sqlite3.Connection, robot_id: str, names: Sequence[str], *, start_ns: int, end_ns: int, points: int
+    engine: StoreEngine, robot_id: str, names: Sequence[str], *, start_ns: int, end_ns: int, points: int
 ) -> list[SeriesRange]:
     """Each named series between two stamps, both included; a name nobody stored gives an empty range."""
-    connection.execute("BEGIN")
-    try:
-        waiting = list(_waiting(connection, robot_id))
+    with engine.transaction(write=False):
+        waiting = list(_waiting(engine, robot_id))
         ranges = []
         for name in names:
             buckets = _Buckets(start_ns=start_ns, end_ns=end_ns, points=points)
             find = "SELECT series FROM series JOIN robots USING (robot) WHERE id = ? AND name = ?"
-            row = connection.execute(find, (robot_id, name)).fetchone()
-            if row is not None:
-                for stamps, values in _rows(connection, row[0], waiting, start_ns=start_ns, end_ns=end_ns):
+            for row in engine.fetch(find, robot_id, name):
+                for stamps, values in _rows(engine, row[0], waiting, start_ns=start_ns, end_ns=end_ns):
                     buckets.add(stamps, values)
             ranges.append(buckets.result(name))
         return ranges
-    finally:
-        connection.execute("COMMIT")
 
 
-def _waiting(connection: sqlite3.Connection, robot_id: str) -> Iterator[tuple[npt.NDArray[np.uint32], Stamps, Values]]:
+def _snapshot(engine: StoreEngine, query: str, *values: Any) -> Sequence[Row]:
+    with engine.transaction(write=False):
+        return engine.fetch(query, *values)
+
+
+def _waiting(engine: StoreEngine, robot_id: str) -> Iterator[tuple[npt.NDArray[np.uint32], Stamps, Values]]:
     """The robot's batches that the merge has not moved yet."""
     query = (
         "SELECT series, stamps, vals FROM metric_batches"
         " WHERE robot = (SELECT robot FROM robots WHERE id = ?) ORDER BY batch"
     )
-    rows = connection.execute(query, (robot_id,)).fetchall()
+    rows = engine.fetch(query, robot_id)
     if rows:
         yield (
             np.frombuffer(b"".join(row[0] for row in rows), np.uint32),
@@ -169,7 +167,7 @@ def _waiting(connection: sqlite3.Connection, robot_id: str) -> Iterator[tuple[np
 
 
 def _rows(
-    connection: sqlite3.Connection,
+    engine: StoreEngine,
     series: int,
     waiting: list[tuple[npt.NDArray[np.uint32], Stamps, Values]],
     *,
@@ -182,7 +180,7 @@ def _rows(
     )
     pieces = [
         (np.frombuffer(row[0], np.int64), np.frombuffer(row[1]))
-        for row in connection.execute(query, (series, start_ns, end_ns))
+        for row in engine.fetch(query, series, start_ns, end_ns)
     ]
     for numbers, stamps, values in waiting:
         mine = numbers == series

@@ -1,83 +1,79 @@
-"""The database's tables, as numbered migrations, and how a connection to it is opened.
+"""The tables, as numbered migrations, written once for both databases.
 
 Metric rows live twice in their life, never twice at once: a received batch is inserted as it came into
 `metric_batches` together with its stream's watermark; the background merge moves its rows into `metric_chunks` of
-about 1000 samples a series, deleting the batch in the same transaction.
+about 1000 samples a series, deleting the batch in the same transaction. `streams` holds the watermarks, and is never
+purged: a watermark is what keeps a sample from being stored twice.
 """
 
 from __future__ import annotations
 
-import secrets
-import sqlite3
-from pathlib import Path
+from dataclasses import dataclass
 
-from gateway.errors import StoreError
+__all__ = ["CHUNK_SAMPLES", "MIGRATIONS", "ROW_BYTES", "TABLES", "Dialect", "migration"]
 
-__all__ = ["CHUNK_SAMPLES", "DATABASE", "MIGRATIONS", "connect", "migrate", "signed", "unsigned"]
-
-DATABASE = "gateway.sqlite"
 CHUNK_SAMPLES = 1000
 
 MIGRATIONS: tuple[str, ...] = (
     """
-    CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+    CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) {rowless};
     CREATE TABLE robots (
-        robot INTEGER PRIMARY KEY,
+        robot {number},
         id TEXT NOT NULL UNIQUE,
         namespace TEXT NOT NULL,
         hostname TEXT NOT NULL,
         agent_version TEXT NOT NULL,
         labels TEXT NOT NULL,
-        first_seen_ns INTEGER NOT NULL,
-        last_seen_ns INTEGER NOT NULL
+        first_seen_ns {integer} NOT NULL,
+        last_seen_ns {integer} NOT NULL
     );
     CREATE TABLE series (
-        series INTEGER PRIMARY KEY,
-        robot INTEGER NOT NULL REFERENCES robots,
+        series {number},
+        robot {integer} NOT NULL REFERENCES robots,
         name TEXT NOT NULL,
         topic TEXT NOT NULL,
         field TEXT NOT NULL,
         UNIQUE (robot, name)
     );
     CREATE TABLE streams (
-        robot INTEGER NOT NULL REFERENCES robots,
-        stream_id INTEGER NOT NULL,
-        epoch INTEGER NOT NULL,
-        seq INTEGER NOT NULL,
-        updated_ns INTEGER NOT NULL,
+        robot {integer} NOT NULL REFERENCES robots,
+        stream_id {integer} NOT NULL,
+        epoch {integer} NOT NULL,
+        seq {integer} NOT NULL,
+        updated_ns {integer} NOT NULL,
         PRIMARY KEY (robot, stream_id, epoch)
-    ) WITHOUT ROWID;
+    ) {rowless};
     CREATE TABLE gaps (
-        robot INTEGER NOT NULL REFERENCES robots,
-        stream_id INTEGER NOT NULL,
-        epoch INTEGER NOT NULL,
-        from_seq INTEGER NOT NULL,
-        to_seq INTEGER NOT NULL,
+        robot {integer} NOT NULL REFERENCES robots,
+        stream_id {integer} NOT NULL,
+        epoch {integer} NOT NULL,
+        from_seq {integer} NOT NULL,
+        to_seq {integer} NOT NULL,
         reason TEXT NOT NULL,
-        from_ns INTEGER NOT NULL,
-        to_ns INTEGER NOT NULL,
-        stored_ns INTEGER NOT NULL,
+        from_ns {integer} NOT NULL,
+        to_ns {integer} NOT NULL,
+        stored_ns {integer} NOT NULL,
         PRIMARY KEY (robot, stream_id, epoch, from_seq)
-    ) WITHOUT ROWID;
+    ) {rowless};
     CREATE TABLE metric_batches (
-        batch INTEGER PRIMARY KEY,
-        robot INTEGER NOT NULL REFERENCES robots,
-        count INTEGER NOT NULL,
-        stored_ns INTEGER NOT NULL,
-        series BLOB NOT NULL,
-        stamps BLOB NOT NULL,
-        vals BLOB NOT NULL
+        batch {number},
+        robot {integer} NOT NULL REFERENCES robots,
+        count {integer} NOT NULL,
+        stored_ns {integer} NOT NULL,
+        series {blob} NOT NULL,
+        stamps {blob} NOT NULL,
+        vals {blob} NOT NULL
     );
     CREATE INDEX metric_batches_robot ON metric_batches (robot);
     CREATE TABLE metric_chunks (
-        chunk INTEGER PRIMARY KEY,
-        series INTEGER NOT NULL REFERENCES series,
-        first_ns INTEGER NOT NULL,
-        last_ns INTEGER NOT NULL,
-        count INTEGER NOT NULL,
-        stored_ns INTEGER NOT NULL,
-        stamps BLOB NOT NULL,
-        vals BLOB NOT NULL
+        chunk {number},
+        series {integer} NOT NULL REFERENCES series,
+        first_ns {integer} NOT NULL,
+        last_ns {integer} NOT NULL,
+        count {integer} NOT NULL,
+        stored_ns {integer} NOT NULL,
+        stamps {blob} NOT NULL,
+        vals {blob} NOT NULL
     );
     CREATE INDEX metric_chunks_range ON metric_chunks (series, last_ns);
     CREATE INDEX metric_chunks_age ON metric_chunks (stored_ns);
@@ -85,75 +81,75 @@ MIGRATIONS: tuple[str, ...] = (
     """,
     """
     CREATE TABLE writers (
-        robot INTEGER NOT NULL REFERENCES robots,
-        epoch INTEGER NOT NULL,
+        robot {integer} NOT NULL REFERENCES robots,
+        epoch {integer} NOT NULL,
         writer TEXT NOT NULL,
         PRIMARY KEY (robot, epoch)
-    ) WITHOUT ROWID;
+    ) {rowless};
     CREATE TABLE channels (
-        channel INTEGER PRIMARY KEY,
-        robot INTEGER NOT NULL REFERENCES robots,
+        channel {number},
+        robot {integer} NOT NULL REFERENCES robots,
         topic TEXT NOT NULL,
         class TEXT NOT NULL,
         encoding TEXT NOT NULL,
         schema_name TEXT NOT NULL,
         schema_encoding TEXT NOT NULL,
-        schema BLOB NOT NULL,
+        schema {blob} NOT NULL,
         type_hash TEXT NOT NULL,
         qos TEXT NOT NULL,
         UNIQUE (robot, topic, schema_name, type_hash, encoding, class)
     );
     CREATE TABLE sample_batches (
-        batch INTEGER PRIMARY KEY,
-        robot INTEGER NOT NULL REFERENCES robots,
-        stream_id INTEGER NOT NULL,
-        epoch INTEGER NOT NULL,
-        first_seq INTEGER NOT NULL,
-        count INTEGER NOT NULL,
-        channel INTEGER NOT NULL REFERENCES channels,
-        first_ns INTEGER NOT NULL,
-        last_ns INTEGER NOT NULL,
-        receive_ns INTEGER NOT NULL,
-        stored_ns INTEGER NOT NULL,
-        stamps BLOB NOT NULL,
-        lengths BLOB NOT NULL,
-        payload BLOB NOT NULL,
+        batch {number},
+        robot {integer} NOT NULL REFERENCES robots,
+        stream_id {integer} NOT NULL,
+        epoch {integer} NOT NULL,
+        first_seq {integer} NOT NULL,
+        count {integer} NOT NULL,
+        channel {integer} NOT NULL REFERENCES channels,
+        event {integer} NOT NULL,
+        first_ns {integer} NOT NULL,
+        last_ns {integer} NOT NULL,
+        receive_ns {integer} NOT NULL,
+        stored_ns {integer} NOT NULL,
+        stamps {blob} NOT NULL,
+        lengths {blob} NOT NULL,
+        payload {blob} NOT NULL,
         UNIQUE (robot, stream_id, epoch, first_seq)
     );
     CREATE INDEX sample_batches_range ON sample_batches (channel, last_ns);
-    CREATE INDEX sample_batches_age ON sample_batches (stored_ns);
+    CREATE INDEX sample_batches_age ON sample_batches (event, stored_ns);
+    CREATE INDEX gaps_age ON gaps (stored_ns);
+    {extra}
     """,
 )
 
-
-def connect(data_dir: Path, *, read_only: bool = False) -> sqlite3.Connection:
-    """A connection in autocommit mode (transactions are explicit); the writer's syncs every commit."""
-    uri = f"file:{data_dir / DATABASE}{'?mode=ro' if read_only else ''}"
-    connection = sqlite3.connect(uri, uri=True, isolation_level=None, check_same_thread=False, timeout=5.0)
-    if not read_only:
-        connection.execute("PRAGMA auto_vacuum = INCREMENTAL")
-        connection.execute("PRAGMA journal_mode = WAL")
-        connection.execute("PRAGMA synchronous = FULL")
-    connection.execute("PRAGMA cache_size = -16384")
-    return connection
+ROW_BYTES = 100  # what a row of these occupies beside them, with its index entries
+# The tables that grow with the data, with the columns that make them large.
+TABLES: dict[str, str] = {
+    "sample_batches": "length(stamps) + length(lengths) + length(payload)",
+    "metric_chunks": "length(stamps) + length(vals)",
+    "metric_batches": "length(series) + length(stamps) + length(vals)",
+}
 
 
-def migrate(connection: sqlite3.Connection) -> str:
-    """Bring the tables up to date and return the store's id, made once for the store's whole life."""
-    version = int(connection.execute("PRAGMA user_version").fetchone()[0])
-    if version > len(MIGRATIONS):
-        raise StoreError(f"the store has schema {version}, this program knows {len(MIGRATIONS)}: use a newer program")
-    for number in range(version, len(MIGRATIONS)):
-        connection.executescript(f"BEGIN; {MIGRATIONS[number]} PRAGMA user_version = {number + 1}; COMMIT;")
-    connection.execute("INSERT OR IGNORE INTO meta VALUES ('store_id', ?)", (secrets.token_hex(16),))
-    return str(connection.execute("SELECT value FROM meta WHERE key = 'store_id'").fetchone()[0])
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dialect:
+    """How a database spells what the migrations leave open."""
+
+    number: str
+    integer: str
+    blob: str
+    rowless: str = ""
+    extra: str = ""
 
 
-def signed(number: int) -> int:
-    """An unsigned 64-bit number as SQLite's signed integer."""
-    return number - (1 << 64) if number >= 1 << 63 else number
-
-
-def unsigned(number: int) -> int:
-    """The reverse of `signed`."""
-    return number + (1 << 64) if number < 0 else number
+def migration(index: int, dialect: Dialect) -> str:
+    """The statements of one migration."""
+    return MIGRATIONS[index].format(
+        number=dialect.number,
+        integer=dialect.integer,
+        blob=dialect.blob,
+        rowless=dialect.rowless,
+        extra=dialect.extra,
+    )

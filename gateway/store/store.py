@@ -11,6 +11,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TypeVar
 
+from gateway.store.engine import StoreEngine
+from gateway.store.engines import open_engine
 from gateway.store.query import (
     SeriesFacts,
     SeriesRange,
@@ -24,19 +26,20 @@ from gateway.store.query import (
     read_writers,
 )
 from gateway.store.retention import Retention
-from gateway.store.schema import connect, migrate
+from gateway.store.samples import SampleFilter, StoredBatch, read_samples
 from gateway.store.writer import Pace, Writer
-from gateway.store.writes import StreamWrite, Write
+from gateway.store.writes import Committed, StreamWrite, Write
 from metaros.clock import Clock
 from metaros.errors import ConfigError
 
 __all__ = ["Store"]
 
 Result = TypeVar("Result")
+CLOSE_S = 2.0
 
 
 class Store:
-    """One data directory: `gateway.sqlite`, the gateway's id, and a lock against a second gateway."""
+    """A data directory with the gateway's id and a lock against a second gateway; the database is in it or at `url`."""
 
     def __init__(
         self,
@@ -45,32 +48,41 @@ class Store:
         clock: Clock,
         retention: Retention,
         queue_bytes: int,
+        url: str = "",
         pace: Pace | None = None,
     ) -> None:
         data_dir.mkdir(parents=True, exist_ok=True)
-        self._data_dir = data_dir
         self._lock = _lock(data_dir)
         self.gateway_id = _gateway_id(data_dir)
-        connection = connect(data_dir)
-        self.store_id = migrate(connection)
+        try:
+            self._engine, self.store_id = open_engine(url, data_dir)
+        except BaseException:
+            self._lock.close()
+            raise
         self._queue_bytes = queue_bytes
         self._queued_bytes = 0
         self._room = asyncio.Event()
         self._room.set()
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._listener: Callable[[Sequence[Write]], None] | None = None
+        self._listener: Callable[[Committed], None] | None = None
         self._refused_listener: Callable[[Collection[str]], None] | None = None
         self._writer = Writer(
-            connection,
+            self._engine,
             clock=clock,
             on_commit=self._on_commit,
             on_refused=self._on_refused,
             retention=retention,
             pace=pace,
+            name=self.gateway_id,
         )
         self._local = threading.local()
-        self._readers: list[sqlite3.Connection] = []
+        self._readers: list[StoreEngine] = []
         self._pool = ThreadPoolExecutor(max_workers=2, thread_name_prefix="gateway-read")
+
+    @property
+    def shared(self) -> bool:
+        """Whether other gateways may write to the same database."""
+        return self._engine.shared
 
     @property
     def error(self) -> str | None:
@@ -79,11 +91,11 @@ class Store:
 
     def start(
         self,
-        listener: Callable[[Sequence[Write]], None] | None = None,
+        listener: Callable[[Committed], None] | None = None,
         refused: Callable[[Collection[str]], None] | None = None,
     ) -> None:
-        """Start writing; in the running event loop `listener` is called with the writes of each commit, and `refused`
-        with the robots whose queued writes were given up, as they cannot be committed now.
+        """Start writing; in the running event loop `listener` is told of each commit, and `refused` the robots
+        whose queued writes were given up, as they cannot be committed now.
         """
         self._loop = asyncio.get_running_loop()
         self._listener = listener
@@ -114,10 +126,12 @@ class Store:
 
     async def close(self) -> None:
         """Commit what is queued and close every connection."""
-        await asyncio.to_thread(self._writer.close)
-        self._pool.shutdown(wait=True)
-        for reader in self._readers:
-            reader.close()
+        await asyncio.to_thread(self._writer.close, timeout_s=CLOSE_S)
+        ending = asyncio.create_task(asyncio.to_thread(self._pool.shutdown, cancel_futures=True))
+        await asyncio.wait({ending}, timeout=CLOSE_S)
+        if ending.done():
+            for reader in self._readers:
+                reader.close()
         self._lock.close()
 
     async def robots(self) -> list[StoredRobot]:
@@ -126,41 +140,48 @@ class Store:
 
     async def streams(self, robot_id: str) -> dict[tuple[int, int], int]:
         """The robot's watermarks by (stream, epoch)."""
-        return await self._read(lambda connection: read_streams(connection, robot_id))
+        return await self._read(lambda engine: read_streams(engine, robot_id))
 
     async def writers(self, robot_id: str) -> dict[int, str]:
         """Who last wrote under each of the robot's epochs."""
-        return await self._read(lambda connection: read_writers(connection, robot_id))
+        return await self._read(lambda engine: read_writers(engine, robot_id))
 
     async def gaps(self, robot_id: str, *, limit: int) -> list[StoredGap]:
         """The robot's declared losses, the newest first."""
-        return await self._read(lambda connection: read_gaps(connection, robot_id, limit=limit))
+        return await self._read(lambda engine: read_gaps(engine, robot_id, limit=limit))
+
+    async def samples(
+        self, robot_id: str, wanted: SampleFilter | None = None, *, limit: int = 1000
+    ) -> list[StoredBatch]:
+        """At most `limit` batches of the robot's messages, by stream, epoch and number."""
+        return await self._read(lambda engine: read_samples(engine, robot_id, wanted or SampleFilter(), limit=limit))
 
     async def series(self, robot_id: str) -> list[SeriesFacts]:
         """The robot's series with counts and newest rows."""
-        return await self._read(lambda connection: read_series(connection, robot_id))
+        return await self._read(lambda engine: read_series(engine, robot_id))
 
     async def range(
         self, robot_id: str, names: Sequence[str], *, start_ns: int, end_ns: int, points: int
     ) -> list[SeriesRange]:
         """Each named series between two stamps in at most `points` points."""
         return await self._read(
-            lambda connection: read_range(connection, robot_id, names, start_ns=start_ns, end_ns=end_ns, points=points)
+            lambda engine: read_range(engine, robot_id, names, start_ns=start_ns, end_ns=end_ns, points=points)
         )
 
-    async def _read(self, job: Callable[[sqlite3.Connection], Result]) -> Result:
+    async def _read(self, job: Callable[[StoreEngine], Result]) -> Result:
+        """Run a query on a thread; StoreError when the database cannot be read now."""
         return await asyncio.get_running_loop().run_in_executor(self._pool, lambda: job(self._reader()))
 
-    def _reader(self) -> sqlite3.Connection:
-        connection: sqlite3.Connection | None = getattr(self._local, "connection", None)
-        if connection is None:
-            connection = self._local.connection = connect(self._data_dir, read_only=True)
-            self._readers.append(connection)
-        return connection
+    def _reader(self) -> StoreEngine:
+        reader: StoreEngine | None = getattr(self._local, "reader", None)
+        if reader is None:
+            reader = self._local.reader = self._engine.reader()
+            self._readers.append(reader)
+        return reader
 
-    def _on_commit(self, writes: Sequence[Write]) -> None:
+    def _on_commit(self, done: Committed) -> None:
         if self._loop is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._committed, writes)
+            self._loop.call_soon_threadsafe(self._committed, done)
 
     def _on_refused(self, writes: Sequence[Write]) -> None:
         if self._loop is not None and not self._loop.is_closed():
@@ -176,10 +197,10 @@ class Store:
         if self._queued_bytes <= self._queue_bytes:
             self._room.set()
 
-    def _committed(self, writes: Sequence[Write]) -> None:
-        self._release(writes)
+    def _committed(self, done: Committed) -> None:
+        self._release(done.writes)
         if self._listener is not None:
-            self._listener(writes)
+            self._listener(done)
 
 
 def _lock(data_dir: Path) -> sqlite3.Connection:

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import logging
 import queue
-import sqlite3
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 
+from gateway.errors import StoreError, UnstorableError
 from gateway.store.commit import Committer
+from gateway.store.engine import StoreEngine
 from gateway.store.merge import merge_step, waiting_batches
-from gateway.store.retention import Retention, purge_step
-from gateway.store.writes import StreamWrite, Write
+from gateway.store.retention import Purge, Retention
+from gateway.store.writes import Committed, RobotWrite, StreamWrite, Write
 from metaros.clock import Clock
 
 __all__ = ["Pace", "Writer"]
@@ -32,40 +33,46 @@ class Pace:
 
     commit_every_s: float = 0.02  # at once when idle, never more often than this under load
     retry_every_s: float = 0.25
-    commit_writes: int = 4096  # one commit's bound
+    commit_writes: int = 4096  # one commit's bounds
+    commit_bytes: int = 32 << 20
     merge_at_batches: int = 512  # merge when so many batches wait,
     merge_after_s: float = 30.0  # or when one has waited so long
+    merge_look_every_s: float = 0.05
     merge_step_batches: int = 256
     purge_every_s: float = 60.0
+    rescue_every_s: float = 5.0  # the same while commits fail: the disk may be full
 
 
 class Writer:
-    """Owns the writing connection; `submit` from any thread, results by `on_commit` on the writer's thread."""
+    """Owns the writing engine; `submit` from any thread, results by `on_commit` on the writer's thread."""
 
     def __init__(
         self,
-        connection: sqlite3.Connection,
+        engine: StoreEngine,
         *,
         clock: Clock,
-        on_commit: Callable[[Sequence[Write]], None],
+        on_commit: Callable[[Committed], None],
         on_refused: Callable[[Sequence[Write]], None] = lambda writes: None,
         retention: Retention,
         pace: Pace | None = None,
+        name: str = "",
     ) -> None:
-        self._connection = connection
+        self._engine = engine
         self._clock = clock
         self._on_commit = on_commit
         self._on_refused = on_refused
         self._kept: list[Write] = []  # of commits that failed
         self._retention = retention
         self._pace = pace if pace is not None else Pace()
-        self._committer = Committer(connection)
+        self._committer = Committer(engine, name=name)
         self._queue: queue.SimpleQueue[Write | Future[None] | None] = queue.SimpleQueue()
         self._stopped = threading.Event()
         self._error: str | None = None
         self._last_commit_s = -1e9
+        self._last_look_s = -1e9
         self._last_purge_s = clock.monotonic_s()
-        self._thread = threading.Thread(target=self._run, name="gateway-store")
+        # A database that hangs must not keep the program from ending.
+        self._thread = threading.Thread(target=self._run, name="gateway-store", daemon=True)
 
     @property
     def error(self) -> str | None:
@@ -91,7 +98,7 @@ class Writer:
         self._stopped.set()
         self._queue.put(None)
         if self._thread.ident is None:
-            self._connection.close()
+            self._engine.close()
         else:
             self._thread.join(timeout_s)
 
@@ -100,7 +107,7 @@ class Writer:
             self._turn()
         writes, waiting, _ended = self._take(block=False)
         self._finish(writes, waiting)
-        self._connection.close()
+        self._engine.close()
 
     def _turn(self) -> None:
         writes, waiting, ended = self._take(block=True)
@@ -112,23 +119,28 @@ class Writer:
     def _finish(self, writes: list[Write], waiting: list[Future[None]]) -> None:
         writes, self._kept = [*self._kept, *writes], []
         if (writes or self._error is not None) and not self._commit(writes):
-            own: list[Write] = [write for write in writes if not isinstance(write, StreamWrite)]
-            self._kept = own[-_KEPT_WRITES:]
-            self._on_refused([write for write in writes if isinstance(write, StreamWrite)])
+            self._give_up(writes)
             for future in waiting:
                 future.cancel()
-            self._purge()
+            if self._clock.monotonic_s() - self._last_purge_s >= self._pace.rescue_every_s:
+                self._purge()
             self._stopped.wait(self._pace.retry_every_s)
             return
         for future in waiting:
             future.set_result(None)
 
+    def _give_up(self, writes: Sequence[Write]) -> None:
+        """Streams' writes come again from their robots; what only the gateway knows is kept for the next commit."""
+        own = [write for write in writes if not isinstance(write, StreamWrite)]
+        self._kept = [*self._kept, *own][-_KEPT_WRITES:]
+        self._on_refused([write for write in writes if isinstance(write, StreamWrite)])
+
     def _take(self, *, block: bool) -> tuple[list[Write], list[Future[None]], bool]:
         """Everything queued now, after waiting for the first and for the commit pace."""
         writes: list[Write] = []
         waiting: list[Future[None]] = []
-        first = True
-        while len(writes) < self._pace.commit_writes:
+        first, size_bytes = True, 0
+        while len(writes) < self._pace.commit_writes and size_bytes < self._pace.commit_bytes:
             try:
                 wait_s = 1.0 if self._error is None else self._pace.retry_every_s
                 item = self._queue.get(timeout=wait_s) if block and first else self._queue.get_nowait()
@@ -140,6 +152,7 @@ class Writer:
                 waiting.append(item)
             else:
                 writes.append(item)
+                size_bytes += item.size_bytes
             if block and first:
                 self._stopped.wait(self._last_commit_s + self._pace.commit_every_s - self._clock.monotonic_s())
             first = False
@@ -148,8 +161,10 @@ class Writer:
     def _commit(self, writes: list[Write]) -> bool:
         """Commit all or nothing; False when it did not work."""
         try:
-            self._committer.commit(writes, now_ns=self._clock.wall_ns())
-        except sqlite3.Error as error:
+            done = self._committer.commit(writes, now_ns=self._clock.wall_ns())
+        except UnstorableError as error:
+            return self._commit_by_robot(writes, error)
+        except StoreError as error:
             if self._error is None:
                 log.error("the store cannot commit; robots keep their samples meanwhile: %s", error)
             self._error = str(error)
@@ -158,25 +173,48 @@ class Writer:
             log.warning("the store commits again")
         self._error = None
         self._last_commit_s = self._clock.monotonic_s()
-        self._on_commit(writes)
+        self._on_commit(done)
+        return True
+
+    def _commit_by_robot(self, writes: Sequence[Write], error: UnstorableError) -> bool:
+        """Some robot's write cannot be stored whatever the disk does: the other robots must not wait for it."""
+        robots: dict[str, list[Write]] = {}
+        for write in writes:
+            robots.setdefault(write.robot.id if isinstance(write, RobotWrite) else write.robot, []).append(write)
+        if len(robots) == 1:
+            log.error("what robot %s sends cannot be stored: %s", next(iter(robots)), error)
+            self._on_refused(writes)
+            return True
+        for some in robots.values():
+            if not self._commit(some):
+                self._give_up(some)
         return True
 
     def _housekeeping(self) -> None:
-        try:
-            count, oldest_ns = waiting_batches(self._connection)
-            age_s = (self._clock.wall_ns() - oldest_ns) / 1e9
-            if count >= self._pace.merge_at_batches or (count and age_s >= self._pace.merge_after_s):
-                merge_step(self._connection, max_batches=self._pace.merge_step_batches)
-        except sqlite3.Error as error:
-            log.warning("the merge did not run: %s", error)
-        if self._clock.monotonic_s() - self._last_purge_s >= self._pace.purge_every_s:
+        now_s = self._clock.monotonic_s()
+        if now_s - self._last_look_s >= self._pace.merge_look_every_s:
+            self._last_look_s = now_s
+            self._merge()
+        if now_s - self._last_purge_s >= self._pace.purge_every_s:
             self._purge()
+
+    def _merge(self) -> None:
+        try:
+            count, oldest_ns = waiting_batches(self._engine)
+            age_s = (self._clock.wall_ns() - oldest_ns) / 1e9
+            while count >= self._pace.merge_at_batches or (count and age_s >= self._pace.merge_after_s):
+                count -= merge_step(self._engine, max_batches=self._pace.merge_step_batches)
+                if self._stopped.is_set() or not self._queue.empty():
+                    break
+        except StoreError as error:
+            log.warning("the merge did not run: %s", error)
 
     def _purge(self) -> None:
         self._last_purge_s = self._clock.monotonic_s()
+        purge = Purge(self._engine, self._retention, now_ns=self._clock.wall_ns())
         try:
-            while purge_step(self._connection, self._retention, now_ns=self._clock.wall_ns()):
+            while purge.step():
                 if self._stopped.is_set() or not self._queue.empty():
                     break
-        except sqlite3.Error as error:
-            log.warning("the store could not be purged: %s", error)
+        except StoreError as error:
+            log.log(logging.WARNING if self._error is None else logging.DEBUG, "the store was not purged: %s", error)

@@ -12,6 +12,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "agent": ("edge_agent", "grpc", "google.protobuf", "psutil"),
     "gateway": ("gateway", "fastapi", "uvicorn", "websockets", "grpc", "google.protobuf", "orjson"),
     "drivers": ("cv2",),
+    "postgres": ("asyncpg",),
     "zmq": ("zmq",),
 }
 

@@ -67,6 +67,20 @@ class SampleColumns:
         for index, stamp_ns in enumerate(self.stamps_ns.tolist()):
             yield self.first_seq + index, stamp_ns, view[bounds[index] : bounds[index + 1]]
 
+    def after(self, skip: int) -> SampleColumns:
+        """The columns without their first `skip` samples."""
+        if skip == 0:
+            return self
+        offsets = self.offsets[skip:]
+        return SampleColumns(
+            stream_id=self.stream_id,
+            epoch=self.epoch,
+            first_seq=self.first_seq + skip,
+            stamps_ns=self.stamps_ns[skip:],
+            offsets=offsets - offsets[0],
+            payload=self.payload[int(offsets[0]) :],
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MetricColumns:

@@ -1,0 +1,174 @@
+"""A real PostgreSQL for tests: its own data, its own port, killed and started as a test likes.
+
+PostgreSQL refuses to run as root, so under root it runs as `postgres` or `nobody`. The binaries are those of Debian's
+package `postgresql`, or what `pg_config` names.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import asyncpg
+
+from metaros.clock import SystemClock
+from tests.support.ports import free_port
+from tests.support.waiting import wait_until
+
+__all__ = ["PostgresServer", "postgres_binaries"]
+
+USER = "metaros"
+
+
+def postgres_binaries() -> Path | None:
+    """Where initdb and postgres are; None where PostgreSQL is not installed."""
+    found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"), key=lambda path: float(path.parts[-3]))
+    if found:
+        return found[-1].parent
+    initdb = shutil.which("initdb")
+    return Path(initdb).parent if initdb else None
+
+
+class PostgresServer:
+    """One server; `start` after `kill` recovers what was committed."""
+
+    def __init__(self, *options: str) -> None:
+        binaries = postgres_binaries()
+        if binaries is None:
+            raise RuntimeError("PostgreSQL is not installed (Debian: apt install postgresql)")
+        self._binaries = binaries
+        self._options = options
+        self._folder = Path(tempfile.mkdtemp(prefix="mrpg"))
+        self._identity = _unprivileged()
+        if self._identity:
+            os.chown(self._folder, self._identity["user"], self._identity["group"])
+        self._log = (self._folder / "log").open("wb")
+        self._names = itertools.count(1)
+        self.port = free_port()
+        self.process: subprocess.Popen[bytes] | None = None
+        command = [str(binaries / "initdb"), "-D", str(self._data), "-A", "trust", "-U", USER, "-E", "UTF8", "-N"]
+        subprocess.run(
+            [*command, "--locale=C"], check=True, stdout=self._log, stderr=self._log, cwd=self._folder, **self._identity
+        )
+
+    @property
+    def _data(self) -> Path:
+        return self._folder / "data"
+
+    @property
+    def url(self) -> str:
+        """The server's default database."""
+        return f"postgresql://{USER}@127.0.0.1:{self.port}/postgres"
+
+    def start(self, *, timeout_s: float = 30.0) -> None:
+        """Start, and wait until it answers."""
+        clock = SystemClock()
+        end_s = clock.monotonic_s() + timeout_s
+        while True:
+            self._launch()
+            wait_until(lambda: self._answers() or self._ended(), timeout_s=timeout_s)
+            if not self._ended():
+                return
+            # The killed one's children may live for a moment, and keep its shared memory.
+            if clock.monotonic_s() > end_s:
+                raise RuntimeError((self._folder / "log").read_text()[-2000:])
+
+    def kill(self) -> None:
+        """As a crash: the postmaster is gone at once, nothing is written any more."""
+        self._signal(signal.SIGKILL)
+
+    def stop(self) -> None:
+        """End it; what is open is broken off."""
+        self._signal(signal.SIGINT)
+
+    def freeze(self, on: bool) -> None:
+        """Stop every process of it where it stands, or let them go on."""
+        if self.process is not None:
+            os.killpg(self.process.pid, signal.SIGSTOP if on else signal.SIGCONT)
+
+    def schema(self) -> str:
+        """A URL to an empty schema of its own, for one test."""
+        name = f"test_{next(self._names)}"
+        self.ask(f"CREATE SCHEMA {name}")
+        return f"{self.url}?search_path={name}"
+
+    def ask(self, sql: str, *values: object) -> list[asyncpg.Record]:
+        """A statement as the superuser."""
+        import asyncio
+
+        async def ask() -> list[asyncpg.Record]:
+            connection = await asyncpg.connect(self.url, timeout=10, command_timeout=20)
+            try:
+                return list(await connection.fetch(sql, *values))
+            finally:
+                await connection.close()
+
+        loop = asyncio.new_event_loop()
+        try:
+            return loop.run_until_complete(ask())
+        finally:
+            loop.close()
+
+    def close(self) -> None:
+        """End it and delete its data."""
+        self._signal(signal.SIGQUIT)
+        self._log.close()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _launch(self) -> None:
+        settings = {
+            "listen_addresses": "127.0.0.1",
+            "port": str(self.port),
+            "unix_socket_directories": str(self._folder),
+            "max_connections": "40",
+            "shared_buffers": "16MB",
+        }
+        pairs = [part for name, value in settings.items() for part in ("-c", f"{name}={value}")]
+        self.process = subprocess.Popen(
+            [str(self._binaries / "postgres"), "-D", str(self._data), *pairs, *self._options],
+            stdin=subprocess.DEVNULL,
+            stdout=self._log,
+            stderr=self._log,
+            cwd=self._folder,
+            start_new_session=True,
+            **self._identity,
+        )
+
+    def _answers(self) -> bool:
+        # Recovery refuses connections, a started server answers.
+        with contextlib.suppress(OSError, asyncpg.PostgresError, TimeoutError):
+            return bool(self.ask("SELECT 1"))
+        return False
+
+    def _ended(self) -> bool:
+        return self.process is None or self.process.poll() is not None
+
+    def _signal(self, number: signal.Signals) -> None:
+        process, self.process = self.process, None
+        if process is not None:
+            process.send_signal(number)
+            try:
+                process.wait(timeout=20)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def _unprivileged() -> dict[str, int | list[int]]:
+    """As whom to run: ourselves, unless that is root."""
+    if sys.platform == "win32" or os.geteuid() != 0:
+        return {}
+    import pwd
+
+    for name in ("postgres", "nobody"):
+        with contextlib.suppress(KeyError):
+            entry = pwd.getpwnam(name)
+            return {"user": entry.pw_uid, "group": entry.pw_gid, "extra_groups": []}
+    raise RuntimeError("PostgreSQL does not run as root, and there is neither a user postgres nor nobody")
