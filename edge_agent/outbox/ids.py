@@ -6,12 +6,14 @@ it, and never means anything else. Every line has a CRC; one that is not whole, 
 
 from __future__ import annotations
 
+import contextlib
 import json
 import zlib
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from edge_agent.errors import DiskError
 from edge_agent.outbox.disk import Disk
 
 __all__ = ["ChannelId", "IdLog", "SeriesId"]
@@ -52,16 +54,17 @@ class IdLog:
         self.series: dict[str, SeriesId] = {}
         self._next = {"channel": 1, "series": 1}
         self._new: list[dict[str, Any]] = []
+        self._size = 0  # up to the end of the last whole line: what a crash left behind it is written over
         for facts in self._read():
             self._learn(facts)
         known, keep = len(self.channels), set(held)
-        self._size = disk.size(_NAME)
         self._next["channel"] = max(self._next["channel"], max(keep, default=0) + 1)
         self.channels = {number: channel for number, channel in self.channels.items() if number in keep}
         for number in keep - self.channels.keys():  # the file was damaged: the samples are still worth having
             self.describe(nameless(number))
         if known > 2 * len(self.channels) + 256:
-            self._rewrite()
+            with contextlib.suppress(DiskError):  # a full disk: the file stays long for now
+                self._rewrite()
 
     def channel(self, *, topic: str, type_name: str, type_hash: str, delivery: str, schema: str = "") -> int:
         """A new channel's number."""
@@ -106,6 +109,7 @@ class IdLog:
     def _read(self) -> Iterator[dict[str, Any]]:
         size = min(self._disk.size(_NAME), _MAX_BYTES)
         data = self._disk.read(_NAME, 0, size) if size else b""
+        self._size = data.rfind(b"\n") + 1
         for text in data.split(b"\n"):
             crc, _, body = text.partition(b" ")
             try:

@@ -33,7 +33,7 @@ __all__ = ["Depth", "FlushJob", "Outbox", "StreamRange"]
 
 RESERVE = "reserve"
 _RETRY_S = 0.5
-_GATHER_BYTES = 32 * 1024 * 1024  # of one log, while the disk is slow; what comes then is lost and declared
+_GATHER_BYTES = 64 * 1024 * 1024  # of all logs, while the disk is slow; a log with its share of it loses what comes
 
 
 class StreamRange(NamedTuple):
@@ -130,7 +130,7 @@ class Outbox:
         """Gather a sample. It is accepted once its flush is done."""
         name, stream_id = self._route(stream_id, delivery)
         pending = self._pending[name]
-        if pending.size_bytes > _GATHER_BYTES:
+        if pending.size_bytes > _GATHER_BYTES // len(LOGS) and self._gathered() > _GATHER_BYTES:
             self._lose(name, stream_id, "disk_slow")
             return
         pending.append(stream_id, (stamp_ns, data), self._clock.monotonic_s())
@@ -145,10 +145,10 @@ class Outbox:
         pending = self._pending[name]
         if pending.since_s is None or name in self._writing:
             return None
-        policy = self._policy(name)
-        if pending.size_bytes >= policy.sync_bytes:
+        policy, now_s = self._policy(name), self._clock.monotonic_s()
+        if pending.size_bytes >= policy.sync_bytes and now_s >= pending.since_s:  # what failed waits for its next try
             return 0.0
-        return max(0.0, pending.since_s + policy.sync_s - self._clock.monotonic_s())
+        return max(0.0, pending.since_s + policy.sync_s - now_s)
 
     # -- to the disk ------------------------------------------------------------------------------------------------
 
@@ -182,7 +182,7 @@ class Outbox:
         self._writing.discard(job.log)
         now_ns, now_s = self._clock.wall_ns(), self._clock.monotonic_s()
         pending = self._pending[job.log]
-        if self._policy(job.log).when_full == "refuse" and pending.size_bytes < _GATHER_BYTES:
+        if self._policy(job.log).when_full == "refuse" and self._gathered() < _GATHER_BYTES:
             pending.restore(job.streams, now_s + _RETRY_S)
         else:
             self._count(pending.put_back(job.streams, reason, now_ns, now_s), job.log)
@@ -364,7 +364,7 @@ class Outbox:
         self.state = state
 
     def _segment_bytes(self, name: LogName) -> int:
-        return max(64 * 1024, min(self._limits.outbox_segment_bytes, self._policy(name).quota_bytes // 8))
+        return min(self._limits.outbox_segment_bytes, max(64 * 1024, self._policy(name).quota_bytes // 8))
 
     def _policy(self, name: LogName) -> ClassPolicy:
         return self._classes[name.partition("_")[0]]
@@ -377,6 +377,9 @@ class Outbox:
     def _lose(self, name: LogName, stream_id: int, reason: str) -> None:
         self._pending[name].lose(stream_id, reason, self._clock.wall_ns(), self._clock.monotonic_s())
         self._count(1, name)
+
+    def _gathered(self) -> int:
+        return sum(pending.size_bytes for pending in self._pending.values())
 
     def _count(self, samples: int, name: LogName) -> None:
         self.lost[name.partition("_")[0]] += samples

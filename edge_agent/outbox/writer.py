@@ -133,6 +133,7 @@ class OutboxWriter:
         self._disk = disk
         self._on_flushed = on_flushed
         self._wake = asyncio.Event()
+        self._ending = False
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="outbox-writer")
 
     def wake(self) -> None:
@@ -140,23 +141,35 @@ class OutboxWriter:
         self._wake.set()
 
     async def run(self) -> None:
-        """Until cancelled; what was gathered by then is flushed."""
-        reserve = asyncio.create_task(self._keep_reserve())
+        """Until cancelled; what was gathered by then is flushed.
+
+        The flushing is a task of its own: a cancellation never comes between a job on the thread and its end here.
+        """
+        tasks = [asyncio.create_task(self._serve()), asyncio.create_task(self._keep_reserve())]
         try:
-            while True:
-                self._wake.clear()
-                waits = [due for name in LOGS if (due := self._outbox.due_s(name)) is not None]
-                try:
-                    async with asyncio.timeout(min(waits, default=None)):
-                        await self._wake.wait()
-                except TimeoutError:
-                    pass
-                await self._flush([name for name in LOGS if self._outbox.due_s(name) == 0.0])
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)  # neither ends unless it fails
         finally:
-            reserve.cancel()
-            for name in LOGS:
-                run_steps(steps(self._outbox, self._disk, name))
+            self._ending = True
+            self._wake.set()
+            tasks[1].cancel()
+            await asyncio.wait(tasks)
             self._thread.shutdown()
+        for task in tasks:
+            if not task.cancelled():
+                task.result()
+
+    async def _serve(self) -> None:
+        """Flush what falls due; at the end everything, once."""
+        while not self._ending:
+            self._wake.clear()
+            waits = [due for name in LOGS if (due := self._outbox.due_s(name)) is not None]
+            try:
+                async with asyncio.timeout(min(waits, default=None)):
+                    await self._wake.wait()
+            except TimeoutError:
+                pass
+            await self._flush([name for name in LOGS if self._outbox.due_s(name) == 0.0])
+        await self._flush(list(LOGS))
 
     async def _flush(self, names: list[LogName]) -> None:
         for name in names:
