@@ -1,89 +1,31 @@
-"""The gRPC shell against a real server in process: it connects, carries, notices loss and comes back."""
+"""The uplink over gRPC against a real server in process: it connects, carries, notices loss and comes back."""
 
 from __future__ import annotations
 
 import asyncio
-import random  # noqa: TID251 - seeded
 import time
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 
-from edge_agent.batch import Linger
-from edge_agent.channels import Channels
-from edge_agent.live import LiveQueue
-from edge_agent.outbox import Outbox
-from edge_agent.topics import TopicRule, TopicTable
-from edge_agent.uplink.backoff import Backoff
-from edge_agent.uplink.grpc import GrpcUplink
-from edge_agent.uplink.session import AgentSession, CommandArrived, Event, Identity
+import pytest
+
+from edge_agent.errors import LinkError
+from edge_agent.uplink.address import parse_address
+from edge_agent.uplink.grpc import open_grpc, system_roots
 from metaros._proto import link_pb2
-from metaros.clock import SystemClock
 from tests.support.fake_gateway import DATA, FakeGateway, fake_gateway
 from tests.support.gateway_half import GatewayHalf
+from tests.support.ports import free_port
+from tests.support.uplinks import Owner, feed, running
 from tests.support.waiting import wait_until_async
-
-WHO = Identity(robot_id="r", session_id=bytes(16), agent_version="0", namespace="/", hostname="h")
-TABLE = TopicTable([TopicRule(match="**", delivery="bulk")])
-
-
-class Owner:
-    """Queues and sessions of a test."""
-
-    def __init__(self) -> None:
-        self.clock = SystemClock()
-        self.channels = Channels(TABLE, namespace="/")
-        self.channels.observe("/a", "a_msgs/msg/A", "RIHS01_00", qos="", keeps_all=True)
-        self.outbox, self.live, self.linger = Outbox(self.clock, 7), LiveQueue(), Linger()
-        self.events: list[Event] = []
-        self.ended = 0
-        self.number = 0
-
-    def new_session(self) -> AgentSession:
-        self.number += 1
-        return AgentSession(
-            WHO,
-            self.number,
-            channels=self.channels,
-            outbox=self.outbox,
-            live=self.live,
-            linger=self.linger,
-            clock=self.clock,
-        )
-
-    def handle(self, session: AgentSession, event: Event) -> None:
-        self.events.append(event)
-        if isinstance(event, CommandArrived):
-            session.answer(link_pb2.CommandResult(command_id=event.command.command_id, ok=True))
-
-    def session_ended(self) -> None:
-        self.ended += 1
-
-
-@asynccontextmanager
-async def running(target: str) -> AsyncIterator[tuple[Owner, GrpcUplink]]:
-    owner = Owner()
-    uplink = GrpcUplink(target, owner, Backoff(random.Random(1)))
-    task = asyncio.create_task(uplink.run())
-    try:
-        yield owner, uplink
-    finally:
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
-
-
-def feed(owner: Owner, uplink: GrpcUplink, payloads: list[bytes]) -> None:
-    for payload in payloads:
-        owner.outbox.append(1, "bulk", 0, payload)
-    owner.linger.add(sum(map(len, payloads)), owner.clock.monotonic_s())
-    uplink.wake()
 
 
 async def test_samples_arrive_and_are_acknowledged() -> None:
-    async with fake_gateway() as gateway, running(gateway.target) as (owner, uplink):
+    async with fake_gateway() as gateway, running(f"grpc://{gateway.target}") as (owner, uplink):
+        await wait_until_async(lambda: owner.ups)
         payloads = [bytes([i]) * 100 for i in range(100)]
         feed(owner, uplink, payloads)
-        await wait_until_async(lambda: len(gateway.half.rows[1]) == 100 and owner.outbox.sample_count == 0)
-        assert list(gateway.half.rows[1].values()) == payloads
+        await wait_until_async(lambda: len(gateway.half.all_rows(1)) == 100 and owner.held == 0)
+        assert gateway.half.all_rows(1) == payloads
+        assert (owner.facts.transport, owner.facts.gateway) == ("grpc", f"grpc://{gateway.target}")
 
 
 async def test_commands_are_answered() -> None:
@@ -97,35 +39,38 @@ async def test_commands_are_answered() -> None:
 async def test_it_comes_back_after_the_gateway_and_loses_nothing() -> None:
     async with fake_gateway() as gateway, running(gateway.target) as (owner, uplink):
         gateway.acks = False
+        await wait_until_async(lambda: owner.ups == 1)
         feed(owner, uplink, [b"before"])
-        await wait_until_async(lambda: gateway.half.rows[1])
+        await wait_until_async(lambda: gateway.half.all_rows(1))
         await gateway.stop()
-        await wait_until_async(lambda: owner.ended >= 1)
+        await wait_until_async(lambda: owner.errors)
         feed(owner, uplink, [b"meanwhile"])
         await gateway.start()
         gateway.acks = True
-        started = time.monotonic()
-        await wait_until_async(lambda: len(gateway.half.rows[1]) == 2 and owner.outbox.sample_count == 0)
-        assert time.monotonic() - started < 2.0
-        assert gateway.half.rows[1] == {1: b"before", 2: b"meanwhile"}
+        await wait_until_async(lambda: owner.ups == 2)
+        feed(owner, uplink, [b"after"])
+        await wait_until_async(lambda: len(gateway.half.all_rows(1)) == 3 and owner.held == 0)
+        assert sorted(map(str, gateway.half.all_rows(1))) == sorted(map(str, [b"before", b"meanwhile", b"after"]))
         assert gateway.half.duplicates == 0
+        assert owner.facts.reconnects == 1
 
 
 async def test_it_waits_for_a_gateway_that_is_not_there_yet() -> None:
     gateway = FakeGateway()
     async with running(gateway.target) as (owner, _uplink):
-        await wait_until_async(lambda: owner.ended >= 3)
+        await asyncio.sleep(0.3)
+        assert owner.number == 0, "no session while nobody listens"
         await gateway.start()
-        await wait_until_async(lambda: gateway.connected, timeout_s=3.0)
+        await wait_until_async(lambda: gateway.connected)
         await gateway.stop()
 
 
 async def test_a_goodbye_says_when_to_come_back() -> None:
     async with fake_gateway() as gateway, running(gateway.target) as (owner, _uplink):
-        await wait_until_async(lambda: gateway.connected)
+        await wait_until_async(lambda: owner.ups == 1)
         goodbye = link_pb2.Goodbye(code="shutting_down", retry_after_ms=500)
         gateway.say(link_pb2.GatewayFrame(goodbye=goodbye), lane=DATA)
-        await wait_until_async(lambda: owner.ended == 1)
+        await wait_until_async(lambda: len(owner.errors) == 1)
         ended = time.monotonic()
         await wait_until_async(lambda: owner.number == 2)
         assert time.monotonic() - ended >= 0.45
@@ -135,13 +80,11 @@ async def test_the_end_comes_even_while_a_session_fails() -> None:
     for _ in range(20):
         async with fake_gateway() as gateway:
             owner = Owner()
-            task = asyncio.create_task(GrpcUplink(gateway.target, owner, Backoff(random.Random(1))).run())
-            await wait_until_async(lambda g=gateway: g.connected)  # type: ignore[misc]
-            stopping = asyncio.create_task(gateway.stop())
-            await asyncio.sleep(0)
-            task.cancel()
-            await asyncio.wait_for(asyncio.gather(task, return_exceptions=True), 5)
-            assert owner.ended == 1
+            async with running(gateway.target, owner=owner):
+                await wait_until_async(lambda g=gateway: g.connected)  # type: ignore[misc]
+                stopping = asyncio.create_task(gateway.stop())
+                await asyncio.sleep(0)
+            assert len(owner.errors) == 1
             await stopping
             await gateway.start()
 
@@ -149,8 +92,25 @@ async def test_the_end_comes_even_while_a_session_fails() -> None:
 async def test_control_answers_while_data_is_flooded() -> None:
     half = GatewayHalf(window_bytes=1 << 40, window_batches=1 << 30)
     async with fake_gateway(half) as gateway, running(gateway.target) as (owner, uplink):
-        await wait_until_async(lambda: gateway.connected)
-        feed(owner, uplink, [bytes(1 << 20)] * 40)
+        await wait_until_async(lambda: owner.ups)
+        for _ in range(4):
+            feed(owner, uplink, [bytes(1 << 20)] * 10)
         gateway.say(link_pb2.GatewayFrame(command=link_pb2.Command(command_id=b"c" * 16)))
         await wait_until_async(lambda: half.results)
-        await wait_until_async(lambda: len(half.rows[1]) == 40, timeout_s=20)
+        await wait_until_async(lambda: len(half.all_rows(1)) == 40, timeout_s=20)
+
+
+async def test_nobody_there_is_a_link_error() -> None:
+    connection = await open_grpc(parse_address(f"127.0.0.1:{free_port()}"))
+    try:
+        with pytest.raises(LinkError, match="unavailable"):
+            await connection.read()
+        with pytest.raises(LinkError):
+            await connection.write(b"")
+    finally:
+        await connection.close()
+
+
+def test_the_system_has_roots_for_https() -> None:
+    roots = system_roots()
+    assert roots is None or b"BEGIN CERTIFICATE" in roots
