@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from edge_agent.outbox import ChannelId, IdLog, SeriesId
-from edge_agent.select import MetricExtractor, Selector
+from edge_agent.select import MetricExtractor, SampleDeadband, Selector
 from edge_agent.topics import Delivery, TopicRule, TopicTable, series_name
 from metaros._proto import link_pb2
 from metaros.cdr import field_reader
@@ -44,6 +44,8 @@ class Channel:
     messages: int = 0
     size_bytes: int = 0
     dropped: int = 0
+    thinned: int = 0  # by the dead-band, or as latest_only has it
+    deadband: SampleDeadband | None = None
     publishers: int = 0
     subscribers: int = 0
     live_seq: int = 0
@@ -77,6 +79,7 @@ class Channel:
             bytes_per_s=(self.size_bytes - size_bytes) / span_s if then_ns else 0.0,
             messages=self.messages,
             dropped=self.dropped,
+            thinned=self.thinned,
             publishers=self.publishers,
             subscribers=self.subscribers,
         )
@@ -110,7 +113,8 @@ class Channels:
     def observe(self, topic: str, type_name: str, hash_text: str, *, qos: str, keeps_all: bool) -> Channel | None:
         """The channel of a topic and type, new or known; None when the table of channels is full.
 
-        A publisher that is reliable and keeps all (`keeps_all`) lifts an `auto` row to bulk, even later.
+        A publisher that is reliable and keeps all (`keeps_all`) lifts an `auto` row to bulk, even later: the topic then
+        has another channel, so that no number of a live sample is ever taken for one of a durable stream.
         """
         channel = self._by_name.get((topic, type_name, hash_text))
         if channel is None:
@@ -119,10 +123,7 @@ class Channels:
                 return None
             channel = self._create(topic, type_name, hash_text, keeps_all=keeps_all)
         elif keeps_all and channel.rule.delivery == "auto" and channel.delivery == "live":
-            channel.delivery, channel.max_rate_hz = decide(channel.rule, keeps_all=True)
-            channel.selector = Selector(channel.rule, channel.delivery, max_rate_hz=channel.max_rate_hz)
-            self._ids.describe(replace(self._ids.channels[channel.channel_id], delivery=channel.delivery))
-            self._changed(channel)
+            channel = self._lift(channel) or channel
         if qos and qos != channel.qos:
             channel.qos = qos
             self._changed(channel)
@@ -135,7 +136,7 @@ class Channels:
             return
         channel.schema = schema
         self._ids.describe(replace(self._ids.channels[channel.channel_id], schema=schema.decode()))
-        channel.metrics = self._extractor(channel.topic, channel.type_name, channel.rule, catalogue)
+        self._read_fields(channel, catalogue)
         self._changed(channel)
 
     def by_id(self, channel_id: int) -> Channel | None:
@@ -145,6 +146,8 @@ class Channels:
     def demand(self, entries: Mapping[int, float]) -> None:
         """Give every channel its share of a Demand; empty = nobody watches."""
         for channel in self._by_id.values():
+            if channel.deadband is not None and channel.selector.demand_hz is None:
+                channel.deadband.reset()  # who begins to watch sees where things stand
             channel.selector.demand(entries.get(channel.channel_id))
 
     def announcements(self, after: int) -> Iterator[link_pb2.Announce]:
@@ -175,11 +178,26 @@ class Channels:
             delivery=delivery,
             max_rate_hz=max_rate_hz,
             selector=Selector(rule, delivery, max_rate_hz=max_rate_hz),
-            metrics=self._extractor(topic, type_name, rule, known) if known else None,
+            metrics=None,
             schema=schema_text(type_name, known).encode() if known else b"",
         )
         self._by_name[topic, type_name, hash_text] = self._by_id[channel.channel_id] = channel
+        if known:
+            self._read_fields(channel, known)
         self._changed(channel)
+        return channel
+
+    def _lift(self, live: Channel) -> Channel | None:
+        """The bulk channel of a topic that was live until now; None when the table of channels is full."""
+        if len(self._by_id) >= self._limits.channels_per_robot:
+            self.refused += 1
+            return None
+        channel = self._create(live.topic, live.type_name, live.type_hash, keeps_all=True)
+        channel.schema, channel.metrics, channel.qos = live.schema, live.metrics, live.qos
+        channel.messages, channel.size_bytes, channel.dropped = live.messages, live.size_bytes, live.dropped
+        channel.publishers, channel.subscribers = live.publishers, live.subscribers
+        if live.schema:
+            self._ids.describe(replace(self._ids.channels[channel.channel_id], schema=live.schema.decode()))
         return channel
 
     def _recall(self, known: ChannelId) -> None:
@@ -197,17 +215,29 @@ class Channels:
             delivery=as_delivery(known.delivery),
             max_rate_hz=max_rate_hz,
             selector=Selector(rule, delivery, max_rate_hz=max_rate_hz),
-            metrics=self._extractor(known.topic, known.type_name, rule, catalogue) if same and catalogue else None,
+            metrics=None,
             schema=known.schema.encode() or (schema_text(known.type_name, catalogue).encode() if catalogue else b""),
         )
         self._by_id[channel.channel_id] = channel
+        if same and catalogue:
+            self._read_fields(channel, catalogue)
         if same:
             self._by_name[known.topic, known.type_name, known.type_hash] = channel
         self._changed(channel)
 
-    def _extractor(self, topic: str, type_name: str, rule: TopicRule, catalogue: Catalogue) -> MetricExtractor | None:
-        """A reader of those of the row's fields that the type has."""
+    def _read_fields(self, channel: Channel, catalogue: Catalogue) -> None:
+        """Those of the row's fields that the type has are read from now on: as series, and for the dead-band."""
+        rule, type_name = channel.rule, channel.type_name
         fields = [path for path in rule.fields if has_field(type_name, path, catalogue)]
+        channel.metrics = self._extractor(channel.topic, type_name, rule, fields, catalogue)
+        if rule.deadband > 0 and fields:
+            reader = field_reader(type_name, fields, catalogue)
+            channel.deadband = SampleDeadband(reader, rule.deadband, max_s=rule.deadband_max_s)
+
+    def _extractor(
+        self, topic: str, type_name: str, rule: TopicRule, fields: list[str], catalogue: Catalogue
+    ) -> MetricExtractor | None:
+        """A reader of these fields as series, as many as there may be."""
         fields = fields[: max(0, self._limits.series_per_robot - len(self._series))]
         if not fields:
             return None
@@ -219,7 +249,13 @@ class Channels:
             if ids[-1] not in known:
                 series = link_pb2.Series(series_id=ids[-1], name=name, topic=topic, field=path)
                 self._series.append((self.revision + 1, series))
-        return MetricExtractor(tuple(ids), field_reader(type_name, fields, catalogue), rate_hz=rule.metrics_rate_hz)
+        return MetricExtractor(
+            tuple(ids),
+            field_reader(type_name, fields, catalogue),
+            rate_hz=rule.metrics_rate_hz,
+            deadband=rule.deadband,
+            deadband_max_s=rule.deadband_max_s,
+        )
 
     def _changed(self, channel: Channel) -> None:
         self.revision += 1

@@ -90,8 +90,10 @@ class Tap:
             keeps_all = any(keeps_everything(endpoint.qos) for endpoint in endpoints)
             qos = endpoints[0].qos_text if endpoints else ""
             channel = self._channels.observe(*topic, qos=qos, keeps_all=keeps_all)
-            if channel is not None and endpoints and topic not in self._subscriptions:
-                self._subscribe(topic, channel, endpoints)
+            if channel is not None and endpoints:
+                self._routes[f"{channel.topic[1:]}|{channel.type_hash}"] = channel  # another one once its class changed
+                if topic not in self._subscriptions:
+                    self._subscribe(topic, endpoints)
             if channel is not None:
                 self._learner.ask(channel, endpoints)
         for channel in self._channels:
@@ -148,9 +150,8 @@ class Tap:
                 subscribers[name] += 1
         return publishers, subscribers
 
-    def _subscribe(self, topic: Topic, channel: Channel, endpoints: list[EndpointInfo]) -> None:
+    def _subscribe(self, topic: Topic, endpoints: list[EndpointInfo]) -> None:
         name, type_name, type_hash = topic
-        self._routes[f"{name[1:]}|{type_hash}"] = channel
         try:
             qos = matching_qos([endpoint.qos for endpoint in endpoints])
             self._subscriptions[topic] = self._node.create_raw_subscription(

@@ -95,6 +95,7 @@ class RobotRecord:
         self.revision = 1
         self._process = b""
         self._former: dict[str, ChannelState] = {}
+        self._newest: dict[tuple[str, str, str], ChannelState] = {}
 
     @property
     def epochs(self) -> int:
@@ -108,7 +109,7 @@ class RobotRecord:
         if session_id != self._process:
             self._process = session_id
             self._former = {state.channel.topic: state for state in self.channels.values()}
-            self.channels = {}
+            self.channels, self._newest = {}, {}
             self.statistics = link_pb2.TopicStatistics()
         self.revision += 1
 
@@ -126,12 +127,15 @@ class RobotRecord:
         for channel in channels:
             state = self.channels.get(channel.channel_id)
             if state is None:
-                former = self._former.pop(channel.topic, None)
+                former = self._former.pop(channel.topic, None) or self._newest.get(kind(channel))
                 state = self.channels[channel.channel_id] = ChannelState(channel)
                 if former is not None:
                     state.received, state.received_bytes = former.received, former.received_bytes
                     state.lost, state.last_stamp_ns = former.lost, former.last_stamp_ns
             state.channel = channel
+            newest = self._newest.setdefault(kind(channel), state)
+            if newest.channel.channel_id < channel.channel_id:
+                self._newest[kind(channel)] = state
         for item in series:
             self.series.setdefault(item.name, SeriesState(item)).series = item
         self.revision += 1
@@ -192,10 +196,11 @@ class RobotRecord:
 
     def channel_of(self, topic: str) -> Channel | None:
         """The announced channel of a topic."""
-        for state in self.channels.values():
-            if state.channel.topic == topic:
-                return state.channel
-        return None
+        return next((state.channel for state in self._newest.values() if state.channel.topic == topic), None)
+
+    def topics(self) -> list[ChannelState]:
+        """The newest channel of each topic and type, by topic: one whose class changed has another than before."""
+        return sorted(self._newest.values(), key=lambda state: state.channel.topic)
 
     def newest(self) -> dict[str, tuple[int, float]]:
         """The newest (stamp, value) of every series that has one, by name."""
@@ -216,6 +221,11 @@ class RobotRecord:
         self.last_seen_ns = wall_ns
         self.byte_rate.add(size_bytes, now_s)
         self.revision += 1
+
+
+def kind(channel: Channel) -> tuple[str, str, str]:
+    """What makes two channels the same to people."""
+    return channel.topic, channel.schema_name, channel.type_hash
 
 
 class Registry:

@@ -74,10 +74,13 @@ def test_announcements_are_cumulative() -> None:
 
 def test_a_publisher_that_keeps_all_makes_bulk_without_a_limit_even_later() -> None:
     channels = Channels(TopicTable(), make_outbox().ids, namespace="/")
-    assert observe(channels, "/scan").delivery == "live"
+    live = observe(channels, "/scan")
+    live.messages = 7
+    assert live.delivery == "live"
     seen = channels.revision
     channel = observe(channels, "/scan", keeps_all=True)
-    assert (channel.delivery, channel.max_rate_hz) == ("bulk", 0.0)
+    assert (channel.delivery, channel.max_rate_hz, channel.schema, channel.messages) == ("bulk", 0.0, live.schema, 7)
+    assert channel.channel_id != live.channel_id, "a live sample's number must not be taken for a durable one's"
     (announce,) = channels.announcements(seen)
     assert getattr(announce.channels[0], "class") == link_pb2.DELIVERY_CLASS_BULK
     assert observe(channels, "/scan").delivery == "bulk"

@@ -44,8 +44,7 @@ async def list_topics(request: Request, robot_id: str) -> Response:
     services = services_of(request)
     record = services.registry.get(robot_id)
     demand = services.demand_of(robot_id)
-    states = sorted(record.channels.values(), key=lambda state: state.channel.topic)
-    return JsonResponse({"topics": [topic_view(state, demand) for state in states]})
+    return JsonResponse({"topics": [topic_view(state, demand) for state in record.topics()]})
 
 
 @router.get("/{robot_id}/metrics", responses={200: {"model": models.SeriesList}, 404: {"model": models.Problem}})

@@ -54,6 +54,19 @@ def test_the_same_process_keeps_its_channels() -> None:
     assert list(record.channels) == [1]
 
 
+def test_a_topic_with_another_class_has_another_channel_and_the_newest_is_shown() -> None:
+    record = RobotRecord(Robot("r"), seen_ns=0)
+    record.announce([make_channel(1, "/scan"), make_channel(2, "/odom")], [])
+    record.count_run(make_run(make_channel(1, "/scan"), 5), 0, now_s=0.0)
+    record.announce([make_channel(3, "/scan")], [])
+    record.announce([make_channel(1, "/scan")], [])
+    record.count_run(make_run(make_channel(3, "/scan"), 2), 0, now_s=0.0)
+    assert [(state.channel.channel_id, state.received) for state in record.topics()] == [(2, 0), (3, 7)]
+    channel = record.channel_of("/scan")
+    assert channel is not None
+    assert channel.channel_id == 3
+
+
 def test_newest_values_and_headline() -> None:
     record = RobotRecord(Robot("r"), seen_ns=0)
     series = tuple(Series(f"s{n:03}", "/t", "x") for n in range(100))
