@@ -1,7 +1,7 @@
 """`make campaign`: break the real programs for minutes and count what was lost; the number is to be 0.
 
-    make campaign                                    everything below, one after the other
-    make campaign ARGS="kills --cycles 100 --seed 7"  one of them, with its own options
+make campaign                                    everything below, one after the other
+make campaign ARGS="kills --cycles 100 --seed 7"  one of them, with its own options
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ def main(argv: list[str]) -> int:
         print(f"unknown campaign {', '.join(unknown)}; there are: {', '.join(CAMPAIGNS)}", file=sys.stderr)
         return 2
     if options and len(names) != 1:
-        print('options need the one campaign that they are for: make campaign ARGS="kills --cycles 100"', file=sys.stderr)
+        print(
+            'options need the one campaign that they are for: make campaign ARGS="kills --cycles 100"', file=sys.stderr
+        )
         return 2
     codes = {}
     for name in names or CAMPAIGNS:

@@ -18,7 +18,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from random import Random  # noqa: TID251 - made below from a printed seed
+from random import Random
 
 from metaros.clock import system_rng
 from tests.support.checker import Verdict
@@ -63,6 +63,8 @@ def break_one(stack: LoadStack, rng: Random, act: str) -> None:
 
 def live(stack: LoadStack, rng: Random) -> None:
     """Let it run: often until the link is up and samples flow, sometimes not even until it has started."""
+    for name in ("robot", "gateway"):
+        assert stack.alive(name), f"the {name} ended by itself\n{stack.tail(name)}"
     if rng.random() < 0.75:
         began = time.monotonic()
         while stack.counters["online"] != 1 and time.monotonic() - began < 20:
@@ -72,7 +74,9 @@ def live(stack: LoadStack, rng: Random) -> None:
         time.sleep(rng.uniform(0.0, 0.15))
 
 
-def run_leg(stack: LoadStack, rng: Random, cycles: int, acts: tuple[tuple[str, int], ...], act_on: Break) -> Counter[str]:
+def run_leg(
+    stack: LoadStack, rng: Random, cycles: int, acts: tuple[tuple[str, int], ...], act_on: Break
+) -> Counter[str]:
     """The cycles of one leg; how often each act was."""
     done: Counter[str] = Counter()
     stack.start("gateway")
@@ -113,7 +117,7 @@ def run_legs(
                 done += run_leg(stack, Random(seed + leg), cycles, acts, act_on)
                 verdict = stack.check()
             keep = options.keep or not verdict.good
-        except (AssertionError, TimeoutError) as error:
+        except (AssertionError, TimeoutError) as error:  # it says so, and the other legs go on
             verdict.blame("lost", 1, f"the leg did not end: {error}")
         print(row(f"{start + cycles}", verdict, time.monotonic() - leg_began), flush=True)
         for problem in verdict.problems[:10]:
@@ -127,7 +131,10 @@ def run_legs(
     return int(not total.good)
 
 
-HEAD = f"{'cycles':>7} {'accepted':>10} {'rows':>10} {'declared':>9} {'lost':>5} {'dup':>5} {'wrong':>6} {'unsynced':>9} {'s':>6}"
+HEAD = (
+    f"{'cycles':>7} {'accepted':>10} {'rows':>10} {'declared':>9} {'lost':>5} {'dup':>5} {'wrong':>6} {'unsynced':>9} "
+    f"{'s':>6}"
+)
 
 
 def row(what: str, verdict: Verdict, seconds: float) -> str:

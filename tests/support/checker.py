@@ -105,7 +105,10 @@ def read_rows(query: Any, mark: str) -> Stored:
         stored.gaps.setdefault(key_of(row), []).append(gap)
     for row in query(f"SELECT * FROM streams WHERE robot = {of_robot}"):
         stored.watermarks[key_of(row)] = int(row["seq"])
-    for table, where in (("metric_batches", "robot ="), ("metric_chunks", "series IN (SELECT series FROM series WHERE robot =")):
+    for table, where in (
+        ("metric_batches", "robot ="),
+        ("metric_chunks", "series IN (SELECT series FROM series WHERE robot ="),
+    ):
         close = ")" if "(" in where else ""
         for row in query(f"SELECT * FROM {table} WHERE {where} {of_robot}{close}"):
             stored.metric_values += np.frombuffer(row["vals"], "<f8").tolist()
@@ -185,7 +188,9 @@ def check_ranges(stored: Stored, numbers: dict[Key, dict[int, int]], final: Any,
     for key in {*lasts, *stored.watermarks}:
         last = lasts.get(key, stored.watermarks.get(key, 0))
         verdict.blame(
-            "lost", last != stored.watermarks.get(key, 0), f"{key}: accepted {last}, stored {stored.watermarks.get(key)}"
+            "lost",
+            last != stored.watermarks.get(key, 0),
+            f"{key}: accepted {last}, stored {stored.watermarks.get(key)}",
         )
         covered = np.zeros(last + 1, np.uint8)
         covered[: bases.get(key, 0) + 1] = 1

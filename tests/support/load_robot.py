@@ -1,7 +1,8 @@
 """A robot without ROS for fault campaigns: the agent's real outbox, writer, session and uplink, fed with numbers.
 
-It is a process of its own and dies by kill -9. What it was given, what was accepted and how the link is stands in files
-(`load_robot_samples`). SIGTERM ends it well: it stops feeding, waits until all is acknowledged, and writes `final.json`.
+It is a process of its own and dies by kill -9. What it was given, what was accepted and how the link is stands in
+files (`load_robot_samples`). SIGTERM ends it well: it stops feeding, waits until all is acknowledged,
+and writes `final.json`.
 """
 
 from __future__ import annotations
@@ -234,7 +235,8 @@ class LoadRobot:
 
     def finish(self) -> None:
         """Say what the outbox calls accepted."""
-        final = {"ranges": [held._asdict() for held in self.outbox.ranges()], "lost": self.outbox.lost}
+        ranges = [held._asdict() for held in self.outbox.ranges()]
+        final = {"ranges": ranges, "lost": self.outbox.lost, "streams": self.streams}
         partial = self.config.folder / "final.partial"
         partial.write_text(json.dumps(final))
         partial.replace(self.config.folder / "final.json")

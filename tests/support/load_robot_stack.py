@@ -10,7 +10,6 @@ import json
 import multiprocessing
 import os
 import signal
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -39,9 +38,7 @@ class LoadStack:
         folder.mkdir(parents=True, exist_ok=True)
         self.folder = folder
         self.gateway_config = replace(
-            GatewayConfig(
-                folder=folder, data_dir=folder / "data", http_port=free_port(), grpc_port=free_port()
-            ),
+            GatewayConfig(folder=folder, data_dir=folder / "data", http_port=free_port(), grpc_port=free_port()),
             **(gateway or {}),
         )
         self.robot_config = replace(
@@ -73,7 +70,10 @@ class LoadStack:
     @property
     def counters(self) -> Counters:
         """Of the robot's present life."""
-        life = self.robot_config.life
+        return self.page(self.robot_config.life)
+
+    def page(self, life: int) -> Counters:
+        """Of one life."""
         if life not in self._pages:
             self._pages[life] = Counters(self.folder / "counters", life=life)
         return self._pages[life]
@@ -150,8 +150,3 @@ class LoadStack:
         process = CONTEXT.Process(target=target, args=(config,), daemon=True)
         process.start()
         self.processes[name] = process
-
-
-def pause(seconds: float) -> None:
-    """Let the programs run."""
-    time.sleep(seconds)

@@ -1,0 +1,169 @@
+"""Disks that somebody else fills, on the robot and on the gateway; events are never lost, and the link stays up.
+
+A small tmpfs is the disk. In each cycle another program takes every byte that is free, for a while, and gives all back;
+then the time is taken until the robot accepts again (its disk) or the gateway acknowledges again (the gateway's). In
+every fourth cycle the robot or the gateway is killed meanwhile, and must start where nothing can be written.
+Needs Linux with user namespaces; runs as any user.
+
+    python -m load_tests.campaign disks [--cycles 20] [--seed N]
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import statistics
+import tempfile
+import time
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from load_tests.campaign_inside import result, run_parts
+from metaros.clock import system_rng
+from tests.support.load_robot_stack import LoadStack
+from tests.support.netns import run, why_not
+
+__all__ = ["Filler", "main"]
+
+MIB = 1024 * 1024
+DISK_BYTES = {"robot": 24 * MIB, "gateway": 256 * MIB}
+GOAL_S, LIMIT_S = 1.0, 10.0
+
+
+class Filler:
+    """The other program: takes all that is free, again and again."""
+
+    def __init__(self, disk: Path) -> None:
+        self._path = disk / "somebody_elses"
+
+    def take(self) -> None:
+        """Everything that is free now."""
+        descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+        block = bytes(MIB)
+        try:
+            while block:
+                try:
+                    os.write(descriptor, block)
+                except OSError:
+                    block = block[: len(block) // 2]
+        finally:
+            os.close(descriptor)
+
+    def hold(self, seconds: float) -> None:
+        """Keep it full for a while, whatever others free."""
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            self.take()
+            time.sleep(0.01)
+
+    def free(self) -> None:
+        """Give it all back."""
+        self._path.unlink(missing_ok=True)
+
+
+def cycle(stack: LoadStack, who: str, filler: Filler, rng: Random, *, kill: bool) -> tuple[float, bool]:
+    """Fill, hold, free; seconds until it works again, and whether the link stayed up."""
+    sessions = stack.counters["sessions"]
+    filler.hold(rng.uniform(0.3, 0.8))
+    if kill:
+        stack.kill(who)
+        filler.hold(0.1)
+        stack.start(who)
+        filler.hold(rng.uniform(0.3, 0.8))
+    stayed = kill or stack.counters["sessions"] == sessions
+    freed_ns = time.monotonic_ns()
+    filler.free()
+    if who == "gateway" and not kill:
+        back_s = stack.wait_ack(freed_ns)
+        return back_s, stayed and stack.counters["sessions"] == sessions
+    what = "accept_ns" if who == "robot" else "ack_ns"
+    while stack.counters[what] <= freed_ns:
+        if not stack.alive(who):  # it could not start: a supervisor tries again
+            stack.kill(who)
+            stack.start(who)
+        time.sleep(0.005)
+        if time.monotonic_ns() - freed_ns > 30e9:
+            raise TimeoutError(f"the {who} does not come back\n{stack.tail(who)}")
+    return (stack.counters[what] - freed_ns) / 1e9, stayed
+
+
+def run_inside(who: str, cycles: int, seed: int) -> int:
+    """One side's disk, in the namespaces of this process."""
+    rng, times, restarts, cycled, later = Random(seed), [], [], 0, 0
+    with tempfile.TemporaryDirectory(prefix="campaign-disks-") as name:
+        folder = Path(name)
+        disk = folder / ("state" if who == "robot" else "data")
+        disk.mkdir()
+        run("ip link set lo up")
+        run(f"mount -t tmpfs -o size={DISK_BYTES[who]} disk {disk}")
+        try:
+            with LoadStack(folder) as stack:
+                stack.start("gateway")
+                stack.start("robot")
+                stack.wait_online()
+                for number in range(cycles):
+                    kill = number % 4 == 3
+                    time.sleep(rng.uniform(0.1, 0.3))
+                    back_s, stayed = cycle(stack, who, Filler(disk), rng, kill=kill)
+                    (restarts if kill else times).append(back_s)
+                    cycled += not stayed
+                    stack.wait_online()
+                later = sum(stack.page(life)["retry_later"] for life in range(stack.lives))
+                refused = sum(stack.page(life)["refused"] for life in range(stack.lives))
+                verdict = stack.check()
+                event = json.loads((folder / "final.json").read_text())["streams"]["event"]
+                gaps = stack.stored().gaps
+        finally:
+            with contextlib.suppress(OSError):
+                run(f"umount {disk}")
+    lost_events = sum(b - a + 1 for (_, stream), spans in gaps.items() if stream == event for a, b, _ in spans)
+    verdict.blame("lost", lost_events, f"{lost_events} events were given up")
+    verdict.blame("wrong", cycled, f"the link was cycled {cycled} times by a full disk")
+    facts = {"times": times, "restarts": restarts, "retry_later": later, "refused": refused}
+    return result(verdict, **facts, reasons=dict(verdict.reasons))
+
+
+HEAD = (
+    f"{'disk of':>10} {'cycles':>7} {'accepted':>9} {'rows':>9} {'declared':>9} {'lost':>5} {'dup':>5} {'wrong':>6} "
+    f"{'later':>6} {'refused':>8} {'median':>7} {'max s':>6} {'killed: median':>15} {'max s':>6}"
+)
+
+
+def show(who: str, facts: dict[str, Any]) -> bool:
+    """A line of the table; whether it came back each time, and said RetryLater."""
+    times, restarts = facts["times"] or [0.0], facts["restarts"] or [0.0]
+    print(
+        f"{who:>10} {len(facts['times']) + len(facts['restarts']):>7} {facts['accepted']:>9,} {facts['rows']:>9,} "
+        f"{facts['declared']:>9,} {facts['lost']:>5} {facts['duplicate']:>5} {facts['wrong']:>6} "
+        f"{facts['retry_later']:>6} {facts['refused']:>8} {statistics.median(times):>7.2f} {max(times):>6.2f} "
+        f"{statistics.median(restarts):>15.2f} {max(restarts):>6.2f}"
+    )
+    print(f"{'':>10} declared: {', '.join(f'{why} {count:,}' for why, count in facts['reasons'].items()) or 'nothing'}")
+    felt = facts["retry_later"] if who == "gateway" else facts["refused"]
+    return bool(felt) and max(times) <= LIMIT_S
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the campaign; exit code 1 when a sample was lost, stored twice, or wrong, or something stayed down."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cycles", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=None)
+    parser.add_argument("--inside", choices=DISK_BYTES, help=argparse.SUPPRESS)
+    options = parser.parse_args(argv)
+    seed = options.seed if options.seed is not None else system_rng().randrange(2**32)
+    if options.inside:
+        return run_inside(options.inside, options.cycles, seed)
+    if reason := why_not():
+        print(f"disks cannot be filled here: {reason}")
+        return 0
+    print(f"disks: {options.cycles} cycles each, seed {seed}; goal: works again within {GOAL_S:g} s")
+    print(HEAD, flush=True)
+    own = ["--cycles", str(options.cycles), "--seed", str(seed)]
+    return run_parts("load_tests.campaign_disks", list(DISK_BYTES), own, parallel=2, show=show)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

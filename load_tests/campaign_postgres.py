@@ -1,0 +1,78 @@
+"""The campaign of kills on PostgreSQL, which is itself killed with `kill -9` and stopped under load.
+
+python -m load_tests.campaign postgres [--cycles 200] [--leg 50] [--seed N] [--keep]
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from random import Random
+
+from load_tests.campaign_kills import ACTS, break_one, parser, run_legs
+from tests.support.checker import Stored, read_rows
+from tests.support.load_robot_stack import LoadStack
+from tests.support.postgres import PostgresServer, postgres_binaries
+
+__all__ = ["PostgresStack", "main"]
+
+
+class PostgresStack(LoadStack):
+    """A robot, a gateway, and a PostgreSQL of their own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.server = PostgresServer()
+        try:
+            self.server.start()
+            super().__init__(folder, gateway={"store_url": self.server.url})
+        except BaseException:
+            self.server.close()
+            raise
+
+    def __exit__(self, *exc: object) -> None:
+        try:
+            super().__exit__(*exc)
+        finally:
+            self.server.close()
+
+    def stored(self) -> Stored:
+        """What the database has."""
+        return read_rows(lambda sql: self.server.ask(sql, self.robot_config.name), "$1")
+
+
+def break_any(stack: LoadStack, rng: Random, act: str) -> None:
+    """PostgreSQL, or one of the others."""
+    assert isinstance(stack, PostgresStack)
+    match act:
+        case "kill postgres":
+            stack.server.kill()
+            time.sleep(rng.uniform(0.0, 0.5))
+            stack.server.start()
+        case "stop postgres":
+            stack.server.freeze(True)
+            time.sleep(rng.uniform(0.01, 0.8))
+            stack.server.freeze(False)
+        case "kill all":
+            for name in ("gateway", "robot"):
+                stack.kill(name)
+            stack.server.kill()
+            stack.server.start()
+            for name in ("robot", "gateway"):
+                stack.start(name)
+        case _:
+            break_one(stack, rng, act)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run the campaign; exit code 1 when a sample was lost, stored twice, or wrong."""
+    options = parser(__doc__, cycles=200)
+    options.set_defaults(leg=50)
+    if postgres_binaries() is None:
+        print("PostgreSQL is not installed (Debian: apt install postgresql)")
+        return 0
+    acts = (*ACTS, ("kill postgres", 6), ("stop postgres", 2), ("kill all", 2))
+    return run_legs(options.parse_args(argv), PostgresStack, name="postgres", acts=acts, act_on=break_any)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,14 @@
+"""A sample of `make campaign ARGS=kills`: robot and gateway die and stop under load, and nothing is lost."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.faults.campaigns import run_campaign
+
+
+@pytest.mark.slow
+def test_fifty_kills_lose_nothing_store_nothing_twice_and_change_nothing() -> None:
+    output = run_campaign("kills", "--cycles", "50", "--leg", "25", timeout_s=100)
+
+    assert "PASS: 0 lost, 0 duplicate, 0 wrong" in output
