@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import socket
 import tomllib
 from collections.abc import Mapping
@@ -29,6 +30,9 @@ RULE_KEYS = {
     "forward": bool,
     "fields": list,
     "metrics_rate_hz": float,
+    "deadband": float,
+    "deadband_max_s": float,
+    "latest_only": bool,
 }
 
 
@@ -180,11 +184,23 @@ def topic_rule(row: dict[str, Any], key: str, where: str) -> TopicRule:
     delivery = row.pop("class", "auto")
     if delivery not in get_args(Delivery):
         raise ConfigError(f"{where}: {key}.class must be one of {', '.join(get_args(Delivery))}, not {delivery!r}")
-    for name in ("max_rate_hz", "metrics_rate_hz"):
+    for name in ("max_rate_hz", "metrics_rate_hz", "deadband_max_s"):
         if not 0 <= row.get(name, 0.0) <= 1e6:
             raise ConfigError(f"{where}: {key}.{name} must be 0 to 1000000, not {row[name]}")
     row["fields"] = tuple(expect(path, str, f"{key}.fields", where) for path in row.get("fields", ()))
+    check_reduction(row, delivery, key, where)
     return TopicRule(delivery=delivery, **row)
+
+
+def check_reduction(row: dict[str, Any], delivery: str, key: str, where: str) -> None:
+    """A row's dead-band and its latest_only."""
+    deadband = row.get("deadband", 0.0)
+    if not 0 <= deadband < math.inf:
+        raise ConfigError(f"{where}: {key}.deadband must be 0 or more, not {deadband}")
+    if deadband and not row["fields"]:
+        raise ConfigError(f"{where}: {key}.deadband needs {key}.fields: what is to move")
+    if row.get("latest_only") and delivery == "event":
+        raise ConfigError(f"{where}: {key}.latest_only cannot be with class event: every event is kept")
 
 
 def outbox_settings(table: dict[str, Any], where: str) -> OutboxSettings:

@@ -7,6 +7,7 @@ from typing import NamedTuple, SupportsBytes
 
 from edge_agent.batch import Linger
 from edge_agent.channels import METRIC_STREAM, Channel
+from edge_agent.latest import LatestOnly
 from edge_agent.live import LiveQueue
 from edge_agent.outbox import Outbox
 from metaros.errors import DecodeError
@@ -44,6 +45,7 @@ class Pipeline:
         self._wake_writer = wake_writer
         self._wake_uplink = wake_uplink
         self._limits = limits
+        self._latest = LatestOnly(outbox, wake_writer)
         self.malformed = 0
 
     def take(self, arrivals: Iterable[Arrival], now_s: float) -> None:
@@ -69,7 +71,7 @@ class Pipeline:
     def _rows(self, channel: Channel, arrival: Arrival) -> None:
         assert channel.metrics is not None
         try:
-            rows = channel.metrics.rows(bytes(arrival.payload))
+            rows = channel.metrics.rows(bytes(arrival.payload), arrival.arrived_s)
         except DecodeError:
             self.malformed += 1
             return
@@ -84,8 +86,14 @@ class Pipeline:
                 self._outbox.give_up(channel.channel_id, channel.delivery, "too_large")
             return 0
         payload = bytes(arrival.payload)
+        if channel.deadband is not None and not channel.deadband.passes(payload, arrival.arrived_s):
+            channel.thinned += 1
+            return 0
         if live:
             self._live.append(channel, arrival.stamp_ns, payload)
             return arrival.size_bytes
-        self._outbox.append(channel.channel_id, channel.delivery, arrival.stamp_ns, payload)
+        if channel.rule.latest_only and channel.delivery == "bulk":
+            self._latest.put(channel, arrival.stamp_ns, payload)
+        else:
+            self._outbox.append(channel.channel_id, channel.delivery, arrival.stamp_ns, payload)
         return 0

@@ -1,4 +1,7 @@
-"""What of a channel's samples goes on: a rate limit, live only on demand, metric rows at their own rate. Pure."""
+"""What of a channel's samples goes on: a rate limit, a dead-band, live only on demand, metric rows at their own rate.
+
+Pure.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from edge_agent.topics import Delivery, TopicRule
+from metaros.errors import DecodeError
 
-__all__ = ["MetricExtractor", "RateLimiter", "Selector"]
+__all__ = ["Deadband", "MetricExtractor", "RateLimiter", "SampleDeadband", "Selector"]
 
 
 class RateLimiter:
@@ -79,27 +83,91 @@ class Selector:
         return self._demand is not None and self._demand.limiter.admit(now_s)
 
 
-class MetricExtractor:
-    """Reads a topic's series straight from CDR, at most `rate_hz` times a second."""
+class Deadband:
+    """Lets values pass that moved by more than `width` since the last that passed, or after `max_s` (0 = never).
 
-    __slots__ = ("_limiter", "_read", "series_ids")
+    To become a number, or none (NaN), is a move.
+    """
+
+    __slots__ = ("_last", "_max_s", "_passed_s", "_width")
+
+    def __init__(self, width: float, *, max_s: float) -> None:
+        self._width = width
+        self._max_s = max_s or math.inf
+        self._last: tuple[float, ...] = ()
+        self._passed_s = -math.inf
+
+    def passes(self, values: tuple[float, ...], now_s: float) -> bool:
+        """Whether these go on; then they are what the next are compared with."""
+        late = now_s - self._passed_s >= self._max_s
+        if self._last and not late and not any(map(self._moved, self._last, values)):
+            return False
+        self._last, self._passed_s = values, now_s
+        return True
+
+    def reset(self) -> None:
+        """The next values pass."""
+        self._last = ()
+
+    def _moved(self, before: float, after: float) -> bool:
+        if before != before or after != after:
+            return (before == before) != (after == after)
+        return abs(after - before) > self._width
+
+
+class SampleDeadband:
+    """A channel's dead-band over whole samples, by fields that are read straight from CDR."""
+
+    __slots__ = ("_band", "_read")
+
+    def __init__(self, read: Callable[[bytes], tuple[float, ...]], width: float, *, max_s: float) -> None:
+        self._read = read
+        self._band = Deadband(width, max_s=max_s)
+
+    def passes(self, payload: bytes, now_s: float) -> bool:
+        """Whether the sample goes on; one that cannot be read does."""
+        try:
+            values = self._read(payload)
+        except DecodeError:
+            return True
+        return self._band.passes(values, now_s)
+
+    def reset(self) -> None:
+        """The next sample passes."""
+        self._band.reset()
+
+
+class MetricExtractor:
+    """Reads a topic's series straight from CDR, at most `rate_hz` times a second, each within its own dead-band."""
+
+    __slots__ = ("_bands", "_limiter", "_read", "series_ids")
 
     def __init__(
-        self, series_ids: tuple[int, ...], read: Callable[[bytes], tuple[float, ...]], *, rate_hz: float
+        self,
+        series_ids: tuple[int, ...],
+        read: Callable[[bytes], tuple[float, ...]],
+        *,
+        rate_hz: float,
+        deadband: float = 0.0,
+        deadband_max_s: float = 0.0,
     ) -> None:
         self.series_ids = series_ids
         self._read = read
         self._limiter = RateLimiter(rate_hz)
+        self._bands = {series: Deadband(deadband, max_s=deadband_max_s) for series in series_ids if deadband > 0}
 
     def due(self, now_s: float) -> bool:
         """Whether a sample that arrived at `now_s` is to be read; counts as taken."""
         return self._limiter.admit(now_s)
 
-    def rows(self, payload: bytes) -> list[tuple[int, float]]:
-        """(series id, value) of each field; a value that is not there (NaN) makes no row.
+    def rows(self, payload: bytes, now_s: float) -> list[tuple[int, float]]:
+        """(series id, value) of each field; a value that is not there (NaN), or did not move, makes no row.
 
         Raises:
             DecodeError: the payload is no CDR of the type.
         """
         values = self._read(payload)
-        return [(series, value) for series, value in zip(self.series_ids, values, strict=True) if value == value]
+        rows = [(series, value) for series, value in zip(self.series_ids, values, strict=True) if value == value]
+        if not self._bands:
+            return rows
+        return [row for row in rows if self._bands[row[0]].passes((row[1],), now_s)]

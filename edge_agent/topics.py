@@ -26,6 +26,9 @@ class TopicRule:
     forward: bool = True
     fields: tuple[str, ...] = ()
     metrics_rate_hz: float = 2.0
+    deadband: float = 0.0  # a sample, or a series' value, goes on only when a field moved by more; 0 = always
+    deadband_max_s: float = 60.0  # and at the latest after so long; 0 = never without a move
+    latest_only: bool = False  # bulk: while its class is behind only the newest sample waits
 
 
 DEFAULT_TOPICS: tuple[TopicRule, ...] = (

@@ -152,6 +152,7 @@ class Topic(_Model):
     bytes_per_s: float
     messages: int
     dropped: int
+    thinned: int
     publishers: int
     subscribers: int
     received: int

@@ -118,6 +118,7 @@ def topic_view(state: ChannelState, demand: Mapping[str, float]) -> dict[str, An
         "bytes_per_s": rate.bytes_per_s,
         "messages": rate.messages,
         "dropped": rate.dropped,
+        "thinned": rate.thinned,
         "publishers": rate.publishers,
         "subscribers": rate.subscribers,
         "received": state.received,

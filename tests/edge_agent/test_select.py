@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 import random  # noqa: TID251 - seeded by hypothesis
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from edge_agent.select import MetricExtractor, RateLimiter, Selector
+from edge_agent.select import Deadband, MetricExtractor, RateLimiter, SampleDeadband, Selector
 from edge_agent.topics import TopicRule
+from metaros.errors import DecodeError
 
 
 def admitted(limiter: RateLimiter, rate_hz: float, seconds: float, jitter: float = 0.0, seed: int = 1) -> int:
@@ -87,5 +89,54 @@ def test_what_is_not_forwarded_never_leaves() -> None:
 
 def test_metric_rows_skip_what_is_not_there() -> None:
     extractor = MetricExtractor((4, 5), lambda payload: (float(len(payload)), math.nan), rate_hz=2)
-    assert extractor.rows(b"abc") == [(4, 3.0)]
+    assert extractor.rows(b"abc", 0.0) == [(4, 3.0)]
     assert [extractor.due(t) for t in (0.0, 0.1, 0.5, 1.0)] == [True, False, True, True]
+
+
+def test_a_dead_band_lets_moves_pass_and_silence_end() -> None:
+    band = Deadband(0.5, max_s=10.0)
+    steps = [(0.0, 1.0), (1.0, 1.4), (2.0, 1.5), (3.0, 1.6), (4.0, 1.2), (12.9, 1.6), (13.0, 1.6), (14.0, 1.0)]
+    assert [now_s for now_s, value in steps if band.passes((value,), now_s)] == [0.0, 3.0, 13.0, 14.0]
+
+
+def test_slow_drift_passes_in_the_end() -> None:
+    """What counts is how far it went since the last that passed, not since the last."""
+    band = Deadband(1.0, max_s=0.0)
+    passed = [i / 100 for i in range(1000) if band.passes((i / 100,), float(i))]
+    assert len(passed) == 10
+    assert max(later - before for before, later in pairwise(passed)) < 1.02
+
+
+def test_any_field_and_becoming_a_number_are_moves() -> None:
+    band = Deadband(0.1, max_s=0.0)
+    values = [(1.0, math.nan), (1.0, math.nan), (1.0, 2.0), (1.0, 2.05), (1.0, math.nan), (1.2, math.nan)]
+    assert [band.passes(value, 0.0) for value in values] == [True, False, True, False, True, True]
+    band.reset()
+    assert band.passes(values[-1], 0.0)
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1), st.floats(1e-3, 1e3))
+def test_what_was_last_let_through_is_never_further_away_than_the_band(values: list[float], width: float) -> None:
+    band, shown = Deadband(width, max_s=0.0), math.nan
+    for value in values:
+        if band.passes((value,), 0.0):
+            shown = value
+        assert abs(value - shown) <= width
+
+
+def test_samples_that_cannot_be_read_pass() -> None:
+    def read(payload: bytes) -> tuple[float, ...]:
+        if not payload:
+            raise DecodeError("too short")
+        return (float(payload[0]),)
+
+    band = SampleDeadband(read, 5.0, max_s=0.0)
+    assert [band.passes(data, 0.0) for data in (b"\x01", b"\x04", b"", b"\x07")] == [True, False, True, True]
+
+
+def test_each_series_has_a_dead_band_of_its_own() -> None:
+    extractor = MetricExtractor((7, 9), lambda p: (float(p[0]), float(p[1])), rate_hz=0, deadband=2, deadband_max_s=60)
+    payloads = [bytes(pair) for pair in ((1, 1), (2, 9), (4, 9))]
+    rows = [extractor.rows(payload, float(i)) for i, payload in enumerate(payloads)]
+    assert rows == [[(7, 1.0), (9, 1.0)], [(9, 9.0)], [(7, 4.0)]]
+    assert extractor.rows(payloads[-1], 61.0) == [(9, 9.0)]

@@ -333,12 +333,13 @@ class ClassDepth(_message.Message):
     def __init__(self, name: _Optional[str] = ..., fresh_bytes: _Optional[int] = ..., backfill_bytes: _Optional[int] = ..., samples: _Optional[int] = ..., lost: _Optional[int] = ..., disk_bytes: _Optional[int] = ..., quota_bytes: _Optional[int] = ...) -> None: ...
 
 class TopicRate(_message.Message):
-    __slots__ = ("channel_id", "rate_hz", "bytes_per_s", "messages", "dropped", "publishers", "subscribers")
+    __slots__ = ("channel_id", "rate_hz", "bytes_per_s", "messages", "dropped", "thinned", "publishers", "subscribers")
     CHANNEL_ID_FIELD_NUMBER: _ClassVar[int]
     RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     BYTES_PER_S_FIELD_NUMBER: _ClassVar[int]
     MESSAGES_FIELD_NUMBER: _ClassVar[int]
     DROPPED_FIELD_NUMBER: _ClassVar[int]
+    THINNED_FIELD_NUMBER: _ClassVar[int]
     PUBLISHERS_FIELD_NUMBER: _ClassVar[int]
     SUBSCRIBERS_FIELD_NUMBER: _ClassVar[int]
     channel_id: int
@@ -346,9 +347,10 @@ class TopicRate(_message.Message):
     bytes_per_s: float
     messages: int
     dropped: int
+    thinned: int
     publishers: int
     subscribers: int
-    def __init__(self, channel_id: _Optional[int] = ..., rate_hz: _Optional[float] = ..., bytes_per_s: _Optional[float] = ..., messages: _Optional[int] = ..., dropped: _Optional[int] = ..., publishers: _Optional[int] = ..., subscribers: _Optional[int] = ...) -> None: ...
+    def __init__(self, channel_id: _Optional[int] = ..., rate_hz: _Optional[float] = ..., bytes_per_s: _Optional[float] = ..., messages: _Optional[int] = ..., dropped: _Optional[int] = ..., thinned: _Optional[int] = ..., publishers: _Optional[int] = ..., subscribers: _Optional[int] = ...) -> None: ...
 
 class Demand(_message.Message):
     __slots__ = ("revision", "entries")
