@@ -13,6 +13,7 @@ import functools
 import logging
 import secrets
 from collections.abc import Coroutine, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
@@ -174,13 +175,18 @@ class PostgresEngine:
         return status
 
     def _run(self, work: Coroutine[Any, Any, Result]) -> Result:
-        return self._loop.run_until_complete(work)
+        try:
+            asyncio.get_running_loop()
+        except RuntimeError:
+            return self._loop.run_until_complete(work)
+        with ThreadPoolExecutor(1) as thread:  # the gateway opens and closes its store inside its own event loop
+            return thread.submit(self._loop.run_until_complete, work).result()
 
     def _drop(self) -> None:
         connection, self._connection = self._connection, None
         if connection is not None:
             connection.terminate()
-            self._loop.run_until_complete(asyncio.sleep(0))  # lets the transport close
+            self._run(asyncio.sleep(0))  # lets the transport close
 
 
 def shown(url: str) -> str:
@@ -189,7 +195,14 @@ def shown(url: str) -> str:
     return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
 
 
-_FAULTS = (asyncpg.PostgresError, asyncpg.InterfaceError, OSError, TimeoutError, asyncio.TimeoutError)
+_FAULTS = (
+    asyncpg.PostgresError,
+    asyncpg.InterfaceError,
+    asyncpg.InternalClientError,  # what the driver says of a connection that a killed server left half way
+    OSError,
+    TimeoutError,
+    asyncio.TimeoutError,
+)
 
 
 @contextlib.contextmanager
