@@ -43,15 +43,16 @@ async def serve_lane(links: Links, read: Read, write: Write) -> bool:
         return False
     reader = asyncio.create_task(_read(links, lane, read))
     writer = asyncio.create_task(_write(lane, write))
+    over = asyncio.create_task(lane.outbox.closed())
     try:
-        await asyncio.wait({reader, writer}, return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait({reader, writer, over}, return_when=asyncio.FIRST_COMPLETED)
     finally:
         links.ended(lane)
         lane.outbox.close()
         reader.cancel()
         said, _ = await asyncio.wait({writer}, timeout=LAST_WORDS_S)
         writer.cancel()
-        await asyncio.gather(reader, writer, return_exceptions=True)
+        await asyncio.gather(reader, writer, over, return_exceptions=True)
     return bool(said)
 
 

@@ -18,7 +18,7 @@ class LaneOutbox:
         self._bytes = 0
         self._frames: deque[link_pb2.GatewayFrame] = deque()
         self._teleop: link_pb2.GatewayFrame | None = None
-        self._closed = False
+        self._closed = asyncio.Event()
         self._wake = asyncio.Event()
 
     def put(self, frame: link_pb2.GatewayFrame) -> bool:
@@ -26,7 +26,7 @@ class LaneOutbox:
         size_bytes = frame.ByteSize()
         if frame.WhichOneof("frame") == "teleop":
             self._teleop = frame
-        elif self._bytes + size_bytes > self._max_bytes or self._closed:
+        elif self._bytes + size_bytes > self._max_bytes or self._closed.is_set():
             return False
         else:
             self._frames.append(frame)
@@ -36,20 +36,24 @@ class LaneOutbox:
 
     def close(self) -> None:
         """Nothing more comes; what is queued is still written."""
-        self._closed = True
+        self._closed.set()
         self._wake.set()
+
+    async def closed(self) -> None:
+        """Wait until nothing more comes."""
+        await self._closed.wait()
 
     async def next(self) -> link_pb2.GatewayFrame | None:
         """The next frame, teleop first; None when the outbox is closed and empty."""
         while True:
-            if self._teleop is not None and not self._closed:
+            if self._teleop is not None and not self._closed.is_set():
                 frame, self._teleop = self._teleop, None
                 return frame
             if self._frames:
                 frame = self._frames.popleft()
                 self._bytes -= frame.ByteSize()
                 return frame
-            if self._closed:
+            if self._closed.is_set():
                 return None
             self._wake.clear()
             await self._wake.wait()

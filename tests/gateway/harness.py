@@ -27,7 +27,7 @@ EPOCH = 77
 async def running_gateway(folder: Path, **settings: Any) -> AsyncIterator[Ready]:
     """A gateway on free ports, stopped at the end as a signal would stop it."""
     stop, up = asyncio.Event(), asyncio.get_running_loop().create_future()
-    chosen = Settings(port=0, grpc_port=0, data_dir=folder / "data", **settings)
+    chosen = Settings(**{"port": 0, "grpc_port": 0, "data_dir": folder / "data", **settings})
     task = asyncio.create_task(serve(chosen, stop, on_ready=up.set_result))
     await asyncio.wait({task, up}, return_when=asyncio.FIRST_COMPLETED)
     try:

@@ -46,7 +46,7 @@ def concrete(path: str) -> str:
 def test_the_walk_sees_the_routes() -> None:
     assert ("POST", "/api/v1/robots/{robot_id}/publish") in MUTATIONS
     assert ("POST", "/api/v1/robots/{robot_id}/services/call") in MUTATIONS
-    assert set(SOCKETS) == {"/api/v1/stream", "/api/v1/robots/{robot_id}/teleop"}
+    assert set(SOCKETS) == {"/api/v1/stream", "/api/v1/robots/{robot_id}/teleop", "/api/v1/link"}
     assert "/api/v1/robots" in READS
 
 
@@ -76,6 +76,10 @@ async def test_every_socket_of_a_foreign_page_is_refused(tmp_path: Path, path: s
             assert caught.value.response.status_code in (400, 403)
             if caught.value.response.status_code == 403:
                 assert json.loads(caught.value.response.body)["code"] == code
+        if path == "/api/v1/link":  # of agents, which send no Origin: our own page has no business there either
+            with pytest.raises(InvalidStatus):
+                await open_socket(ready, path)
+            return
         async with open_socket(ready, concrete(path)) as own:
             assert own.state.name == "OPEN"
 
