@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from edge_agent.cli_status import status_command
 from metaros.errors import MetarosError
 
 __all__ = ["register"]
@@ -18,6 +19,7 @@ def register(app: typer.Typer) -> None:
     """Add the noun `agent` to the program."""
     agent = typer.Typer(help="Tap this robot's topics and forward them to a gateway.", no_args_is_help=False)
     agent.callback(invoke_without_command=True)(run_command)
+    agent.command("status")(status_command)
     app.add_typer(agent, name="agent")
 
 

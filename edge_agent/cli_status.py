@@ -1,0 +1,192 @@
+"""`metaros agent status`: how the agents of this machine do, and what waits in their outboxes."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, ZenohPort
+
+if TYPE_CHECKING:
+    from metaros.cli.output import Output
+
+__all__ = ["ask", "rows_of", "status_command"]
+
+_COLUMNS = ("Class", "Fresh", "Back-fill", "Samples", "Oldest", "On disk", "Quota", "Full", "Lost")
+_PATIENCE_S = 2.0
+_MOST_BYTES = 1024 * 1024  # of an answer
+_LABEL = 9
+Report = dict[str, Any]
+
+
+def status_command(
+    name: Annotated[str | None, typer.Option(help="Only this robot's agent.")] = None,
+    state_dir: Annotated[Path | None, typer.Option(help="The agent's state directory, if it is not the usual.")] = None,
+    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
+    domain: Domain = 0,
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Show each agent: its link, and what waits by class. Exit code 1 where there is none.
+
+    A running agent is asked; of one that does not run the state directory is read.
+    """
+    from metaros.cli.output import Output
+
+    out = Output(output)
+    asked = ask(zenoh_port, domain)
+    reports = [report for report in asked if name in (None, report["name"])]
+    known = {Path(report["directory"]).resolve() for report in asked}
+    unknown = (path for path in directories(name, state_dir) if path.resolve() not in known)
+    reports += [found for path in unknown for found in read(path)]
+    if state_dir is not None:
+        reports = [report for report in reports if Path(report["directory"]).resolve() == state_dir.resolve()]
+    reports.sort(key=lambda report: str(report["name"]))
+    if out.json:
+        out.objects(reports)
+    for report in reports if not out.json else ():
+        show(out, report)
+    if not reports:
+        if not out.json:
+            which = f"no agent {name!r}" if name else "no agent"
+            out.note(f"{which} runs here, and none has left anything; start one: metaros agent --name NAME")
+        raise typer.Exit(1)
+
+
+def ask(zenoh_port: int, domain: int) -> list[Report]:
+    """What the agents on this machine's router answer; none where there is no router."""
+    from metaros.cli.connection import look_with_session
+    from metaros.errors import UnavailableError
+
+    try:
+        with look_with_session(zenoh_port, domain, spin_time=0.0) as (session, _):
+            import zenoh
+
+            replies = session.check_open().get(
+                f"@metaros/{session.domain}/*/agent",
+                timeout=_PATIENCE_S,
+                consolidation=zenoh.ConsolidationMode.NONE,
+            )
+            answers = [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
+    except UnavailableError:
+        return []
+    return list(rows_of(answers))
+
+
+def rows_of(answers: Iterable[bytes]) -> Iterable[Report]:
+    """The answers that are reports; a peer's answer is data from outside."""
+    for answer in answers:
+        try:
+            report: Any = json.loads(answer) if len(answer) <= _MOST_BYTES else None
+            name, directory = str(report["name"])[:256], str(report["directory"])[:4096]
+            classes = [dict(row) for row in report["classes"][:8]]
+            lines(classes)
+        except (ValueError, TypeError, KeyError, OverflowError):
+            continue
+        yield {**report, "name": name, "directory": directory, "classes": classes}
+
+
+def directories(name: str | None, state_dir: Path | None) -> list[Path]:
+    """Where agents may have left something."""
+    from edge_agent.state_dir import default_state_dir
+
+    if state_dir is not None:
+        return [state_dir]
+    if name is not None:
+        return [default_state_dir(name)]
+    home = default_state_dir("x").parent
+    return [path for path in home.iterdir() if path.is_dir()] if home.is_dir() else []
+
+
+def read(directory: Path) -> list[Report]:
+    """The report of a directory with an outbox, if it is one. A held lock means that an agent runs out of our sight."""
+    from edge_agent.report import held_report
+    from edge_agent.state_dir import take_lock
+
+    if not (directory / "outbox").is_dir():
+        return []
+    report, lock = held_report(directory), directory / "lock"
+    if lock.exists():
+        descriptor = os.open(lock, os.O_RDWR)
+        try:
+            report["running"] = not take_lock(descriptor)
+        finally:
+            os.close(descriptor)
+    return [report]
+
+
+def show(out: Output, report: Report) -> None:
+    """One agent."""
+    from metaros.cli.output import human_bytes
+
+    out.line(f"{out.style(str(report['name']), '1;36')}  {headline(out, report)}")
+    limit = report.get("budget_bytes_per_s")
+    uplink = f"limited to {human_bytes(limit)}/s" if limit else "no limit"
+    if "sent_bytes_per_s" in report:
+        uplink = f"{human_bytes(report['sent_bytes_per_s'])}/s, {uplink}"
+    epochs = report.get("epochs") or []
+    rows = (
+        ("Uplink", uplink),
+        ("Store", report.get("store_id") or "none yet: no gateway has taken it"),
+        ("Epoch", ", ".join(map(str, epochs[-4:])) or "–"),
+        ("State", f"{report['directory']}, {human_bytes(report['disk_free_bytes'])} free"),
+    )
+    for label, value in rows:
+        out.line(f"  {out.style(label.ljust(_LABEL), '2')} {value}")
+    out.line()
+    out.table(_COLUMNS, lines(report["classes"]), right=range(1, len(_COLUMNS)))
+    out.line()
+
+
+def headline(out: Output, report: Report) -> str:
+    """Whether it runs and is linked, in words."""
+    if "linked" not in report:
+        if report["running"]:
+            return out.style("runs, but does not answer on this router", "33")
+        return out.style("does not run", "33") + "; what it left:"
+    pid = f"pid {report['pid']}, agent {report.get('version', '?')}, namespace {report.get('namespace', '?')}"
+    again = report.get("reconnects") or 0
+    lost = f", link lost {again}×" if again else ""
+    if report["linked"]:
+        return f"{out.style('linked', '32')} to {report['gateway']} by {report['transport']}{lost}, {pid}"
+    return f"{out.style('no link', '31')}: tries {report.get('gateway') or 'its gateways'}{lost}, {pid}"
+
+
+def lines(classes: Iterable[Report]) -> list[tuple[str, ...]]:
+    """A row for each class; a dash for nothing."""
+    from metaros.cli.output import human_bytes
+
+    rows = []
+    for row in classes:
+        fresh, late, disk, quota = (
+            int(row[key]) for key in ("fresh_bytes", "backfill_bytes", "disk_bytes", "quota_bytes")
+        )
+        used = disk if row["name"] != "live" else fresh
+        rows.append(
+            (
+                str(row["name"])[:16],
+                *(human_bytes(size) if size else "–" for size in (fresh, late)),
+                f"{int(row['samples']):,}" if row["samples"] else "–",
+                age(row.get("oldest_ns")),
+                human_bytes(disk) if disk else "–",
+                human_bytes(quota),
+                f"{used / quota:.0%}" if quota and used >= quota / 200 else "–",
+                f"{int(row['lost']):,}" if row["lost"] else "–",
+            )
+        )
+    return rows
+
+
+def age(wall_ns: int | None) -> str:
+    """How long ago that was."""
+    from metaros.cli.output import human_seconds
+    from metaros.clock import SystemClock
+
+    if not wall_ns:
+        return "–"
+    seconds = (SystemClock().wall_ns() - int(wall_ns)) / 1e9
+    return f"{human_seconds(seconds)} ago" if seconds >= 0 else "in the future"

@@ -1,0 +1,162 @@
+"""How an agent does, as a JSON-able report: told by one that runs, or read from the directory of one that does not.
+
+Reading changes nothing and takes no lock: a running agent may be writing meanwhile.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from edge_agent.errors import CorruptError
+from edge_agent.outbox import CLASSES, LOGS, Outbox
+from edge_agent.outbox.reader import Segment
+from edge_agent.outbox.segment import SegmentHeader, read_header, scan
+from edge_agent.uplink.session import Queues
+from edge_agent.uplink.statistics import LinkFacts, class_depth
+from metaros._proto import link_pb2
+
+__all__ = ["held_report", "running_report"]
+
+_FIRST_BYTES = 256 * 1024
+_MOST_HEADER = 4 * 1024 * 1024
+_NUMBERS = ("fresh_bytes", "backfill_bytes", "samples", "lost", "disk_bytes", "quota_bytes")
+Report = dict[str, Any]
+
+
+def running_report(
+    queues: Queues, facts: LinkFacts, *, directory: Path, store_id: str, facts_of_robot: Mapping[str, Any]
+) -> Report:
+    """What an agent says of itself."""
+    outbox, live, budget = queues.outbox, queues.live, queues.budget
+    classes = [_class_row(class_depth(outbox, name), oldest_ns(outbox, directory, name)) for name in CLASSES]
+    depth = link_pb2.ClassDepth(
+        name="live", fresh_bytes=live.size_bytes, samples=len(live), lost=live.dropped, quota_bytes=live.max_bytes
+    )
+    return {
+        **facts_of_robot,
+        "running": True,
+        "pid": os.getpid(),
+        "directory": str(directory),
+        "linked": outbox.online,
+        "transport": facts.transport,
+        "gateway": facts.gateway,
+        "reconnects": facts.reconnects,
+        "store_id": store_id,
+        "budget_bytes_per_s": budget.limit_bytes_per_s or None,
+        "sent_bytes_per_s": round(budget.sent_bytes_per_s, 1),
+        "disk_free_bytes": outbox.free_bytes,
+        "epochs": [f"{epoch:016x}" for epoch in outbox.state.epochs.values()],
+        "classes": [*classes, _class_row(depth, None)],
+    }
+
+
+def held_report(directory: Path) -> Report:
+    """What a state directory holds. What was acknowledged and is not deleted yet counts as held: nobody noted that."""
+    rows = []
+    for name, policy in CLASSES.items():
+        logs = {log: list(segments(directory / "outbox" / log)) for log in LOGS if log.partition("_")[0] == name}
+        counted = {log: _count(found) for log, found in logs.items()}
+        sizes = {log: sum(segment.end for segment in found) for log, found in logs.items()}
+        depth = link_pb2.ClassDepth(
+            name=name,
+            fresh_bytes=sizes[name] if counted[name] else 0,
+            backfill_bytes=sum(size for log, size in sizes.items() if log != name and counted[log]),
+            samples=sum(counted.values()),
+            disk_bytes=sum(sizes.values()),
+            quota_bytes=policy.quota_bytes,
+        )
+        firsts = [_oldest(found[0], {}) for log, found in logs.items() if found and counted[log]]
+        rows.append(_class_row(depth, min((first for first in firsts if first), default=None)))
+    state = _json(directory / "outbox" / "state.json")
+    epochs = state.get("epochs", {})
+    return {
+        "name": directory.name,
+        "running": False,
+        "directory": str(directory),
+        "store_id": _text(directory / "store_id"),
+        "budget_bytes_per_s": _json(directory / "uplink.json").get("bytes_per_s") or None,
+        "disk_free_bytes": shutil.disk_usage(directory).free,
+        "epochs": [f"{int(epoch):016x}" for epoch in epochs.values()] if isinstance(epochs, dict) else [],
+        "classes": rows,
+    }
+
+
+def oldest_ns(outbox: Outbox, directory: Path, delivery: str) -> int | None:
+    """When the oldest of a class's waiting samples was accepted; None when none waits."""
+    found = []
+    for name, log in outbox.logs.items():
+        if name.partition("_")[0] == delivery and log.segments and not log.empty:
+            marks = {stream: seq for (era, stream), seq in log.acked.items() if era == log.segments[0].header.era}
+            found.append(_oldest(_located(log.segments[0], directory), marks))
+    return min((wall_ns for wall_ns in found if wall_ns), default=None)
+
+
+def segments(folder: Path) -> Iterable[Segment]:
+    """The readable segments of a log, `name` being the file's path."""
+    for path in sorted(folder.glob("*.seg")):
+        try:
+            with path.open("rb") as file:
+                header, start = read_header(file.read(_MOST_HEADER))
+                size = os.fstat(file.fileno()).st_size
+        except (OSError, CorruptError):
+            continue
+        yield Segment(int(path.stem) if path.stem.isdigit() else 0, str(path), header, start, size)
+
+
+def _located(segment: Segment, directory: Path) -> Segment:
+    path = str(directory / "outbox" / segment.name)
+    return Segment(segment.number, path, segment.header, segment.start, segment.end)
+
+
+def _count(found: list[Segment]) -> int:
+    """Samples between the first segment's beginning and the last one's end, era by era."""
+    total = 0
+    for era in dict.fromkeys(segment.header.era for segment in found):
+        of_era = [segment for segment in found if segment.header.era == era]
+        newest = _newest(of_era[-1])
+        total += sum(seq - of_era[0].header.last.get(stream, 0) for stream, seq in newest.items())
+    return total
+
+
+def _newest(segment: Segment) -> dict[int, int]:
+    header: SegmentHeader = segment.header
+    newest = {**header.last, **header.until}
+    for frame in scan(Path(segment.name).read_bytes()[segment.start :]).frames:
+        newest[frame.stream_id] = max(newest.get(frame.stream_id, 0), frame.last_seq)
+    return newest
+
+
+def _oldest(segment: Segment, acked: Mapping[int, int]) -> int | None:
+    """When the first frame that is not acknowledged was accepted, as far as the segment's first bytes tell."""
+    try:
+        with open(segment.name, "rb") as file:
+            file.seek(segment.start)
+            frames = scan(file.read(_FIRST_BYTES)).frames
+    except OSError:
+        return None
+    waiting = [frame for frame in frames if frame.last_seq > acked.get(frame.stream_id, 0)]
+    return (waiting or frames)[0 if waiting else -1].wall_ns if frames else None
+
+
+def _class_row(depth: link_pb2.ClassDepth, oldest: int | None) -> Report:
+    return {"name": depth.name, **{number: getattr(depth, number) for number in _NUMBERS}, "oldest_ns": oldest}
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(errors="replace").strip()[:64]
+    except OSError:
+        return ""
