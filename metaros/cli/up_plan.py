@@ -127,15 +127,20 @@ def _simulator(plan: Plan) -> Launch:
 
 def _agent(plan: Plan, name: str) -> Launch:
     link = ("--gateway", f"127.0.0.1:{plan.grpc_port}", *_zenoh(plan))
-    return _row(
-        plan, f"agent {name}", AGENTS, "agent", "--name", name, "--namespace", f"/{name}", *link, "--no-host-metrics"
-    )
+    who = ("--name", name, "--namespace", f"/{name}", *_state_dir(plan, name))
+    return _row(plan, f"agent {name}", AGENTS, "agent", *who, *link, "--no-host-metrics")
 
 
 def _host_agent(plan: Plan) -> Launch:
     link = ("--gateway", f"127.0.0.1:{plan.grpc_port}", *_zenoh(plan), "--exclude", "/sim_*/**")
     name = plan.host_robot
-    return _row(plan, f"agent {name}", AGENTS, "agent", "--name", name, "--namespace", "/", *link, "--host-metrics")
+    who = ("--name", name, "--namespace", "/", *_state_dir(plan, name))
+    return _row(plan, f"agent {name}", AGENTS, "agent", *who, *link, "--host-metrics")
+
+
+def _state_dir(plan: Plan, name: str) -> tuple[str, ...]:
+    """An agent's outbox is the instance's: another instance's robots may have the same names."""
+    return ("--state-dir", str(plan.data_dir / "agents" / name))
 
 
 def _camera(plan: Plan) -> Launch:
