@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import pytest
 
 from metaros.clock import ManualClock
 from tests.support.ports import free_port as _free_port
+
+if TYPE_CHECKING:
+    from tests.support.postgres import PostgresServer
 
 
 @pytest.fixture
@@ -39,3 +44,18 @@ def zenoh_router() -> Iterator[str]:
         yield endpoint
     finally:
         session.close()
+
+
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[PostgresServer]:
+    """This worker's PostgreSQL server; only CI may not be without."""
+    from tests.support.postgres import PostgresServer, postgres_binaries
+
+    if postgres_binaries() is None and not os.environ.get("CI"):
+        pytest.skip("PostgreSQL is not installed (Debian: apt install postgresql)")
+    server = PostgresServer()
+    try:
+        server.start()
+        yield server
+    finally:
+        server.close()

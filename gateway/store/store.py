@@ -130,8 +130,7 @@ class Store:
         ending = asyncio.create_task(asyncio.to_thread(self._pool.shutdown, cancel_futures=True))
         await asyncio.wait({ending}, timeout=CLOSE_S)
         if ending.done():
-            for reader in self._readers:
-                reader.close()
+            await asyncio.to_thread(self._close_readers)
         self._lock.close()
 
     async def robots(self) -> list[StoredRobot]:
@@ -178,6 +177,10 @@ class Store:
             reader = self._local.reader = self._engine.reader()
             self._readers.append(reader)
         return reader
+
+    def _close_readers(self) -> None:
+        for reader in self._readers:
+            reader.close()
 
     def _on_commit(self, done: Committed) -> None:
         if self._loop is not None and not self._loop.is_closed():

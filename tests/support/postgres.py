@@ -6,6 +6,7 @@ package `postgresql`, or what `pg_config` names.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import itertools
 import os
@@ -14,9 +15,11 @@ import signal
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import asyncpg
+import psutil
 
 from metaros.clock import SystemClock
 from tests.support.ports import free_port
@@ -91,7 +94,10 @@ class PostgresServer:
     def freeze(self, on: bool) -> None:
         """Stop every process of it where it stands, or let them go on."""
         if self.process is not None:
-            os.killpg(self.process.pid, signal.SIGSTOP if on else signal.SIGCONT)
+            postmaster = psutil.Process(self.process.pid)
+            for process in (postmaster, *postmaster.children()):
+                with contextlib.suppress(psutil.NoSuchProcess):
+                    process.suspend() if on else process.resume()
 
     def schema(self) -> str:
         """A URL to an empty schema of its own, for one test."""
@@ -100,8 +106,7 @@ class PostgresServer:
         return f"{self.url}?search_path={name}"
 
     def ask(self, sql: str, *values: object) -> list[asyncpg.Record]:
-        """A statement as the superuser."""
-        import asyncio
+        """A statement as the superuser; on a thread, as the caller may be inside an event loop."""
 
         async def ask() -> list[asyncpg.Record]:
             connection = await asyncpg.connect(self.url, timeout=10, command_timeout=20)
@@ -110,11 +115,8 @@ class PostgresServer:
             finally:
                 await connection.close()
 
-        loop = asyncio.new_event_loop()
-        try:
-            return loop.run_until_complete(ask())
-        finally:
-            loop.close()
+        with ThreadPoolExecutor(1) as thread:
+            return thread.submit(lambda: asyncio.run(ask())).result()
 
     def close(self) -> None:
         """End it and delete its data."""
