@@ -63,11 +63,11 @@ def break_one(stack: LoadStack, rng: Random, act: str) -> None:
 
 def live(stack: LoadStack, rng: Random) -> None:
     """Let it run: often until the link is up and samples flow, sometimes not even until it has started."""
-    for name in ("robot", "gateway"):
-        assert stack.alive(name), f"the {name} ended by itself\n{stack.tail(name)}"
+    stack.supervise()
     if rng.random() < 0.75:
         began = time.monotonic()
         while stack.counters["online"] != 1 and time.monotonic() - began < 20:
+            stack.supervise()
             time.sleep(0.005)
         time.sleep(rng.uniform(0.0, 0.3))
     else:

@@ -20,6 +20,8 @@ __all__ = ["PostgresStack", "main"]
 class PostgresStack(LoadStack):
     """A robot, a gateway, and a PostgreSQL of their own."""
 
+    may_end = ("gateway",)  # one that starts while there is no database; a supervisor starts it again
+
     def __init__(self, folder: Path) -> None:
         self.server = PostgresServer()
         try:

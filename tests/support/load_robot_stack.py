@@ -30,6 +30,8 @@ CONTEXT = multiprocessing.get_context("forkserver")
 class LoadStack:
     """Use as a context manager; at its end nothing of it runs."""
 
+    may_end: tuple[str, ...] = ()  # who may end by itself, as a gateway does that finds no database
+
     def __init__(self, folder: Path, *, robot: Any = None, gateway: Any = None) -> None:
         """`robot` and `gateway` override fields of their configurations."""
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -102,6 +104,14 @@ class LoadStack:
         """Whether it runs."""
         return name in self.processes and self.processes[name].is_alive()
 
+    def supervise(self) -> None:
+        """Start again who may end by itself; nobody else ends by itself."""
+        for name in ("gateway", "robot"):
+            if not self.alive(name):
+                assert name in self.may_end, f"the {name} ended by itself\n{self.tail(name)}"
+                self.kill(name)
+                self.start(name)
+
     def wait_online(self, timeout_s: float = 30.0) -> None:
         """Until the robot's link is up."""
         wait_until(lambda: self.counters["online"] == 1, timeout_s=timeout_s)
@@ -113,11 +123,7 @@ class LoadStack:
 
     def end(self, timeout_s: float = 90.0) -> None:
         """The robot stops feeding and drains; then both end well."""
-        for name in ("gateway", "robot"):
-            if not self.alive(name):
-                self.kill(name)
-                self.start(name)
-        self.wait_online()
+        wait_until(self._online, timeout_s=30.0)
         for name in ("robot", "gateway"):
             self.signal(name, signal.SIGTERM)
             process = self.processes[name]
@@ -143,6 +149,10 @@ class LoadStack:
     def status(self) -> dict[str, Any]:
         """The gateway's status file."""
         return dict(json.loads((self.folder / "gateway.json").read_text()))
+
+    def _online(self) -> bool:
+        self.supervise()
+        return self.counters["online"] == 1
 
     def _start(self, name: str, target: Callable[[Any], None], config: Any) -> None:
         if name in self.processes:
