@@ -23,6 +23,7 @@ from metaros.limits import LIMITS
 __all__ = ["OutboxSettings", "Settings", "load_settings", "sanitised_hostname"]
 
 CHOICES = {"transport": get_args(TransportSetting), "compression": get_args(Compression)}
+MAX_SYNC_MS = 10_000
 RULE_KEYS = {
     "match": str,
     "class": str,
@@ -38,18 +39,28 @@ RULE_KEYS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutboxSettings:
-    """Quotas of the outbox on disk, of its reserve, and of the live queue in memory, in bytes."""
+    """Quotas of the outbox, of its reserve and of the live queue; how long a class gathers before its sync."""
 
     event_bytes: int = CLASSES["event"].quota_bytes
     metric_bytes: int = CLASSES["metric"].quota_bytes
     bulk_bytes: int = CLASSES["bulk"].quota_bytes
     reserve_bytes: int = LIMITS.outbox_reserve_bytes
     live_bytes: int = LIMITS.live_bytes
+    event_sync_ms: int = round(CLASSES["event"].sync_s * 1000)
+    metric_sync_ms: int = round(CLASSES["metric"].sync_s * 1000)
+    bulk_sync_ms: int = round(CLASSES["bulk"].sync_s * 1000)
 
     def classes(self) -> dict[str, ClassPolicy]:
-        """The outbox's class table with these quotas."""
-        quotas = {"event": self.event_bytes, "metric": self.metric_bytes, "bulk": self.bulk_bytes}
-        return {name: replace(policy, quota_bytes=quotas[name]) for name, policy in CLASSES.items()}
+        """The outbox's class table with these quotas and times."""
+        told = {
+            "event": (self.event_bytes, self.event_sync_ms),
+            "metric": (self.metric_bytes, self.metric_sync_ms),
+            "bulk": (self.bulk_bytes, self.bulk_sync_ms),
+        }
+        return {
+            name: replace(policy, quota_bytes=told[name][0], sync_s=told[name][1] / 1000)
+            for name, policy in CLASSES.items()
+        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -209,7 +220,10 @@ def outbox_settings(table: dict[str, Any], where: str) -> OutboxSettings:
     for key, value in table.items():
         if key not in known:
             raise ConfigError(f"{where}: unknown key outbox.{key}; known are {', '.join(sorted(known))}")
-        if expect(value, int, f"outbox.{key}", where) < 65536:
+        expect(value, int, f"outbox.{key}", where)
+        if key.endswith("_ms") and not 1 <= value <= MAX_SYNC_MS:
+            raise ConfigError(f"{where}: outbox.{key} must be 1 to {MAX_SYNC_MS} ms, not {value}")
+        if key.endswith("_bytes") and value < 65536:
             raise ConfigError(f"{where}: outbox.{key} must be at least 65536 bytes, not {value}")
     return OutboxSettings(**table)
 
@@ -219,7 +233,7 @@ def checked_gateway(text: str, where: str) -> str:
     try:
         parse_address(text)
     except ConfigError as error:
-        raise ConfigError(f"{where}: gateway: {error}") from error
+        raise ConfigError(f"{where}: {error}") from error
     return text
 
 

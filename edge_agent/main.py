@@ -7,8 +7,8 @@ import contextlib
 import os
 import socket
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 
+from edge_agent.answering import answering
 from edge_agent.batch import Linger
 from edge_agent.channels import Channels
 from edge_agent.commands import Commands
@@ -17,13 +17,12 @@ from edge_agent.drive_guard import DriveGuard
 from edge_agent.host_turn import host_turn, turn_path
 from edge_agent.live import LiveQueue
 from edge_agent.metrics import publish_host
-from edge_agent.outbox import OsDisk, Outbox, OutboxWriter
+from edge_agent.outbox import OutboxWriter
 from edge_agent.pipeline import Pipeline
 from edge_agent.publishers import Publishers
 from edge_agent.scope import Scope
-from edge_agent.state_dir import default_state_dir, locked
+from edge_agent.state import AgentState, open_state
 from edge_agent.status import status_file
-from edge_agent.store_id import StoreId
 from edge_agent.tap import Tap
 from edge_agent.teleop import Teleop
 from edge_agent.topics import TopicTable
@@ -32,6 +31,7 @@ from edge_agent.uplink.budget import Budget
 from edge_agent.uplink.keeper import SessionKeeper
 from edge_agent.uplink.session import Identity, Queues
 from edge_agent.uplink.uplink import Uplink
+from edge_agent.uplink_limit import UplinkLimit
 from metaros.clock import Clock, SystemClock, system_rng
 from metaros.node import Context, Node
 from metaros.signals import on_stop
@@ -57,16 +57,15 @@ async def run_until_signal(settings: Settings) -> None:
 async def run_agent(settings: Settings, *, clock: Clock | None = None) -> None:
     """Tap, queues, uplink, commands and host metrics around one Zenoh session; until cancelled."""
     clock = clock or SystemClock()
-    state_dir = settings.state_dir or default_state_dir(settings.name)
-    with (
-        locked(state_dir),
-        Context(connect=[f"tcp/127.0.0.1:{settings.zenoh_port}"], clock=clock, shared_memory="off") as context,
-    ):
-        with contextlib.ExitStack() as stack:
-            node = stack.enter_context(
-                Node(NODE_NAME, namespace=settings.namespace, context=context, enable_parameters=False)
-            )
-            await run_parts(settings, state_dir, node, clock)
+    with contextlib.ExitStack() as stack:
+        state = await open_state(settings, clock, stack)
+        context = stack.enter_context(
+            Context(connect=[f"tcp/127.0.0.1:{settings.zenoh_port}"], clock=clock, shared_memory="off")
+        )
+        node = stack.enter_context(
+            Node(NODE_NAME, namespace=settings.namespace, context=context, enable_parameters=False)
+        )
+        await run_parts(settings, state, node, clock)
 
 
 async def run_host(settings: Settings, context: Context, channels: Channels, clock: Clock) -> None:
@@ -83,49 +82,44 @@ async def run_host(settings: Settings, context: Context, channels: Channels, clo
             await publish_host(host, channels, clock)
 
 
-async def run_parts(settings: Settings, state_dir: Path, node: Node, clock: Clock) -> None:
-    """Build the parts on their node and run them in one task group."""
-    rng = system_rng()
-    scope = Scope(settings.namespace, settings.exclude)
-    disk = OsDisk(state_dir / "outbox")
-    outbox = Outbox(
-        disk,
-        clock,
-        new_epoch=lambda: rng.getrandbits(64),
-        writer=os.urandom(8).hex(),
-        boot_id=boot_id(),
-        classes=settings.outbox.classes(),
-        reserve_bytes=settings.outbox.reserve_bytes,
-    )
+async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Clock) -> None:
+    """Build the parts on their node and run them; what was gathered when they end is flushed last."""
+    outbox, scope = state.outbox, Scope(settings.namespace, settings.exclude)
     queues = Queues(
         Channels(TopicTable(settings.topics), outbox.ids, namespace=settings.namespace),
         outbox,
         LiveQueue(max_bytes=settings.outbox.live_bytes),
         Linger(),
-        Budget(now_s=clock.monotonic_s()),
+        Budget(limit_bytes_per_s=state.limit_bytes_per_s, now_s=clock.monotonic_s()),
     )
     publishers = Publishers(node)
     teleop = Teleop(DriveGuard(clock, settings.actuators), publishers, scope)
-    commands = Commands(node, teleop, scope, clock)
+    limit = UplinkLimit(state.disk, queues.budget, clock)
+    commands = Commands(node, teleop, scope, clock, log=state.command_log, limit=limit)
+    who = identity(settings)
     keeper = SessionKeeper(
-        identity(settings),
+        who,
         queues,
         teleop,
         commands,
         clock,
-        store_id=StoreId(OsDisk(state_dir)),
+        store_id=state.store_id,
         compression=settings.compression,
         malformed=lambda: pipeline.malformed + tap.ingress.malformed.total(),
         wake=lambda: uplink.wake(),
     )
-    uplink = Uplink(settings.addresses(), keeper, Backoff(rng), clock)
-    writer = OutboxWriter(outbox, disk, on_flushed=uplink.wake)
+    uplink = Uplink(settings.addresses(), keeper, Backoff(system_rng()), clock)
+    writer = OutboxWriter(outbox, state.outbox_disk, on_flushed=uplink.wake)
     pipeline = Pipeline(outbox, queues.live, queues.linger, wake_writer=writer.wake, wake_uplink=uplink.wake)
     tap = Tap(node, queues.channels, scope, pipeline.take, uplink.wake, clock)
+    writing = asyncio.create_task(writer.run())
     try:
-        with status_file(settings.status_file, name=settings.name, namespace=settings.namespace):
+        with (
+            answering(node.context, settings, who, queues, keeper.facts, state.store_id),
+            status_file(settings.status_file, name=settings.name, namespace=settings.namespace),
+        ):
             async with asyncio.TaskGroup() as group:
-                group.create_task(writer.run())
+                group.create_task(ended(writing))
                 group.create_task(uplink.run())
                 group.create_task(teleop.run())
                 if settings.host_metrics:
@@ -134,14 +128,13 @@ async def run_parts(settings: Settings, state_dir: Path, node: Node, clock: Cloc
         tap.close()
         await commands.close()
         publishers.close()
+        writing.cancel()  # it flushes what came until now
+        await asyncio.wait({writing})
 
 
-def boot_id() -> str:
-    """Which run of the operating system this is; empty where it does not say."""
-    try:
-        return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
-    except OSError:
-        return ""
+async def ended(task: asyncio.Task[None]) -> None:
+    """Until a task has ended; with its error."""
+    await asyncio.shield(task)
 
 
 def identity(settings: Settings) -> Identity:

@@ -49,6 +49,8 @@ class Limits:
     teleop_fresh_s: float = 0.3  # D13: an actuator without a fresh command for so long is stopped
     lease_s: float = 3.0  # a teleop lease not renewed for so long is free again
     command_timeout_s: float = 10.0
+    commands_remembered: int = 20_000  # ids of executed commands that an agent keeps, also over restarts
+    commands_waiting: int = 256  # commands that wait for their ids to be on the robot's disk
     counted_keys: int = 16_384  # topics that `metaros top` counts; further ones show no rate
     shared_memory_bytes: int = 32 * MIB  # one session's pool; payloads that find no room take the network
     shared_memory_threshold_bytes: int = 16 * KIB  # smaller payloads are sent as ever

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 __all__ = ["LinkFacts", "statistics"]
 
+MOST_NS = 2**63 - 1  # whatever clock a gateway has
+
 
 @dataclass(slots=True)
 class LinkFacts:
@@ -44,7 +46,7 @@ def statistics(
         reconnects=facts.reconnects,
         classes=[*depths, live],
         disk_free_bytes=queues.outbox.free_bytes,
-        clock_offset_ns=offset.offset_ns() or 0,
+        clock_offset_ns=min(max(offset.offset_ns() or 0, -MOST_NS), MOST_NS),
     )
     return link_pb2.TopicStatistics(
         topics=[channel.rate(now_s) for channel in queues.channels],

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import time
+from pathlib import Path
 
 import pytest
 
-from edge_agent.commands import CommandLog
+from edge_agent.command_log import CommandLog
+from edge_agent.outbox import OsDisk
 from edge_agent.publishers import zero_message
+from edge_agent.uplink_limit import stored_limit
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.clock import SystemClock
@@ -172,9 +175,23 @@ async def test_an_unknown_command_and_bad_names_are_answered(agent: Rig) -> None
     assert (await agent.result(agent.command(publish=message))).code == "invalid_name"
 
 
-def test_the_log_forgets_the_oldest() -> None:
-    log = CommandLog(remembered=2)
-    assert [log.first_time(name) for name in (b"a", b"a", b"b", b"c", b"a")] == [True, False, True, True, True]
+async def test_a_byte_budget_is_in_force_at_once_and_kept(agent: Rig, tmp_path: Path) -> None:
+    set_uplink = link_pb2.SetUplink(bytes_per_s=50_000)
+    assert (await agent.result(agent.command(set_uplink=set_uplink))).ok
+    assert stored_limit(OsDisk(tmp_path / "agent")) == 50_000
+    statistics = agent.half.statistics
+    await wait_until_async(lambda: statistics[-1].link.budget_bytes_per_s == 50_000)
+    refused = await agent.result(agent.command(set_uplink=link_pb2.SetUplink(bytes_per_s=5)))
+    assert (refused.ok, refused.code) == (False, "usage")
+    assert (await agent.result(agent.command(set_uplink=link_pb2.SetUplink()))).ok
+    assert stored_limit(OsDisk(tmp_path / "agent")) == 0
+
+
+async def test_executed_commands_are_on_disk_before_they_are_answered(agent: Rig, tmp_path: Path) -> None:
+    payload = codec(String).encode(String(data="hello"))
+    command_id = agent.command(publish=publish("/sim_1/say", "std_msgs/msg/String", payload))
+    await agent.result(command_id)
+    assert not CommandLog(OsDisk(tmp_path / "agent")).first_time(command_id)
 
 
 @pytest.mark.parametrize("name", [TWIST, "geometry_msgs/msg/TwistStamped", "std_msgs/msg/Float64"])

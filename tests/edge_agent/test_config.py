@@ -6,9 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from edge_agent.config import load_settings, sanitised_hostname
+from edge_agent.config import OutboxSettings, load_settings, sanitised_hostname
+from edge_agent.outbox import CLASSES
 from edge_agent.topics import DEFAULT_TOPICS
 from metaros.errors import ConfigError
+from metaros.limits import LIMITS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 
@@ -54,6 +56,16 @@ def test_rows_come_before_the_default_table_or_instead_of_it(tmp_path: Path) -> 
     assert len(load_settings(write(tmp_path, "default_topics = false\n" + rows)).topics) == 1
 
 
+def test_quotas_and_sync_times_make_the_outboxs_classes(tmp_path: Path) -> None:
+    text = "state_dir = '/var/lib/robot'\n[outbox]\nevent_bytes = 1000000\nmetric_sync_ms = 250\n"
+    settings = load_settings(write(tmp_path, text))
+    classes = settings.outbox.classes()
+    assert settings.state_dir == Path("/var/lib/robot")
+    assert (classes["event"].quota_bytes, classes["metric"].sync_s) == (1_000_000, 0.25)
+    assert (classes["bulk"].quota_bytes, classes["bulk"].when_full) == (LIMITS.outbox_bulk_bytes, "drop")
+    assert OutboxSettings().classes() == CLASSES
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -69,6 +81,8 @@ def test_rows_come_before_the_default_table_or_instead_of_it(tmp_path: Path) -> 
         ("[labels]\nsite = 1", "labels.site must be str"),
         ("[outbox]\nbulk = 1", "unknown key outbox.bulk"),
         ("[outbox]\nbulk_bytes = 1", "outbox.bulk_bytes must be at least 65536"),
+        ("[outbox]\nevent_sync_ms = 0", "outbox.event_sync_ms must be 1 to 10000 ms"),
+        ("[outbox]\nbulk_sync_ms = 1.5", "outbox.bulk_sync_ms must be int"),
         ("[[topics]]\nclass = 'live'", "topics[0].match is missing"),
         ("[[topics]]\nmatch = '**'\nclass = 'lively'", "topics[0].class must be one of"),
         ("[[topics]]\nmatch = '**'\nrate = 1", "unknown key topics[0].rate"),

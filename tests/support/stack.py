@@ -103,8 +103,9 @@ class Stack:
         return self.start("gateway", "gateway", "--host", "127.0.0.1", *ports, "--data-dir", str(self.folder / "data"))
 
     def agent(self, name: str, *options: str) -> Program:
-        """The agent of robot `name` in namespace /`name`."""
+        """The agent of robot `name` in namespace /`name`, with a state directory that a restart goes on with."""
         where = ("--gateway", f"127.0.0.1:{self.grpc_port}", "--zenoh-port", str(self.zenoh_port))
+        where += ("--state-dir", str(self.folder / f"agent-{name}"))
         return self.start(
             f"agent-{name}", "agent", "--name", name, "--namespace", f"/{name}", *where, "--no-host-metrics", *options
         )

@@ -69,6 +69,12 @@ def test_each_agent_keeps_to_its_namespace_without_host_metrics() -> None:
     assert "--no-host-metrics" in agent
 
 
+def test_each_agent_has_a_state_directory_of_its_own_that_the_next_run_goes_on_with() -> None:
+    agents = [row.argv for row in launches(plan()) if row.name.startswith("agent")]
+    places = [argv[argv.index("--state-dir") + 1] for argv in agents]
+    assert places == [str(Path("/data/agents") / name) for name in plan().robot_names]
+
+
 def test_a_camera_is_one_more_process() -> None:
     row = launches(plan(camera="test"))[-1]
     assert row.name == "camera"
