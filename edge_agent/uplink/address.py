@@ -61,7 +61,7 @@ def parse_address(text: str) -> GatewayAddress:
     """
     scheme, split, _rest = text.partition("://")
     if not split and not _HOST_PORT.fullmatch(text):
-        raise ConfigError(f"a gateway is {FORMS}, not {text!r}")
+        raise ConfigError(f"gateway must be {FORMS}, not {text!r}")
     try:
         url = urlsplit(text if split else f"http://{text}")
         port = url.port if url.port is not None else PORTS.get(url.scheme, 0)
@@ -69,7 +69,7 @@ def parse_address(text: str) -> GatewayAddress:
         raise ConfigError(f"gateway {text!r}: {error}") from error
     path = url.path.rstrip("/")
     if url.scheme not in PORTS or not url.hostname or not 1 <= port <= 65535:
-        raise ConfigError(f"a gateway is {FORMS}, not {text!r}")
+        raise ConfigError(f"gateway must be {FORMS}, not {text!r}")
     if "@" in url.netloc or url.query or url.fragment or not _PATH.fullmatch(path) or (path and scheme == "grpc"):
         raise ConfigError(
             f"gateway {text!r}: an address has no user, query or odd path, and grpc:// has no path at all"

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import time
+from pathlib import Path
 
+import grpc
+import grpc.aio
 import pytest
 
 from edge_agent.errors import LinkError
 from edge_agent.uplink.address import parse_address
 from edge_agent.uplink.grpc import open_grpc, system_roots
-from metaros._proto import link_pb2
+from metaros._proto import link_pb2, link_pb2_grpc
+from tests.support.certificates import make_certificate
 from tests.support.fake_gateway import DATA, FakeGateway, fake_gateway
 from tests.support.gateway_half import GatewayHalf
 from tests.support.ports import free_port
@@ -114,3 +118,22 @@ async def test_nobody_there_is_a_link_error() -> None:
 def test_the_system_has_roots_for_https() -> None:
     roots = system_roots()
     assert roots is None or b"BEGIN CERTIFICATE" in roots
+
+
+async def test_https_means_tls_with_the_systems_authorities(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    certificate = make_certificate(tmp_path)
+    gateway = FakeGateway()
+    server = grpc.aio.server()
+    link_pb2_grpc.add_LinkServicer_to_server(gateway, server)
+    pair = (certificate.with_suffix(".key").read_bytes(), certificate.read_bytes())
+    port = server.add_secure_port("localhost:0", grpc.ssl_server_credentials([pair]))
+    await server.start()
+    monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
+    system_roots.cache_clear()
+    try:
+        async with running(f"https://localhost:{port}") as (owner, _uplink):
+            await wait_until_async(lambda: owner.ups)
+            assert owner.facts.transport == "grpc"
+    finally:
+        system_roots.cache_clear()
+        await server.stop(0)

@@ -1,0 +1,176 @@
+"""Behind a plain HTTP/1.1 proxy, which carries no gRPC, the agent finds the WebSocket and keeps the contract."""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import metaros
+from metaros.interfaces.std_msgs.msg import String
+from tests.support.certificates import make_certificate
+from tests.support.checker import payloads_of
+from tests.support.nginx import Nginx, nginx_program
+from tests.support.stack import Program, Stack
+from tests.support.waiting import wait_until
+
+CONFIG = """
+compression = "zstd"
+
+[[topics]]
+match = "/sim_1/numbers"
+class = "bulk"
+"""
+
+
+class Numbers:
+    """A robot's node that publishes 1, 2, 3 … until told to stop."""
+
+    def __init__(self, zenoh_port: int) -> None:
+        self.context = metaros.Context(connect=f"tcp/127.0.0.1:{zenoh_port}")
+        self.node = metaros.Node("counter", namespace="/sim_1", context=self.context)
+        quality = metaros.QoSProfile(history=metaros.History.KEEP_ALL, reliability=metaros.Reliability.RELIABLE)
+        self.publisher = self.node.create_publisher(String, "numbers", quality)
+        self.count = 0
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+
+    def hello(self) -> None:
+        """Publish something that is no number."""
+        self.publisher.publish(String(data="hello"))
+
+    def start(self) -> None:
+        """Begin to count."""
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._stop.wait(0.002):
+            self.count += 1
+            self.publisher.publish(String(data=f"{self.count:08d} " + "and so on, " * 8))
+
+    def close(self) -> None:
+        """Stop and leave."""
+        self._stop.set()
+        if self._thread.ident is not None:
+            self._thread.join(10)
+        self.node.close()
+        self.context.close()
+
+
+@contextmanager
+def numbers(zenoh_port: int) -> Iterator[Numbers]:
+    """A counter that is ended whatever happens."""
+    counter = Numbers(zenoh_port)
+    try:
+        yield counter
+    finally:
+        counter.close()
+
+
+def start_agent(stack: Stack, url: str) -> Program:
+    """The real agent, told nothing but the proxy's address."""
+    config = stack.folder / "agent.toml"
+    config.write_text(CONFIG)
+    return stack.start(
+        "agent-sim_1",
+        *("agent", "--name", "sim_1", "--namespace", "/sim_1", "--gateway", url, "--config", str(config)),
+        *("--zenoh-port", str(stack.zenoh_port), "--state-dir", str(stack.folder / "agent"), "--no-host-metrics"),
+    )
+
+
+def link(stack: Stack) -> dict[str, Any]:
+    """What the gateway says of the robot's link now; empty while it is offline."""
+    robot = stack.get("/api/v1/robots/sim_1")
+    return dict(robot["link"]) if robot and robot["state"] == "online" else {}
+
+
+def grow(counter: Numbers, more: int = 300) -> None:
+    """Let it count on."""
+    target = counter.count + more
+    wait_until(lambda: counter.count >= target, timeout_s=30)
+
+
+def stored_numbers(database: Path) -> Counter[int]:
+    """How often each number is stored, in a database that nobody writes."""
+    connection = sqlite3.connect(f"file:{database}?mode=ro", uri=True)
+    connection.row_factory = sqlite3.Row
+    try:
+        texts = [
+            data[8:-1].decode()
+            for row in connection.execute("SELECT * FROM sample_batches")
+            for data in payloads_of(row)
+        ]
+    finally:
+        connection.close()
+    return Counter(int(text.split()[0]) for text in texts if text[:1].isdigit())
+
+
+def test_nothing_is_lost_over_restarts_of_the_proxy_and_a_kill_of_the_gateway(tmp_path: Path) -> None:
+    nginx_program()
+    with Stack(tmp_path) as stack:
+        stack.router()
+        gateway = stack.gateway()
+        with Nginx(tmp_path / "nginx", stack.http_port) as nginx, numbers(stack.zenoh_port) as counter:
+            agent = start_agent(stack, nginx.url)
+            wait_until(lambda: link(stack).get("transport") == "websocket", timeout_s=30)
+            assert link(stack)["gateway"] == nginx.url
+
+            def heard() -> bool:
+                counter.hello()
+                return "/sim_1/numbers" in stack.topics("sim_1")
+
+            wait_until(heard, timeout_s=30, every_s=0.1)
+            counter.start()
+            grow(counter)
+
+            nginx.stop()
+            grow(counter)
+            nginx.start()
+            wait_until(lambda: link(stack).get("reconnects", 0) >= 1, timeout_s=30)
+            grow(counter)
+
+            gateway.kill()
+            grow(counter)
+            gateway = stack.restart(gateway)
+            wait_until(lambda: link(stack).get("reconnects", 0) >= 2, timeout_s=30)
+            grow(counter)
+
+            count = counter.count
+            wait_until(lambda: stored_numbers(tmp_path / "data" / "gateway.sqlite")[count] == 1, timeout_s=30)
+        assert "by websocket" in agent.output
+    # Everybody is gone: the store is what it will be.
+    found = stored_numbers(tmp_path / "data" / "gateway.sqlite")
+    assert set(range(1, count + 1)) - set(found) == set(), "lost"
+    assert [number for number, times in found.items() if times > 1] == [], "duplicate"
+
+
+@pytest.mark.slow
+def test_https_and_a_path_on_a_shared_proxy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    nginx_program()
+    certificate = make_certificate(tmp_path)
+    monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
+    for path in ("", "/fleet"):  # with a path there is no gRPC to try first
+        folder = tmp_path / f"stack{path.replace('/', '-')}"
+        folder.mkdir()
+        with Stack(folder) as stack, Nginx(folder / "nginx", stack.http_port, path, certificate) as nginx:
+            stack.router()
+            stack.gateway()
+            start_agent(stack, nginx.url)
+            wait_until(lambda s=stack: link(s).get("transport") == "websocket", timeout_s=30)  # type: ignore[misc]
+
+
+@pytest.mark.slow
+def test_a_proxy_with_an_untrusted_certificate_gets_nothing(tmp_path: Path) -> None:
+    nginx_program()
+    with Stack(tmp_path) as stack, Nginx(tmp_path / "nginx", stack.http_port, "", make_certificate(tmp_path)) as nginx:
+        stack.router()
+        stack.gateway()
+        agent = start_agent(stack, nginx.url)
+        wait_until(lambda: "certificate" in agent.output.lower(), timeout_s=30)
+        assert "link up" not in agent.output
