@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -85,7 +86,8 @@ class Outbox:
         self._classes = dict(classes)
         self._limits = limits
         self._reserve_bytes = reserve_bytes
-        self._online = False
+        self.online = False  # whether the link is up, so that what comes is fresh
+        self._note_at_s = 0.0
         self._pending = {name: Pending(limits) for name in LOGS}
         self._writing: set[LogName] = set()
         self._log_of: dict[int, LogName] = {}
@@ -99,15 +101,6 @@ class Outbox:
         self.ids = IdLog(disk, held={held.stream_id & CHANNEL_MASK for held in self.ranges()} - {0})
 
     # -- what came in -----------------------------------------------------------------------------------------------
-
-    @property
-    def online(self) -> bool:
-        """Whether the link is up, so that what comes is fresh."""
-        return self._online
-
-    @online.setter
-    def online(self, online: bool) -> None:
-        self._online = online
 
     @property
     def live_epoch(self) -> int:
@@ -251,15 +244,12 @@ class Outbox:
                 next session.
         """
         eras = {epoch: era for era, epoch in self.state.epochs.items()}
-        for held in self.ranges():
-            mark, last_seq = marks.get((held.epoch, held.stream_id), 0), held.last_seq
-            if held.epoch in writers and mark > held.base_seq:
-                given = self.state.written_by(writers[held.epoch], eras[held.epoch], held.stream_id)
-                last_seq = last_seq if given is None else given
-            if mark > last_seq:
-                self.relabel()
-                raise BehindError(f"the gateway has more of stream {held.stream_id} than this outbox ever accepted")
         own = {(eras[epoch], stream): seq for (epoch, stream), seq in marks.items() if epoch in eras}
+        if (
+            stream := self._overtaken(own, {eras[epoch]: name for epoch, name in writers.items() if epoch in eras})
+        ) >= 0:
+            self.relabel()
+            raise BehindError(f"the gateway has more of stream {stream} than this outbox ever accepted")
         for log in self.logs.values():
             log.rewind(own)
 
@@ -289,7 +279,9 @@ class Outbox:
                 self._save(state)
 
     def take(self, name: LogName) -> Taken | None:
-        """The next frame of a log to send."""
+        """The next frame of a log to send; None while there is none, or it cannot be noted that this process sends."""
+        if self.state.sender != self.writer and not self._note_sender():
+            return None
         return self.logs[name].take()
 
     def epoch_of(self, era: int) -> int:
@@ -327,23 +319,27 @@ class Outbox:
 
     def _open(self) -> OutboxState:
         state = OutboxState.load(self._disk)
-        known = state is not None
-        if state is None:
-            state = OutboxState()
-            state.begin_era(self._new_epoch)
-        sound = [log.open(state.era) for log in self.logs.values()]
-        held = {segment.header.era for log in self.logs.values() for segment in log.segments}
-        if not known and held:  # the state is lost, so the epochs are: what is held gets new ones
-            state.epochs = {era: self._new_epoch() or 1 for era in {*held, max(held) + 1}}
-            sound = [False]
-        if not all(sound):
-            before = state.era
+        era = state.era if state is not None else 0
+        opened = [log.open(era) for log in self.logs.values()]
+        sound = all(opened)
+        if state is None:  # it is new, or lost, and the epochs with it: what is held gets others
+            held = {segment.header.era for log in self.logs.values() for segment in log.segments}
+            state, sound = OutboxState({of: self._new_epoch() or 1 for of in sorted(held)}), False
+        if not sound:
             state.begin_era(self._new_epoch)
             for log in self.logs.values():
-                log.begin_era(before)
+                log.begin_era(era)
         for name, log in self.logs.items():
             self._log_of.update({stream: name for _, stream in log.streams()})
         return state
+
+    def _note_sender(self) -> bool:
+        now_s = self._clock.monotonic_s()
+        if now_s >= self._note_at_s:
+            self._note_at_s = now_s + _RETRY_S
+            with contextlib.suppress(DiskError):
+                self._save(replace(self.state, sender=self.writer))
+        return self.state.sender == self.writer
 
     def _last(self) -> dict[int, dict[int, int]]:
         """Era -> stream -> the newest number there is."""
@@ -370,7 +366,7 @@ class Outbox:
         return self._classes[name.partition("_")[0]]
 
     def _route(self, stream_id: int, delivery: str) -> tuple[LogName, int]:
-        if self._online or delivery == "event":
+        if self.online or delivery == "event":
             return delivery, stream_id
         return log_name(delivery, backfill=True), stream_id | BACKFILL_BIT
 

@@ -54,11 +54,11 @@ class RewriteJob:
         since = {frame.stream_id: frame.wall_ns for frame in reversed(frames)}
         until = {frame.stream_id: frame.wall_ns for frame in frames}
         for stream, last_seq in self.last.items():
-            from_seq = max(first.get(stream, 0), self.acked.get(stream, 0)) + 1
+            from_seq = first.get(stream, 0) + 1  # also what is acknowledged: the epoch may change
             if last_seq < from_seq:
                 continue
             own_seq = max(self.segment.header.last.get(stream, 0), self.acked.get(stream, 0))
-            self.lost += last_seq - own_seq
+            self.lost += max(0, last_seq - own_seq)
             gap = Gap(
                 from_seq, last_seq, "outbox_full", since.get(stream, self.wall_ns), until.get(stream, self.wall_ns)
             )
@@ -70,11 +70,10 @@ class RewriteJob:
         open_gaps: dict[int, Gap] = {}
         for frame in frames:
             stream = frame.stream_id
-            if frame.last_seq <= self.acked.get(stream, 0):
-                continue
-            place = counts[stream] = counts.get(stream, -1) + 1
-            if frame.kind is not Kind.GAP and place % KEEP_ONE_IN:
-                self.lost += frame.count
+            acked = frame.last_seq <= self.acked.get(stream, 0)
+            place = counts[stream] = counts.get(stream, -1) + (not acked)
+            if frame.kind is not Kind.GAP and (acked or place % KEEP_ONE_IN):
+                self.lost += 0 if acked else frame.count
                 begun = open_gaps.get(stream)
                 from_seq, from_ns = (begun.from_seq, begun.from_ns) if begun else (frame.first_seq, frame.wall_ns)
                 open_gaps[stream] = Gap(from_seq, frame.last_seq, "thinned", from_ns, frame.wall_ns)
@@ -91,8 +90,8 @@ class RewriteJob:
         """What damage hides of the segment, by the numbers at its end."""
         seen = dict(self.segment.header.last) | {frame.stream_id: frame.last_seq for frame in frames}
         for stream, last_seq in self.last.items():
-            from_seq = max(seen.get(stream, 0), self.acked.get(stream, 0)) + 1
+            from_seq = seen.get(stream, 0) + 1
             if last_seq >= from_seq:
-                self.lost += last_seq - from_seq + 1
+                self.lost += max(0, last_seq - max(from_seq - 1, self.acked.get(stream, 0)))
                 gap = Gap(from_seq, last_seq, "disk_corrupt", 0, 0)
                 yield Frame.of_gap(stream, gap, wall_ns=self.wall_ns, mono_ns=0)

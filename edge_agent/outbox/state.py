@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 
 from edge_agent.outbox.disk import Disk
 
@@ -36,6 +36,7 @@ class OutboxState:
     bases: dict[int, Streams] = field(default_factory=dict)  # era -> stream -> newest number of an older epoch
     # writer -> era -> stream -> newest number that it found, where that is not what the writer before it found
     found: dict[str, dict[int, Streams]] = field(default_factory=dict)
+    sender: str = ""  # the last writer that had a session: those since have sent nothing
 
     @property
     def era(self) -> int:
@@ -52,14 +53,14 @@ class OutboxState:
             facts = json.loads(body)
             epochs = {int(era): int(epoch) for era, epoch in facts["epochs"].items()}
             found = {writer: numbers(eras) for writer, eras in facts["found"].items()}
-            return cls(epochs, list(facts["writers"]), numbers(facts["bases"]), found) if epochs else None
+            state = cls(epochs, list(facts["writers"]), numbers(facts["bases"]), found, str(facts["sender"]))
+            return state if epochs else None
         except (ValueError, KeyError, TypeError, AttributeError):
             return None
 
     def save(self, disk: Disk) -> None:
         """Raises DiskError; the old state then stays."""
-        facts = {"epochs": self.epochs, "writers": self.writers, "bases": self.bases, "found": self.found}
-        body = json.dumps(facts, separators=(",", ":")).encode()
+        body = json.dumps(asdict(self), separators=(",", ":")).encode()
         disk.replace(_NAME, b"%08x %s" % (zlib.crc32(body), body))
 
     def begin_era(self, new_epoch: Callable[[], int]) -> None:
@@ -78,7 +79,10 @@ class OutboxState:
             for era, streams in last.items()
         }
         more = replace(self, writers=[*self.writers, writer], found={**self.found, writer: news})
-        return more._only([*self.writers[:1], *self.writers[1:][-(_WRITERS - 2) :], writer])
+        newest = self.writers[-(_WRITERS - 3) :]
+        return more._only(
+            [known for known in self.writers if known in (self.writers[0], self.sender, *newest)] + [writer]
+        )
 
     def known(self, stored: Collection[str], held: Collection[int]) -> OutboxState:
         """The gateway has these writers in store: those long before them, and eras of which nothing is held, go."""
@@ -92,12 +96,29 @@ class OutboxState:
         }
         return kept
 
-    def written_by(self, writer: str, era: int, stream: int) -> int | None:
-        """The newest number that a writer, or one before it, may have given; None: the newest there is."""
-        place = self.writers.index(writer) + 1 if writer in self.writers else len(self.writers)
-        if place == len(self.writers):
-            return None
-        return self._found_until(place + 1).get(era, {}).get(stream, 0)
+    def overtaken(
+        self, last: Mapping[int, Streams], marks: Mapping[tuple[int, int], int], writers: Mapping[int, str]
+    ) -> int:
+        """A stream of which the gateway has more than this directory can have sent; -1 where there is none.
+
+        That is what our last process with a session gave, and no more than what the process gave that the gateway
+        knows as its era's writer. `last` has the newest numbers that there are.
+        """
+        found = {writer: self.found_after(writer) for writer in writers.values()}
+        unsent = self.found_after(self.sender)
+        for (era, stream), mark in marks.items():
+            if era != self.era and stream not in last.get(era, {}):
+                continue  # all of it was acknowledged and let go
+            known = [last, unsent, found[writers[era]] if era in writers else None]
+            given = min(newest.get(era, {}).get(stream, 0) for newest in known if newest is not None)
+            if mark > max(given, self.bases.get(era, {}).get(stream, 0)):
+                return stream
+        return -1
+
+    def found_after(self, writer: str) -> dict[int, Streams] | None:
+        """What the process after this writer found (the first one, after ""); None where there was none after it."""
+        place = self.writers.index(writer) + 1 if writer in self.writers else 0 if not writer else len(self.writers)
+        return self._found_until(place + 1) if place < len(self.writers) else None
 
     def _found_until(self, count: int) -> dict[int, Streams]:
         """What the last of the first `count` writers found."""

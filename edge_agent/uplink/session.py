@@ -150,6 +150,7 @@ class AgentSession:
             labels=who.labels,
             streams=[link_pb2.StreamState(**stream._asdict()) for stream in held],
             writers=outbox.state.writers,
+            epochs=outbox.state.epochs.values(),
         )
         return link_pb2.AgentFrame(hello=hello)
 

@@ -21,6 +21,7 @@ LANES = (link_pb2.LANE_CONTROL, link_pb2.LANE_DATA, link_pb2.LANE_BACKFILL)
 MAX_LABELS = 32
 MAX_TEXT = 256
 MAX_WRITERS = 256
+MAX_EPOCHS = 4096
 
 _TYPE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/(msg|srv|action))?/[A-Za-z][A-Za-z0-9_]*")
 
@@ -39,6 +40,8 @@ def check_hello(hello: link_pb2.Hello, *, limits: Limits) -> Robot:
         raise ProtocolError("the session number is out of range")
     if len(hello.streams) > 2 * limits.channels_per_robot:
         raise ProtocolError(f"{len(hello.streams)} streams are over the limit of {2 * limits.channels_per_robot}")
+    if len(hello.epochs) > MAX_EPOCHS:
+        raise ProtocolError(f"{len(hello.epochs)} epochs are over the limit of {MAX_EPOCHS}")
     if len(hello.writers) > MAX_WRITERS or any(not 1 <= len(writer) <= 64 for writer in hello.writers):
         raise ProtocolError(f"a Hello names at most {MAX_WRITERS} writers of 1 to 64 characters")
     if any(not 0 <= s.base_seq <= s.last_seq <= MAX_SEQ for s in hello.streams):

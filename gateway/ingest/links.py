@@ -134,8 +134,14 @@ class Links:
     def committed(self, done: Committed) -> None:
         """A commit is done: move the stored watermarks and acknowledge them, one Ack a robot."""
         for write in done.writes:
-            if isinstance(write, WriterWrite) and (streams := self._registry.get(write.robot).streams) is not None:
+            if not isinstance(write, WriterWrite | StreamWrite):
+                continue
+            if (streams := self._registry.get(write.robot).streams) is None:
+                continue
+            if isinstance(write, WriterWrite):
                 streams.commit_writer(write.epoch, write.writer)
+            else:
+                streams.settled(write.epoch)
         acks: dict[str, list[tuple[int, int, int]]] = {}
         for mark in done.marks:
             acks.setdefault(mark.robot, []).append((mark.stream_id, mark.epoch, mark.seq))
@@ -160,11 +166,10 @@ class Links:
     def refused(self, robots: Collection[str]) -> None:
         """The store gave up what these robots had queued: they send it again later."""
         for robot_id in robots:
-            live = self._live.get(robot_id)
-            if live is not None:
+            if (record := self._registry.find(robot_id)) is not None and record.streams is not None:
+                record.streams.gave_up()
+            if (live := self._live.get(robot_id)) is not None:
                 self._apply(live, live.session.refuse("store_error", retry_after_ms=RETRY_MS))
-            elif (record := self._registry.find(robot_id)) is not None and record.streams is not None:
-                record.streams.refuse()
 
     def tick(self) -> None:
         """Heartbeats and dead links; call about twice a second."""
@@ -269,7 +274,7 @@ class Links:
             run=event.run if event.run.count else None,
             base=self._base(live, columns.stream_id, event.epoch),
         )
-        self._store.submit(write)
+        self._submit(live, write)
 
     def _store_rows(self, live: _Live, event: RowsArrived) -> None:
         write = StreamWrite(
@@ -280,7 +285,7 @@ class Links:
             rows=event.rows if len(event.rows) else None,
             base=self._base(live, event.stream_id, event.epoch),
         )
-        self._store.submit(write)
+        self._submit(live, write)
 
     def _store_gap(self, live: _Live, event: GapDeclared) -> None:
         live.record.count_gap(event.stream_id, event.gap)
@@ -299,11 +304,16 @@ class Links:
             gap=event.gap,
             base=self._base(live, event.stream_id, event.epoch),
         )
-        self._store.submit(write)
+        self._submit(live, write)
 
     @staticmethod
     def _base(live: _Live, stream_id: int, epoch: int) -> int:
         return live.record.streams.base(stream_id, epoch) if live.record.streams is not None else 0
+
+    def _submit(self, live: _Live, write: StreamWrite) -> None:
+        if live.record.streams is not None:
+            live.record.streams.submitted(write.epoch)
+        self._store.submit(write)
 
     def _closed(self, live: _Live, event: Closed) -> None:
         live.closed = True

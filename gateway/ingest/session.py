@@ -200,8 +200,8 @@ class Session:
 
     def _welcome(self, hello: link_pb2.Hello) -> link_pb2.GatewayFrame:
         known = [
-            link_pb2.Watermark(stream_id=s.stream_id, epoch=s.epoch, seq=self._streams.stored(s.stream_id, s.epoch))
-            for s in hello.streams
+            link_pb2.Watermark(stream_id=stream_id, epoch=epoch, seq=seq)
+            for (stream_id, epoch), seq in self._streams.marks(hello).items()
         ]
         welcome = link_pb2.Welcome(
             gateway_id=self._gateway_id,

@@ -42,6 +42,7 @@ class StreamTable:
         self._accepted: dict[Key, int] = dict(self._stored)
         self._bases: dict[Key, int] = {}
         self._max_streams = max_streams
+        self._submitted: dict[int, int] = {}  # epoch -> writes on their way to the store
 
     @property
     def epochs(self) -> int:
@@ -102,7 +103,7 @@ class StreamTable:
 
     def forked(self, hello: link_pb2.Hello) -> bool:
         """Whether another copy of the agent's outbox has spoken under one of its epochs."""
-        known = {self.writers.get(state.epoch) for state in hello.streams} - {None}
+        known = {self.writers.get(epoch) for epoch in epochs_of(hello)} - {None}
         return bool(hello.writers) and not known <= set(hello.writers)
 
     def commit_writer(self, epoch: int, writer: str) -> None:
@@ -111,7 +112,7 @@ class StreamTable:
 
     def stored_writers(self, hello: link_pb2.Hello) -> dict[int, str]:
         """The writers of the agent's epochs that are stored."""
-        epochs = {state.epoch for state in hello.streams}
+        epochs = epochs_of(hello)
         return {epoch: writer for epoch, writer in self._stored_writers.items() if epoch in epochs}
 
     def unsettled(self, hello: link_pb2.Hello) -> bool:
@@ -120,19 +121,40 @@ class StreamTable:
         They may be another copy's, so the new one must be told of them; once they are stored, or refused, it is.
         """
         writer = hello.writers[-1] if hello.writers else ""
-        news = {state.epoch for state in hello.streams if self.writers.get(state.epoch, writer) != writer}
-        return bool(news) and any(
-            seq > self._stored.get(key, 0) for key, seq in self._accepted.items() if key[1] in news
+        return any(
+            self._submitted.get(epoch, 0) and self.writers.get(epoch, writer) != writer for epoch in epochs_of(hello)
         )
+
+    def submitted(self, epoch: int) -> None:
+        """A write of this epoch waits for a commit."""
+        self._submitted[epoch] = self._submitted.get(epoch, 0) + 1
+
+    def settled(self, epoch: int) -> None:
+        """One of them was committed."""
+        if self._submitted.get(epoch, 0) > 1:
+            self._submitted[epoch] -= 1
+        else:
+            self._submitted.pop(epoch, None)
+
+    def gave_up(self) -> None:
+        """The store gave up all of them; what was accepted is forgotten, and its agent sends it again."""
+        self._submitted.clear()
+        self.refuse()
 
     def written_by(self, hello: link_pb2.Hello) -> dict[int, str]:
         """Note the agent's process as the writer of its epochs; those of which that is new."""
         if not hello.writers:
             return {}
         writer = hello.writers[-1]
-        news = {state.epoch: writer for state in hello.streams if self.writers.get(state.epoch) != writer}
+        news = {epoch: writer for epoch in epochs_of(hello) if self.writers.get(epoch) != writer}
         self.writers.update(news)
         return news
+
+    def marks(self, hello: link_pb2.Hello) -> dict[Key, int]:
+        """The watermarks of the streams that a Hello names, and of all others of its epochs."""
+        named = {(state.stream_id, state.epoch): 0 for state in hello.streams}
+        epochs = epochs_of(hello)
+        return named | {key: seq for key, seq in self._stored.items() if key[1] in epochs}
 
     def refuse(self) -> None:
         """What was accepted and is not stored is forgotten: its agent sends it again."""
@@ -161,3 +183,8 @@ class StreamTable:
         if key not in table and len(table) >= self._max_streams:
             del table[next(iter(table))]
         table[key] = seq
+
+
+def epochs_of(hello: link_pb2.Hello) -> set[int]:
+    """The epochs of the agent's outbox."""
+    return {*hello.epochs, *(state.epoch for state in hello.streams)}

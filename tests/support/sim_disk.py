@@ -72,6 +72,27 @@ class SimDisk:
         else:
             self.files.pop(name, None)
 
+    def repair(self) -> None:
+        """There is space again, and nothing fails."""
+        self.foreign_bytes, self.size_bytes, self.fail_in, self.crash_in = 0, 1 << 40, None, None
+
+    def copy(self) -> SimDisk:
+        """Another disk with the same files."""
+        disk = SimDisk(self._rng, size_bytes=self.size_bytes)
+        disk.files = dict(self.files)
+        return disk
+
+    def rot(self) -> str:
+        """One bit of one file turns over; its name."""
+        names = [name for name in sorted(self.files) if self.files[name] and name != "reserve"]
+        if not any(name.endswith(".seg") for name in names):
+            return ""
+        name = self._rng.choice(names)
+        data, at = bytearray(self.files[name]), self._rng.randrange(len(self.files[name]))
+        data[at] ^= 1 << self._rng.randrange(8)
+        self.files[name] = bytes(data)
+        return name
+
     def _stops(self) -> bool:
         if self.crash_in is None:
             return False

@@ -81,7 +81,7 @@ class GatewayFrame(_message.Message):
     def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ack: _Optional[_Union[Ack, _Mapping]] = ..., demand: _Optional[_Union[Demand, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., teleop: _Optional[_Union[Teleop, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ..., retry_later: _Optional[_Union[RetryLater, _Mapping]] = ...) -> None: ...
 
 class Hello(_message.Message):
-    __slots__ = ("protocol", "robot_id", "session_id", "session_number", "lane", "agent_version", "namespace", "hostname", "labels", "streams", "writers")
+    __slots__ = ("protocol", "robot_id", "session_id", "session_number", "lane", "agent_version", "namespace", "hostname", "labels", "streams", "writers", "epochs")
     class LabelsEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -100,6 +100,7 @@ class Hello(_message.Message):
     LABELS_FIELD_NUMBER: _ClassVar[int]
     STREAMS_FIELD_NUMBER: _ClassVar[int]
     WRITERS_FIELD_NUMBER: _ClassVar[int]
+    EPOCHS_FIELD_NUMBER: _ClassVar[int]
     protocol: int
     robot_id: str
     session_id: bytes
@@ -111,7 +112,8 @@ class Hello(_message.Message):
     labels: _containers.ScalarMap[str, str]
     streams: _containers.RepeatedCompositeFieldContainer[StreamState]
     writers: _containers.RepeatedScalarFieldContainer[str]
-    def __init__(self, protocol: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[bytes] = ..., session_number: _Optional[int] = ..., lane: _Optional[_Union[Lane, str]] = ..., agent_version: _Optional[str] = ..., namespace: _Optional[str] = ..., hostname: _Optional[str] = ..., labels: _Optional[_Mapping[str, str]] = ..., streams: _Optional[_Iterable[_Union[StreamState, _Mapping]]] = ..., writers: _Optional[_Iterable[str]] = ...) -> None: ...
+    epochs: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, protocol: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[bytes] = ..., session_number: _Optional[int] = ..., lane: _Optional[_Union[Lane, str]] = ..., agent_version: _Optional[str] = ..., namespace: _Optional[str] = ..., hostname: _Optional[str] = ..., labels: _Optional[_Mapping[str, str]] = ..., streams: _Optional[_Iterable[_Union[StreamState, _Mapping]]] = ..., writers: _Optional[_Iterable[str]] = ..., epochs: _Optional[_Iterable[int]] = ...) -> None: ...
 
 class StreamState(_message.Message):
     __slots__ = ("stream_id", "epoch", "first_seq", "last_seq", "base_seq")
