@@ -245,9 +245,8 @@ class Outbox:
         """
         eras = {epoch: era for era, epoch in self.state.epochs.items()}
         own = {(eras[epoch], stream): seq for (epoch, stream), seq in marks.items() if epoch in eras}
-        if (
-            stream := self._overtaken(own, {eras[epoch]: name for epoch, name in writers.items() if epoch in eras})
-        ) >= 0:
+        known = {eras[epoch]: writer for epoch, writer in writers.items() if epoch in eras}
+        if (stream := self.state.overtaken(self._last(), own, known)) >= 0:
             self.relabel()
             raise BehindError(f"the gateway has more of stream {stream} than this outbox ever accepted")
         for log in self.logs.values():
