@@ -12,6 +12,7 @@ import sys
 BENCHMARKS = {
     "broker": "ZeroMQ messages through the broker and its bridge, against a plain zmq.proxy",
     "cdr": "CDR encode and decode against rosbags",
+    "delivery": "durable samples from an agent's outbox to the gateway's disk, and live ones beside them",
     "executor": "shares of the fair executor and a critical node's timer beside them",
     "ingest": "metric rows and samples through a real gateway",
     "memory": "resident size over an hour of 1 kHz, accelerated, and over images in shared memory",

@@ -22,9 +22,9 @@ from typing import Any
 from edge_agent.batch import Linger
 from edge_agent.channels import METRIC_STREAM, Channels
 from edge_agent.live import LiveQueue
-from edge_agent.main import boot_id
 from edge_agent.outbox import CLASSES, OsDisk, Outbox, OutboxWriter
 from edge_agent.outbox.outbox import FlushJob
+from edge_agent.state import boot_id
 from edge_agent.state_dir import locked
 from edge_agent.store_id import StoreId
 from edge_agent.topics import TopicRule, TopicTable
@@ -133,12 +133,14 @@ class Nobody:
 class LoadRobot:
     """All parts of one life."""
 
+    outbox_type: type[Outbox] = LoadOutbox
+
     def __init__(self, config: RobotConfig) -> None:
         self.config = config
         clock, rng = SystemClock(), system_rng()
         self.counters = Counters(config.folder / "counters", life=config.life)
         disk = OsDisk(config.state_dir / "outbox")
-        self.outbox = LoadOutbox(
+        self.outbox = self.outbox_type(
             disk,
             clock,
             new_epoch=lambda: rng.getrandbits(64),
@@ -147,7 +149,8 @@ class LoadRobot:
             classes=self.classes(),
             reserve_bytes=config.reserve_bytes,
         )
-        self.outbox.journal, self.outbox.counters = Journal(config.folder / "journal"), self.counters
+        if isinstance(self.outbox, LoadOutbox):
+            self.outbox.journal, self.outbox.counters = Journal(config.folder / "journal"), self.counters
         channels = Channels(TopicTable(TOPICS), self.outbox.ids, namespace="/")
         text = ("std_msgs/msg/String", type_hash("std_msgs/msg/String"))
         number = ("std_msgs/msg/Float64", type_hash("std_msgs/msg/Float64"))
@@ -158,7 +161,7 @@ class LoadRobot:
         assert event is not None
         self.streams = {"bulk": bulk.channel_id, "event": event.channel_id, "metric": METRIC_STREAM}
         self.series = next(iter(self.outbox.ids.series.values())).series
-        queues = Queues(channels, self.outbox, LiveQueue(), Linger(), Budget(now_s=clock.monotonic_s()))
+        self.queues = queues = Queues(channels, self.outbox, LiveQueue(), Linger(), Budget(now_s=clock.monotonic_s()))
         identity = Identity(
             robot_id=config.name, session_id=os.urandom(16), agent_version="load", namespace="/", hostname="load"
         )
