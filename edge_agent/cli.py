@@ -27,7 +27,7 @@ def run_command(
     context: typer.Context,
     name: Annotated[str | None, typer.Option(help="The robot's id at the gateway; default: this host's name.")] = None,
     namespace: Annotated[str | None, typer.Option(help="Tap only topics under this ROS namespace.")] = None,
-    gateway: Annotated[str | None, typer.Option(help="HOST:PORT of the gateway's gRPC port.")] = None,
+    gateway: Annotated[str | None, typer.Option(help="Address of the gateway: HOST:PORT or a URL.")] = None,
     zenoh_port: Annotated[
         int | None, typer.Option(help="Port of the Zenoh router on this host.", envvar="METAROS_ZENOH_PORT")
     ] = None,

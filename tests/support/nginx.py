@@ -1,8 +1,12 @@
-"""A plain HTTP/1.1 reverse proxy: Debian's nginx, unprivileged, with all its files in one folder."""
+"""A plain HTTP/1.1 reverse proxy: Debian's nginx, unprivileged, with all its files in one folder.
+
+Its server is the one that docs/howto/behind_a_proxy.md shows, with other ports.
+"""
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import socket
@@ -17,6 +21,7 @@ from tests.support.waiting import wait_until
 
 __all__ = ["Nginx", "nginx_program"]
 
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "howto" / "behind_a_proxy.md"
 CONFIG = """\
 daemon off;
 pid {folder}/nginx.pid;
@@ -30,18 +35,16 @@ http {{
     fastcgi_temp_path {folder}/t3;
     uwsgi_temp_path {folder}/t4;
     scgi_temp_path {folder}/t5;
-    map $http_upgrade $connection_upgrade {{ default upgrade; '' close; }}
-    server {{
-        listen 127.0.0.1:{port}{tls};
-        location {path}/ {{
-            proxy_pass http://127.0.0.1:{upstream}/;
-            proxy_http_version 1.1;
-            proxy_set_header Upgrade $http_upgrade;
-            proxy_set_header Connection $connection_upgrade;
-        }}
-    }}
+{page}
 }}
 """
+
+
+def shown() -> str:
+    """The page's server."""
+    match = re.search(r"```nginx\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    assert match is not None
+    return match[1]
 
 
 def nginx_program() -> str:
@@ -85,9 +88,15 @@ class Nginx:
             key = self.certificate.with_suffix(".key")
             tls = f" ssl; ssl_certificate {self.certificate}; ssl_certificate_key {key}"
         user = "user root;" if hasattr(os, "geteuid") and os.geteuid() == 0 else ""
-        text = CONFIG.format(
-            folder=self.folder, user=user, port=self.port, tls=tls, path=self.path, upstream=self.upstream
-        )
+        page = shown()
+        for there, here in (
+            ("listen 80;", f"listen 127.0.0.1:{self.port}{tls};"),
+            ("location / {", f"location {self.path}/ {{"),
+            ("http://127.0.0.1:8080;", f"http://127.0.0.1:{self.upstream}/;"),
+        ):
+            assert page.count(there) == 1, f"{PAGE.name} has no {there!r} any more"
+            page = page.replace(there, here)
+        text = CONFIG.format(folder=self.folder, user=user, page=page)
         (self.folder / "nginx.conf").write_text(text)
         with (self.folder / "error.log").open("ab") as log:
             command = [nginx_program(), "-p", self.folder, "-e", self.folder / "error.log", "-c", "nginx.conf"]

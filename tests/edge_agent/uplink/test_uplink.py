@@ -18,6 +18,7 @@ from edge_agent.uplink.uplink import TRANSPORTS, Uplink
 from metaros._proto import link_pb2
 from tests.support.fake_gateway import FakeGateway, fake_gateway
 from tests.support.fake_gateway_ws import websocket_gateway
+from tests.support.forward_proxy import forward_proxy
 from tests.support.gateway_half import GatewayHalf
 from tests.support.ports import free_port
 from tests.support.uplinks import Owner, feed, running
@@ -157,3 +158,19 @@ async def test_each_state_of_the_link_is_said_once(caplog: pytest.LogCaptureFixt
     for period in (said[: ups[0]], said[ups[0] + 1 : ups[1]]):
         assert period
         assert len(period) == len({*period}), period
+
+
+@pytest.mark.parametrize("kind", ["grpc", "websocket"])
+async def test_a_forward_proxy_of_the_environment_is_used(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    server = fake_gateway() if kind == "grpc" else websocket_gateway()
+    async with server as gateway, forward_proxy(gateway.port) as proxy:
+        for name in ("http_proxy", "https_proxy"):
+            monkeypatch.setenv(name, f"http://127.0.0.1:{proxy.port}")
+        for name in ("no_proxy", "NO_PROXY", "no_grpc_proxy"):
+            monkeypatch.delenv(name, raising=False)
+        async with running("http://gateway.invalid:8080") as (owner, uplink):
+            await wait_until_async(lambda: owner.ups == 1)
+            assert owner.facts.transport == kind
+            feed(owner, uplink, [b"a"])
+            await wait_until_async(lambda: gateway.half.all_rows(1) == [b"a"])
+        assert {*proxy.asked} == {"gateway.invalid:8080"}
