@@ -8,15 +8,25 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.errors import ProtocolError
-from gateway.ingest.events import Announced, Arrived, Closed, GapDeclared, Measured, Online, RowsArrived, Send
+from gateway.errors import ForkedError, ProtocolError
+from gateway.ingest.events import (
+    Announced,
+    Arrived,
+    Closed,
+    GapDeclared,
+    Measured,
+    Online,
+    RowsArrived,
+    Send,
+    WriterKnown,
+)
 from gateway.ingest.session import Session
 from gateway.ingest.streams import StreamTable
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
-from metaros.link import pack_batch, pack_metrics, split_sample
+from metaros.link import BACKFILL_BIT, pack_batch, pack_metrics, split_sample
 
-CONTROL, DATA = link_pb2.LANE_CONTROL, link_pb2.LANE_DATA
+CONTROL, DATA, BACKFILL = LANES = (link_pb2.LANE_CONTROL, link_pb2.LANE_DATA, link_pb2.LANE_BACKFILL)
 EPOCH = 2**64 - 1
 
 
@@ -27,13 +37,13 @@ def hello(lane: int = CONTROL, **changes: Any) -> link_pb2.Hello:
 
 
 class Rig:
-    """A session with both lanes open and two announced channels: 1 bulk, 2 live."""
+    """A session with all lanes open and two announced channels: 1 bulk, 2 live."""
 
     def __init__(self, streams: StreamTable | None = None) -> None:
         self.clock = ManualClock()
         self.streams = streams if streams is not None else StreamTable()
         self.session = Session(hello(), self.streams, gateway_id="g", store_id="s")
-        self.opened = [*self.open(CONTROL), *self.open(DATA)]
+        self.opened = [event for lane in LANES for event in self.open(lane)]
         self.receive(announce=announce(1, 3), lane=DATA)
         self.receive(announce=announce(2, 4), lane=DATA)
 
@@ -45,10 +55,12 @@ class Rig:
         times = {"now_s": self.clock.monotonic_s(), "wall_ns": self.clock.wall_ns()}
         return self.session.receive(lane, link_pb2.AgentFrame(**frame), **times)
 
-    def samples(self, first_seq: int, count: int, *, stream: int = 1, epoch: int = EPOCH) -> list[Any]:
+    def samples(
+        self, first_seq: int, count: int, *, stream: int = 1, epoch: int = EPOCH, lane: int = DATA
+    ) -> list[Any]:
         payloads = [f"{first_seq + index}".encode() for index in range(count)]
         batch = pack_batch(stream, epoch, first_seq, list(range(count)), payloads)
-        return self.receive(batches=link_pb2.Batches(batches=[batch]))
+        return self.receive(lane=lane, batches=link_pb2.Batches(batches=[batch]))
 
     def tick(self) -> list[Any]:
         return self.session.tick(now_s=self.clock.monotonic_s(), wall_ns=self.clock.wall_ns())
@@ -68,13 +80,20 @@ def closed(events: list[Any]) -> str | None:
     return next((event.code for event in events if isinstance(event, Closed)), None)
 
 
-def test_both_lanes_are_welcomed_and_make_the_robot_online() -> None:
+def test_all_lanes_are_welcomed_and_make_the_robot_online() -> None:
     rig = Rig()
     welcomes = [
         event.frame.welcome for event in rig.opened if isinstance(event, Send) and event.frame.HasField("welcome")
     ]
-    assert [(w.gateway_id, w.store_id, w.window_batches) for w in welcomes] == [("g", "s", 256)] * 2
-    assert any(isinstance(event, Online) for event in rig.opened)
+    assert [(w.gateway_id, w.store_id, w.window_batches) for w in welcomes] == [("g", "s", 256)] * 3
+    assert sum(isinstance(event, Online) for event in rig.opened) == 1
+
+
+def test_two_lanes_are_not_enough() -> None:
+    session = Session(hello(), StreamTable(), gateway_id="g", store_id="s")
+    events = [e for lane in (CONTROL, DATA) for e in session.open_lane(hello(lane), now_s=0, wall_ns=0)]
+    assert not session.online
+    assert not any(isinstance(event, Online) for event in events)
 
 
 @pytest.mark.parametrize(
@@ -86,7 +105,10 @@ def test_both_lanes_are_welcomed_and_make_the_robot_online() -> None:
         {"robot_id": "x" * 65},
         {"session_id": b"short"},
         {"lane": 0},
-        {"lane": link_pb2.LANE_BACKFILL},
+        {"lane": 4},
+        {"writers": [""]},
+        {"writers": ["w"] * 1000},
+        {"streams": [link_pb2.StreamState(stream_id=1, epoch=1, base_seq=5, last_seq=4)]},
         {"namespace": "no slash"},
         {"hostname": "h" * 300},
         {"labels": {str(n): "" for n in range(40)}},
@@ -296,6 +318,70 @@ def test_any_batch_keeps_the_watermark_whole(batches: list[link_pb2.Batch]) -> N
     fresh = sum(e.run.count for e in events if isinstance(e, Arrived) and e.durable)
     assert closed(events) in (None, "protocol")
     assert rig.streams.accepted(1, EPOCH) == before + fresh or closed(events) == "protocol"
+
+
+def test_back_fill_is_kept_apart_from_what_is_fresh() -> None:
+    rig = Rig()
+    (fresh,) = rig.samples(1, 2)
+    (late,) = rig.samples(1, 2, stream=1 | BACKFILL_BIT, lane=BACKFILL)
+    assert (fresh.fresh, late.fresh) == (True, False)
+    assert (fresh.run.channel, late.run.channel.channel_id) == (late.run.channel, 1)
+    assert (rig.streams.accepted(1, EPOCH), rig.streams.accepted(1 | BACKFILL_BIT, EPOCH)) == (2, 2)
+    rows = pack_metrics(EPOCH, 1, [1], [10], [0.5])
+    rows.stream_id = BACKFILL_BIT
+    (late_rows,) = rig.receive(lane=BACKFILL, metrics=rows)
+    assert (late_rows.stream_id, late_rows.fresh, late_rows.seq) == (BACKFILL_BIT, False, 1)
+
+
+def refusals(events: list[Any]) -> dict[int, link_pb2.RetryLater]:
+    """Lane -> what it was told."""
+    return {
+        event.lane: event.frame.retry_later
+        for event in events
+        if isinstance(event, Send) and event.frame.HasField("retry_later")
+    }
+
+
+def test_what_the_store_cannot_take_is_asked_for_again() -> None:
+    rig = Rig()
+    rig.samples(1, 5)
+    rig.streams.commit(1, EPOCH, 2)
+    told = refusals(rig.session.refuse("store_full", retry_after_ms=250))
+    assert set(told) == set(LANES)
+    assert {(later.retry_after_ms, later.reason) for later in told.values()} == {(250, "store_full")}
+    assert len({later.token for later in told.values()}) == 3
+    assert rig.streams.accepted(1, EPOCH) == 2
+    assert rig.samples(6, 2) == [], "it is dropped, and no hole in the numbers"
+    assert rig.receive(metrics=pack_metrics(EPOCH, 1, [1], [10], [0.5])) == []
+    assert rig.receive(gap=link_pb2.Gap(stream_id=1, epoch=EPOCH, from_seq=8, to_seq=9)) == []
+    assert rig.samples(7, 1, stream=2)[0].durable is False, "live goes on"
+    assert rig.session.refuse("store_full", retry_after_ms=250) == [], "once, until it is resumed"
+    rig.receive(resumed=link_pb2.Resumed(token=told[DATA].token + 7))
+    assert rig.samples(3, 1) == [], "not with another token"
+    rig.receive(resumed=link_pb2.Resumed(token=told[DATA].token))
+    (again,) = rig.samples(3, 4)
+    assert (again.duplicates, again.seq) == (0, 6)
+    assert rig.samples(1, 1, stream=1 | BACKFILL_BIT, lane=BACKFILL) == [], "each lane for itself"
+    assert set(refusals(rig.session.refuse("store_full", retry_after_ms=250))) == {DATA}
+
+
+def test_a_copy_of_the_outbox_is_found_out() -> None:
+    streams = StreamTable(writers={EPOCH: "w2"})
+    state = link_pb2.StreamState(stream_id=1, epoch=EPOCH, first_seq=1, last_seq=9)
+    session = Session(hello(), streams, gateway_id="g", store_id="s")
+    with pytest.raises(ForkedError):
+        session.open_lane(hello(DATA, streams=[state], writers=["w1", "x"]), now_s=0, wall_ns=0)
+    events = session.open_lane(hello(DATA, streams=[state], writers=["w1", "w2", "w3"]), now_s=0, wall_ns=0)
+    assert [event.writers for event in events if isinstance(event, WriterKnown)] == [{EPOCH: "w3"}]
+
+
+def test_a_stream_under_a_new_epoch_begins_after_its_base() -> None:
+    session = Session(hello(), StreamTable(), gateway_id="g", store_id="s")
+    state = link_pb2.StreamState(stream_id=1, epoch=EPOCH, first_seq=8, last_seq=9, base_seq=7)
+    events = session.open_lane(hello(DATA, streams=[state]), now_s=0, wall_ns=0)
+    assert [event for event in events if isinstance(event, GapDeclared)] == []
+    (welcome,) = [event.frame.welcome for event in events if isinstance(event, Send)]
+    assert [mark.seq for mark in welcome.watermarks] == [7]
 
 
 def test_announced_event_carries_what_was_declared() -> None:
