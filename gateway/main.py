@@ -20,6 +20,7 @@ from gateway.app import Gateway
 from gateway.ingest.link_service import make_server
 from gateway.ports import listen
 from gateway.settings import DEFAULT_GRPC_PORT, DEFAULT_HTTP_PORT, Settings
+from gateway.store.engine import shown
 from metaros.clock import Clock, SystemClock
 from metaros.limits import LIMITS
 from metaros.signals import on_stop
@@ -159,7 +160,8 @@ def run(settings: Settings, *, status_file: Path | None = None) -> None:
         ]
         note = f" ({', '.join(moved)})" if moved else ""
         robots = f"{where.host}:{where.grpc_port}"
-        print(f"gateway ready: {where.url}  robots {robots}  data {where.data_dir}{note}", flush=True)
+        store = f"  store {shown(settings.store_url)}" if settings.store_url else ""
+        print(f"gateway ready: {where.url}  robots {robots}  data {where.data_dir}{store}{note}", flush=True)
         if status_file is not None:
             _write_status(status_file, where)
 

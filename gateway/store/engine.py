@@ -12,8 +12,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from itertools import islice
 from typing import Any, Protocol, TypeVar
+from urllib.parse import urlsplit
 
-__all__ = ["Row", "StoreEngine", "placeholders", "signed", "slices", "unsigned"]
+__all__ = ["Row", "StoreEngine", "placeholders", "shown", "signed", "slices", "unsigned"]
 
 Row = Sequence[Any]
 Item = TypeVar("Item")
@@ -50,6 +51,12 @@ class StoreEngine(Protocol):
 
     def close(self) -> None:
         """Let the connection go."""
+
+
+def shown(url: str) -> str:
+    """A store's URL without its password and options."""
+    parts = urlsplit(url)
+    return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
 
 
 def placeholders(count: int) -> str:

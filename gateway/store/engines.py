@@ -6,7 +6,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from gateway.errors import StoreError
-from gateway.store.engine import StoreEngine
+from gateway.store.engine import StoreEngine, shown
 from gateway.store.sqlite import SqliteEngine
 from metaros.errors import ConfigError
 
@@ -33,7 +33,7 @@ def open_engine(url: str, data_dir: Path) -> tuple[StoreEngine, str]:
     if not url:
         file = SqliteEngine(data_dir)
         return _opened(file, str(data_dir))
-    from gateway.store.postgres import PostgresEngine, shown
+    from gateway.store.postgres import PostgresEngine
 
     return _opened(PostgresEngine(url), shown(url))
 

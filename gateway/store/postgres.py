@@ -15,15 +15,14 @@ import secrets
 from collections.abc import Coroutine, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
-from urllib.parse import urlsplit
 
 import asyncpg
 
 from gateway.errors import StoreError, UnstorableError
-from gateway.store.engine import Row
+from gateway.store.engine import Row, shown
 from gateway.store.schema import MIGRATIONS, ROW_BYTES, TABLES, Dialect, migration
 
-__all__ = ["PostgresEngine", "shown"]
+__all__ = ["PostgresEngine"]
 
 log = logging.getLogger(__name__)
 Result = TypeVar("Result")
@@ -187,12 +186,6 @@ class PostgresEngine:
         if connection is not None:
             connection.terminate()
             self._run(asyncio.sleep(0))  # lets the transport close
-
-
-def shown(url: str) -> str:
-    """A store's URL without its password and options."""
-    parts = urlsplit(url)
-    return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
 
 
 _FAULTS = (

@@ -19,6 +19,7 @@ from metaros.cdr import codec
 from metaros.idl import message_class
 from metaros.interfaces.std_msgs.msg import String
 from tests.gateway.harness import (
+    BACKFILL,
     CONTROL,
     DATA,
     EPOCH,
@@ -127,6 +128,7 @@ async def test_resume_after_a_restart_has_no_double_rows(tmp_path: Path) -> None
     async with running_gateway(tmp_path) as ready, client(ready) as http:
         agent = ScriptedAgent(ready, number=2)
         await agent.open(CONTROL)
+        await agent.open(BACKFILL)
         await agent.open(DATA, [link_pb2.StreamState(stream_id=0, epoch=EPOCH, first_seq=1, last_seq=20)])
         async with asyncio.timeout(10):
             assert agent.welcomes[DATA].watermarks[0].seq == 10

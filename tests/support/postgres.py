@@ -50,16 +50,14 @@ class PostgresServer:
         self._options = options
         self._folder = Path(tempfile.mkdtemp(prefix="mrpg"))
         self._identity = _unprivileged()
-        if self._identity:
-            os.chown(self._folder, self._identity["user"], self._identity["group"])
+        if self._identity is not None:
+            os.chown(self._folder, *self._identity)
         self._log = (self._folder / "log").open("wb")
         self._names = itertools.count(1)
         self.port = free_port()
         self.process: subprocess.Popen[bytes] | None = None
-        command = [str(binaries / "initdb"), "-D", str(self._data), "-A", "trust", "-U", USER, "-E", "UTF8", "-N"]
-        subprocess.run(
-            [*command, "--locale=C"], check=True, stdout=self._log, stderr=self._log, cwd=self._folder, **self._identity
-        )
+        command = self._command("initdb", "-A", "trust", "-U", USER, "-E", "UTF8", "-N", "--locale=C")
+        subprocess.run(command, check=True, stdout=self._log, stderr=self._log, cwd=self._folder)
 
     @property
     def _data(self) -> Path:
@@ -134,14 +132,24 @@ class PostgresServer:
         }
         pairs = [part for name, value in settings.items() for part in ("-c", f"{name}={value}")]
         self.process = subprocess.Popen(
-            [str(self._binaries / "postgres"), "-D", str(self._data), *pairs, *self._options],
+            self._command("postgres", *pairs, *self._options),
             stdin=subprocess.DEVNULL,
             stdout=self._log,
             stderr=self._log,
             cwd=self._folder,
             start_new_session=True,
-            **self._identity,
         )
+
+    def _command(self, program: str, *options: str) -> list[str]:
+        """A program of PostgreSQL's, as somebody who may run it.
+
+        Not by `subprocess`'s own `user`: that forks, which a process with gRPC in it does not survive.
+        """
+        command = [str(self._binaries / program), "-D", str(self._data), *options]
+        if self._identity is None:
+            return command
+        become = f"{_BECOME}; os.execv(sys.argv[3], sys.argv[3:])"
+        return [sys.executable, "-I", "-S", "-c", become, *map(str, self._identity), *command]
 
     def _answers(self) -> bool:
         # Recovery refuses connections, a started server answers.
@@ -163,14 +171,17 @@ class PostgresServer:
                 process.wait()
 
 
-def _unprivileged() -> dict[str, int | list[int]]:
-    """As whom to run: ourselves, unless that is root."""
+def _unprivileged() -> tuple[int, int] | None:
+    """As whom to run (user, group): None for ourselves, unless that is root."""
     if sys.platform == "win32" or os.geteuid() != 0:
-        return {}
+        return None
     import pwd
 
     for name in ("postgres", "nobody"):
         with contextlib.suppress(KeyError):
             entry = pwd.getpwnam(name)
-            return {"user": entry.pw_uid, "group": entry.pw_gid, "extra_groups": []}
+            return entry.pw_uid, entry.pw_gid
     raise RuntimeError("PostgreSQL does not run as root, and there is neither a user postgres nor nobody")
+
+
+_BECOME = "import os, sys; u, g = map(int, sys.argv[1:3]); os.setgroups([]); os.setgid(g); os.setuid(u)"
