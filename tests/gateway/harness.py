@@ -34,7 +34,7 @@ async def running_gateway(folder: Path, **settings: Any) -> AsyncIterator[Ready]
         yield up.result() if up.done() else task.result()
     finally:
         stop.set()
-        await asyncio.wait_for(task, 5)
+        await asyncio.wait_for(task, 30)
 
 
 def client(ready: Ready, **headers: str) -> httpx.AsyncClient:

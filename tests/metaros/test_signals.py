@@ -38,7 +38,7 @@ def test_each_signal_stops(loop_class: type[asyncio.AbstractEventLoop], name: st
         stop = asyncio.Event()
         on_stop(asyncio.get_running_loop(), stop.set, hangup=True)
         os.kill(os.getpid(), getattr(signal, name))
-        await asyncio.wait_for(stop.wait(), 5.0)
+        await asyncio.wait_for(stop.wait(), 30)
 
     with asyncio.Runner(loop_factory=loop_class) as runner:
         runner.run(main())

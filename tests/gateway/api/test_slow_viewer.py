@@ -50,7 +50,7 @@ async def count_until_closed(viewer: ClientConnection) -> int:
     received = 0
     with contextlib.suppress(ConnectionClosed):
         while True:
-            received += isinstance(await asyncio.wait_for(viewer.recv(), 5), bytes)
+            received += isinstance(await asyncio.wait_for(viewer.recv(), 30), bytes)
     return received
 
 
@@ -65,7 +65,7 @@ async def test_a_slow_viewer_loses_the_oldest_and_is_told(tmp_path: Path) -> Non
             dropped = None
             received = 0
             while dropped is None or received < 6:
-                message = await asyncio.wait_for(viewer.recv(), 5)
+                message = await asyncio.wait_for(viewer.recv(), 30)
                 if isinstance(message, bytes):
                     received += sum(1 for _ in split_records(message))
                 elif json.loads(message)["op"] == "dropped":

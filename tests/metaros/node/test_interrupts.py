@@ -27,7 +27,7 @@ def context(zenoh_router: str) -> Iterator[metaros.Context]:
 def spin_until(node: metaros.Node, condition: Callable[[], bool]) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    wait_until(lambda: condition() or (executor.spin_once(0.1) and condition()), timeout_s=30)
+    wait_until(lambda: condition() or (executor.spin_once(0.1) and condition()), timeout_s=60)
     executor.shutdown()
 
 
@@ -39,7 +39,7 @@ def test_a_token_declared_here(context: metaros.Context, capfd: pytest.CaptureFi
         with pytest.raises(KeyboardInterrupt):
             interrupt_inside(lambda n=number: kept.extend(map(declare, (f"@ros2_lv/0/abc/{n}/{n}/NN/%/%/n{n}",))))  # type: ignore[misc]
     assert "callback error" not in capfd.readouterr().err
-    wait_until(lambda: len(context.graph.nodes()) == 5, timeout_s=30)
+    wait_until(lambda: len(context.graph.nodes()) == 5, timeout_s=60)
 
 
 def test_a_sample_for_a_subscription_of_this_program(

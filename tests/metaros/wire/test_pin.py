@@ -43,7 +43,7 @@ def test_a_state_outlives_the_call_of_a_sample(zenoh_router: str) -> None:
             peer.put("pinned", b"")
             return max(calls, default=0) >= 10
 
-        wait_until(remembered, timeout_s=30)
+        wait_until(remembered, timeout_s=60)
         subscriber.undeclare()  # type: ignore[no-untyped-call]
     finally:
         graph.close()
