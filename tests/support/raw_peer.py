@@ -123,7 +123,7 @@ class RawClient:
         self._seq = itertools.count(1)
 
     def start(
-        self, payload: bytes, *, timeout_s: float = 10.0
+        self, payload: bytes, *, timeout_s: float = 60.0
     ) -> tuple[int, SimpleQueue[zenoh.Reply], threading.Event]:
         """Send a request; its sequence number, its replies to come, and when no more will."""
         replies: SimpleQueue[zenoh.Reply] = SimpleQueue()

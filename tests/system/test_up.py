@@ -160,7 +160,7 @@ def test_an_explicit_port_in_use_is_an_error_that_names_the_owner(tmp_path: Path
             foreign.bind(("127.0.0.1", 0))
             foreign.listen(8)
             up = Up(tmp_path, option, str(foreign.getsockname()[1]), "--data-dir", str(tmp_path / "data"))
-            assert up.process.wait(20) == 2
+            assert up.process.wait(END_S) == 2
             assert f"(pid {os.getpid()})" in up.text
             assert "Traceback" not in up.text
             up.close()

@@ -54,7 +54,7 @@ def test_a_call_returns_the_response(server, client_node):
         assert client.call(AddTwoInts.Request(a=3, b=4)).sum == 7
         assert asyncio.run(client.call_async(AddTwoInts.Request(a=-1, b=1))).sum == 0
         raw = client_node.create_raw_client("/server/add", AddTwoInts.__metaros_name__, AddTwoInts.__metaros_hash__)
-        answer = raw.call(codec(AddTwoInts.Request).encode(AddTwoInts.Request(a=1, b=1)), timeout_s=5)
+        answer = raw.call(codec(AddTwoInts.Request).encode(AddTwoInts.Request(a=1, b=1)), timeout_s=60)
         assert codec(AddTwoInts.Response).decode(answer).sum == 2
 
 
@@ -127,7 +127,7 @@ def test_malformed_requests_are_refused_and_counted(server, client_node, here):
     with spinning(server):
         assert raw.wait_for_service(30)
         with pytest.raises(PeerError, match="malformed_cdr"):
-            raw.call(b"\x00\x01", timeout_s=5)
+            raw.call(b"\x00\x01", timeout_s=60)
         replies = list(here.session.zenoh.get(service.key, payload=b"\x00\x01\x00\x00"))
         assert b"attachment" in replies[0].err.payload.to_bytes()
     assert service.malformed == 2

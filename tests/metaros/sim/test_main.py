@@ -129,7 +129,7 @@ def test_cmd_vel_takes_over_and_stops_when_it_ends(simulate: Start) -> None:
 
     resume = observer.node.create_client(Trigger, "/sim_1/base/resume")
     assert resume.wait_for_service(30)
-    assert resume.call(Trigger.Request(), timeout_s=5.0).success
+    assert resume.call(Trigger.Request(), timeout_s=60).success
     wait_until(lambda: observer.speed() > 0.1 or abs(observer.heard["/sim_1/odom"].twist.twist.angular.z) > 0.1)
 
 

@@ -82,7 +82,7 @@ def serve(here, there) -> Iterator[Serve]:
 
 
 def summary(goal: ClientGoal) -> tuple[GoalState, list[int]]:
-    status, result = goal.result(10).wait()
+    status, result = goal.result(60).wait()
     return status, result.sequence.tolist()
 
 
@@ -130,7 +130,7 @@ def test_a_goal_may_be_refused(serve):
         assert goal.accepted is accepted
     assert asked == [5, 50, 500]
     with pytest.raises(UnavailableError, match="does not know"):
-        goal.result(5).wait()
+        goal.result(60).wait()
     assert goal.status is GoalState.UNKNOWN
 
 
@@ -287,7 +287,7 @@ def test_results_expire(zenoh_router, here):
 
             def gone() -> bool:
                 try:
-                    goal.result(5).wait()
+                    goal.result(60).wait()
                 except UnavailableError:
                     return True
                 return False
