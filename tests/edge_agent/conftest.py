@@ -43,7 +43,7 @@ def robot(zenoh_router: str) -> Iterator[Robot]:
             yield Robot(context, node)
         finally:
             executor.shutdown()
-            thread.join(5)
+            thread.join(30)
 
 
 @dataclass
