@@ -87,8 +87,9 @@ async def test_a_service_is_called_and_absence_is_an_error(agent: Rig, robot: Ro
     call = link_pb2.CallService(
         service="/sim_1/base/resume", type_name=name, type_hash=type_hash(name), request=request
     )
-    await wait_until_async(lambda: "/sim_1/base/resume" in robot.node.graph.services())
     result = await agent.result(agent.command(call_service=call))
+    while not result.ok and result.code == "unavailable":  # the agent has not seen the service yet
+        result = await agent.result(agent.command(call_service=call))
     assert result.ok, result.message
     response = codec("std_srvs/srv/Trigger_Response").decode(result.payload)
     assert (response.success, response.message) == (True, "done")
