@@ -6,12 +6,53 @@ arrives as SIGBREAK, and asyncio's loop takes no signal handlers: there a plain 
 
 from __future__ import annotations
 
-import asyncio
 import signal
+import threading
 from collections.abc import Callable
+from queue import Empty, SimpleQueue
 from types import FrameType
+from typing import TYPE_CHECKING
 
-__all__ = ["on_stop", "stop_signals"]
+if TYPE_CHECKING:
+    import asyncio
+
+__all__ = ["StopEvent", "on_stop", "stop_signals"]
+
+
+class StopEvent(threading.Event):
+    """An event that a signal's handler may set.
+
+    Python's own takes a lock to be set and to be waited for: a handler that interrupts the main thread where it holds
+    that lock would wait for ever. A queue's `put` takes none.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._stopped = False
+        self._tokens: SimpleQueue[None] = SimpleQueue()
+
+    def is_set(self) -> bool:
+        """Whether it was set."""
+        return self._stopped
+
+    def set(self) -> None:
+        """Wake who waits, now and later."""
+        self._stopped = True
+        self._tokens.put(None)
+
+    def clear(self) -> None:
+        """Not for this one: who was asked to stop stops."""
+        raise NotImplementedError
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Whether it is set by then."""
+        if not self._stopped:
+            try:
+                self._tokens.get(timeout=None if timeout is None else max(0.0, timeout))
+            except Empty:
+                return self._stopped
+            self._tokens.put(None)  # for the next who waits
+        return self._stopped
 
 
 def stop_signals(*, hangup: bool = False) -> tuple[signal.Signals, ...]:

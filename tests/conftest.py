@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,12 @@ from tests.support.ports import free_port as _free_port
 
 if TYPE_CHECKING:
     from tests.support.postgres import PostgresServer
+
+
+def pytest_configure() -> None:
+    """Programs under test obey Ctrl-C, also where a shell started the tests in the background, which ignores it."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture

@@ -22,7 +22,6 @@ from metaros.idl.globs import Glob
 from metaros.limits import LIMITS
 from metaros.node import Node, RawSubscription
 from metaros.wire import EndpointInfo, parse_attachment
-from metaros.wire.pin import pin_thread_state
 
 __all__ = ["Outgoing"]
 
@@ -150,8 +149,7 @@ class Outgoing:
             tap.subscriptions[kind] = self._node.create_raw_subscription(topic, *kind, qos, sink)
 
     def _sink(self, tap: _Tap, decode: Callable[[bytes], Any], sample: zenoh.Sample) -> None:
-        """On a Zenoh thread."""
-        pin_thread_state()
+        """On a Zenoh thread, or on the bridge's own: never on the main thread, where a signal could be lost here."""
         tap.backlog.put((sample, decode), len(sample.payload) + _OVERHEAD_BYTES)
         self._wake()
 

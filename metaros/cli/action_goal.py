@@ -59,6 +59,7 @@ def send_goal(
     ] = 10.0,
 ) -> None:
     """Send a goal and wait for its result; Ctrl-C cancels it. Exit code 1 unless it succeeds."""
+    from metaros.cli import running
     from metaros.cli.connection import absolute
     from metaros.cli.types import full_type, parse_values
     from metaros.errors import TimeoutError_
@@ -79,8 +80,9 @@ def send_goal(
             if not client.wait_for_server(min(timeout, max(at.spin_time, 0.1))):
                 raise TimeoutError_(f"{name} is not complete: its server may be starting or stopping; try again")
             _show(out, "Sending goal", goal)
-            handle = client.send_goal(goal, feedback=heard.put if feedback else None, timeout_s=timeout).wait()
-            _follow(out, handle, heard)
+            with running.stop_on_signals() as stop:  # from here on there is a goal to cancel
+                handle = client.send_goal(goal, feedback=heard.put if feedback else None, timeout_s=timeout).wait()
+                _follow(out, handle, heard, stop)
 
 
 def _type_of(graph: Graph, name: str, wanted: str) -> str:
@@ -114,7 +116,7 @@ def _spinning(node: Node) -> Iterator[None]:
         thread.join()
 
 
-def _follow(out: Output, handle: ClientGoal, heard: _Heard) -> None:
+def _follow(out: Output, handle: ClientGoal, heard: _Heard, stop: threading.Event) -> None:
     """Print what happens until the goal has ended, and exit by how it did."""
     from metaros.errors import PeerError
 
@@ -125,13 +127,12 @@ def _follow(out: Output, handle: ClientGoal, heard: _Heard) -> None:
         out.object_line({"goal_id": goal_id, "accepted": True})
     else:
         out.line(f"Goal accepted with ID: {goal_id}\n")
-    try:
-        ended = _wait(out, handle, heard)
-        interrupted = False
-    except KeyboardInterrupt:
+    ended = _wait(out, handle, heard, stop)
+    interrupted = ended is None
+    if interrupted:
         out.note("cancelling the goal …")
         handle.cancel(_CANCEL_S).wait()
-        ended, interrupted = handle.result(_CANCEL_S).wait(), True
+        ended = handle.result(_CANCEL_S).wait()
     if out.json:
         from metaros.cli.render import plain
 
@@ -144,19 +145,19 @@ def _follow(out: Output, handle: ClientGoal, heard: _Heard) -> None:
         raise typer.Exit(130 if interrupted else 1)
 
 
-def _wait(out: Output, handle: ClientGoal, heard: _Heard) -> Any:
-    """The goal's end; feedback that came before it is printed before it."""
+def _wait(out: Output, handle: ClientGoal, heard: _Heard, stop: threading.Event) -> Any:
+    """The goal's end, None when asked to stop; feedback that came before it is printed before it."""
     reply = handle.result()
-    while True:
+    while not stop.is_set():
         done = reply.done
         message = heard.get()
         if message is not None:
             _show(out, "Feedback", message)
         elif done:
-            break
-    if heard.dropped:
-        out.note(f"{heard.dropped} feedback messages came faster than they could be printed and are left out")
-    return reply.wait()
+            if heard.dropped:
+                out.note(f"{heard.dropped} feedback messages came faster than they could be printed and are left out")
+            return reply.wait()
+    return None
 
 
 def _show(out: Output, title: str, message: Any) -> None:

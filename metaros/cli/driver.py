@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import signal
 from typing import Annotated
 
 import typer
 
 from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, StatusFile, ZenohPort
 from metaros.errors import ConfigError
-from metaros.signals import stop_signals
 
 __all__ = ["register"]
 
@@ -54,11 +51,9 @@ def run(
     from metaros.cli.connection import connect
     from metaros.drivers import run_driver
 
-    for number in stop_signals():  # a driver ends at Ctrl-C: SIGTERM and Ctrl-Break mean the same
-        signal.signal(number, signal.default_int_handler)
-    with contextlib.suppress(KeyboardInterrupt), connect(zenoh_port, domain) as context:
+    with running.stop_on_signals() as stop, connect(zenoh_port, domain) as context:
         running.write_status(running.status_file(status_file), driver=kind, namespace=namespace)
-        run_driver(kind, _parameters(param or []), context=context, namespace=namespace)
+        run_driver(kind, _parameters(param or []), context=context, namespace=namespace, stop=stop)
     typer.echo("stopped")
 
 

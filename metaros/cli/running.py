@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
-from metaros.signals import stop_signals
+from metaros.signals import StopEvent, stop_signals
 
 __all__ = ["status_file", "stop_on_signals", "wait_for_stop", "write_status"]
 
@@ -21,7 +21,7 @@ _SLICE_S = 0.5
 @contextmanager
 def stop_on_signals() -> Iterator[threading.Event]:
     """An event that SIGINT, SIGTERM and Ctrl-Break set; a second one ends the process at once: the end may hang."""
-    stop = threading.Event()
+    stop = StopEvent()
 
     def ask(number: int, frame: FrameType | None) -> None:
         if stop.is_set():

@@ -36,12 +36,13 @@ def find_topic(context: Context, topic: str, type_name: str = "", *, spin_time: 
     Unless `raw`, its definition is needed: that of the catalogue, if the hash is the publishers', else theirs.
     """
     name = absolute(topic)
-    wanted = full_type(type_name) if type_name else ""
+    wanted = _full_name(type_name) if type_name else ""
     wait_for(lambda: _matching(context, name, wanted), timeout_s=spin_time)
     settle(context.graph, timeout_s=min(spin_time, 0.3), quiet_s=0.05)  # its other publishers, of other types perhaps
     ends = _matching(context, name, wanted)
     if not ends:
         if wanted:  # nobody yet: listen all the same
+            wanted = full_type(type_name)
             return FoundTopic(name, wanted, _own_hash(wanted), sensible_qos([]))
         known = list(context.graph.topics())
         hint = closest(name, known) or "`metaros topic list` shows those there are; with a TYPE it waits for one"
@@ -66,6 +67,12 @@ def sensible_qos(offered: list[QoSProfile]) -> QoSProfile:
         durability=Durability.TRANSIENT_LOCAL if kept else Durability.VOLATILE,
         depth=100,
     )
+
+
+def _full_name(type_name: str) -> str:
+    """`std_msgs/String` in full; whether there is such a type is not asked: a peer's need not be in the catalogue."""
+    parts = type_name.split("/")
+    return f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else type_name
 
 
 def _matching(context: Context, name: str, wanted: str) -> list[EndpointInfo]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -11,12 +12,15 @@ from metaros.node import Context
 
 __all__ = ["DRIVERS", "Driver", "driver_kinds", "run_driver"]
 
-Run = Callable[[Context, str, Mapping[str, str]], None]
+Run = Callable[[Context, str, Mapping[str, str], threading.Event], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Driver:
-    """A kind of driver: its package has a manifest.toml and a `node` module with `run(context, namespace, params)`."""
+    """A kind of driver: its package has a manifest.toml and a `node` module with a `run`.
+
+    `run(context, namespace, params, stop)` returns soon after `stop` is set, Ctrl-C, or the context's close.
+    """
 
     kind: str
     package: str
@@ -33,8 +37,15 @@ def driver_kinds() -> tuple[str, ...]:
     return tuple(driver.kind for driver in DRIVERS)
 
 
-def run_driver(kind: str, params: Mapping[str, str], *, context: Context, namespace: str = "/") -> None:
-    """Run a driver until Ctrl-C, SIGTERM's KeyboardInterrupt, or the context's close.
+def run_driver(
+    kind: str,
+    params: Mapping[str, str],
+    *,
+    context: Context,
+    namespace: str = "/",
+    stop: threading.Event | None = None,
+) -> None:
+    """Run a driver until `stop` is set, Ctrl-C, or the context's close.
 
     Raises:
         ConfigError: no such kind, or a parameter it does not have or cannot use.
@@ -42,6 +53,6 @@ def run_driver(kind: str, params: Mapping[str, str], *, context: Context, namesp
     for driver in DRIVERS:
         if driver.kind == kind:
             run: Run = importlib.import_module(f"{driver.package}.node").run
-            run(context, namespace, params)
+            run(context, namespace, params, threading.Event() if stop is None else stop)
             return
     raise ConfigError(f"no driver {kind!r}; there are {', '.join(driver_kinds())}")

@@ -1,6 +1,6 @@
 """The one crossing from Zenoh's threads to the executors.
 
-Zenoh calls `ingress.put`, a C function, with whatever arrives; nothing of ours runs on its threads. `collect` sorts
+Zenoh calls `ingress.put`, a C function, with whatever arrives; no Python of ours runs on its threads. `collect` sorts
 what came into the mailboxes: the executor does it between callbacks. While it is stuck in a long callback, or nobody
 spins, a relief thread does it, so that every backlog stays within its mailbox's bounds.
 
@@ -20,6 +20,7 @@ from typing import Any, Final
 
 from metaros.errors import UsageError
 from metaros.executor.mailbox import Mailbox
+from metaros.sinks import Parcel, parcel_to
 
 __all__ = ["Desk", "Ingress", "Ownership"]
 
@@ -69,8 +70,8 @@ class Desk:
 class Ingress:
     """A queue of arrivals, the table that says whose they are, and the list of mailboxes with work.
 
-    An arrival is either an item with a `key_expr` that the table knows, or a pair `(mailbox, item)`, or None, which
-    only wakes the executors.
+    An arrival is either an item with a `key_expr` that the table knows, or a parcel for a mailbox, or None, which only
+    wakes the executors.
     """
 
     def __init__(self, *, name: str = "metaros-relief") -> None:
@@ -108,11 +109,10 @@ class Ingress:
             return not rest
 
     def put_to(self, mailbox: Mailbox) -> Callable[[Any], None]:
-        """A sink for items without a key of their own in the table."""
+        """A sink, a C function, for items without a key of their own in the table."""
         with self._lock:
             self._start_relief()
-        put = self.put
-        return lambda item: put((mailbox, item))
+        return parcel_to(mailbox, self.put)
 
     def offer(self, mailbox: Mailbox) -> None:
         """Say that something was appended to the mailbox's `pending` from outside."""
@@ -257,9 +257,9 @@ class Ingress:
         boxes: tuple[Mailbox, ...] = ()
         key: Hashable = None  # of the item before: runs of one key are looked up once
         for item in arrivals:
-            if type(item) is tuple:
-                box, item = item
-                box.pending.append(item)
+            if type(item) is Parcel:
+                box = item.start
+                box.pending.append(item.stop)
                 touched.add(box)
             elif item is not None:
                 if (found := item.key_expr) != key:

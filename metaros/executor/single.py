@@ -17,11 +17,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 from metaros.errors import ClosedError, UsageError
 from metaros.executor.ingress import Desk, Ingress
+from metaros.executor.interrupts import Interrupts, interrupts
 from metaros.executor.mailbox import Mailbox
 from metaros.executor.protocol import Spinnable
 from metaros.executor.switching import SWITCH_INTERVAL_S, shorten_switch_interval
 from metaros.executor.timers import Timer
 from metaros.later import Later
+from metaros.signals import StopEvent
 
 if TYPE_CHECKING:
     import asyncio
@@ -46,7 +48,8 @@ class SingleThreadedExecutor:
         self._desk = Desk()
         self._serving: Ingress | None = None  # while it spins
         self._nodes: list[Spinnable] = []
-        self._stopped = threading.Event()
+        self._stopped = StopEvent()
+        self._interrupted = Interrupts()
         self._counting = threading.Lock()
         self._spinning = threading.Lock()  # held by the thread that spins: only it may touch the loop
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -81,11 +84,16 @@ class SingleThreadedExecutor:
     # -- spinning --------------------------------------------------------------------------------------------------
 
     def spin(self) -> None:
-        """Run callbacks until `shutdown`, or until every node is closed."""
+        """Run callbacks until `shutdown`, or until every node is closed.
+
+        Ctrl-C raises KeyboardInterrupt, at the latest after the callbacks that run, whatever it interrupts.
+        """
         ingress = self._begin()
         try:
-            while not self._stopped.is_set() and self._alive():
-                self._turn(ingress, None, forever=True)
+            with interrupts(ingress.wake) as self._interrupted:
+                while not self._stopped.is_set() and self._alive():
+                    self._turn(ingress, None, forever=True)
+                    self._interrupted.check()
         finally:
             self._end(ingress)
 
@@ -147,6 +155,9 @@ class SingleThreadedExecutor:
     def _alive(self) -> bool:
         return False in [node.closed for node in self._members()]  # asked after every callback: no generator
 
+    def _ends(self) -> bool:
+        return self._stopped.is_set() or self._interrupted.seen or not self._alive()
+
     @property
     def stopped(self) -> bool:
         """Whether `shutdown` was called."""
@@ -170,7 +181,7 @@ class SingleThreadedExecutor:
             if wait_s is not None and wait_s <= 0 and deadline_s is not None and time.monotonic() >= deadline_s:
                 return False
             ingress.wait(self._desk, wait_s)
-            if self._stopped.is_set() or not self._alive() or self._wants_loop(ingress):
+            if self._ends() or self._wants_loop(ingress):
                 return True
         return True
 
@@ -283,7 +294,7 @@ class SingleThreadedExecutor:
             arrived.clear()
             worked = self._work(ingress)
             await asyncio.sleep(0)
-            if self._stopped.is_set() or not self._alive() or (worked and not forever):
+            if self._ends() or (worked and not forever):
                 return True
             if worked:
                 continue

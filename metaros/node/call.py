@@ -50,6 +50,8 @@ class Call:
         self._reading = False
 
     # -- Zenoh's side: direct callbacks, so nothing here may block -------------------------------------------------
+    # They run on Zenoh's threads, or, where the server is in this program, on the one that answers: that one spins,
+    # and an executor notices a Ctrl-C that Zenoh swallows. Blocking calls read Zenoh's channel instead.
 
     def take(self, reply: zenoh.Reply) -> None:
         """Keep the first sound answer; an error only counts where no answer comes."""

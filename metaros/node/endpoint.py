@@ -45,6 +45,7 @@ class Endpoint:
         self.gid = self.token.gid
         self.events: Observer = Observer(self)
         self._closers: list[Callable[[], object]] = []
+        self._tokens: list[Any] = []
 
     @property
     def mismatched(self) -> int:
@@ -57,8 +58,10 @@ class Endpoint:
 
     def announce(self) -> None:
         """Declare the liveliness token: others see the endpoint from now on."""
-        token = self.node.context.session.check_open().liveliness().declare_token(str(self.token))
-        self.on_close(token.undeclare)
+        declare = self.node.context.session.check_open().liveliness().declare_token
+        # Without Python in between: a token that Ctrl-C drops at once calls back amid its exception, which is lost.
+        self._tokens.extend(map(declare, (str(self.token),)))
+        self.on_close(self._tokens[0].undeclare)
         graph = self.node.context.graph
         graph.add_own(self.token)
         self.on_close(lambda: graph.discard_own(self.token))

@@ -95,7 +95,8 @@ class Node:
         session = self.context.session
         self.context.adopt(self)
         self.token = NodeToken(session.domain, session.zid, session.next_id(), self.name, self.namespace)
-        self._liveliness = session.check_open().liveliness().declare_token(str(self.token))
+        self._tokens: list[Any] = []  # filled without Python in between, as `Endpoint.announce` does
+        self._tokens.extend(map(session.check_open().liveliness().declare_token, (str(self.token),)))
         self.graph.add_own(self.token)
         self._logger = Logger(self.full_name.lstrip("/").replace("/", "."), self.clock)
         if self.arguments.log_level:
@@ -349,7 +350,7 @@ class Node:
         for endpoint in reversed(endpoints):
             endpoint.close()
         with suppress(zenoh.ZError):
-            self._liveliness.undeclare()  # type: ignore[no-untyped-call]
+            self._tokens[0].undeclare()
         self.graph.discard_own(self.token)
         self.ingress.wake()
         self.context.release(self)

@@ -166,7 +166,8 @@ class Subscription(Endpoint):
 class RawSubscription(Endpoint):
     """Hands every sample to `sink` on a Zenoh thread, unread: for agents and tools.
 
-    The sink must be as cheap as a queue's put, best a C function; it must never block.
+    The sink must be as cheap as a queue's put; it must never block. Where the program itself publishes to the topic it
+    runs on the publishing thread, too: there only a C function cannot lose a Ctrl-C (see `metaros.sinks`).
     """
 
     def __init__(

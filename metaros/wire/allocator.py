@@ -26,10 +26,13 @@ _USERS_OWN: Final = ("MALLOC_TRIM_THRESHOLD_", "MALLOC_MMAP_THRESHOLD_", "MALLOC
 
 def keep_large_blocks(environ: Mapping[str, str] = os.environ) -> bool:
     """Tell the allocator, for the whole process; False where it is another one, or the user's own choice."""
-    if sys.platform != "linux" or environ.get("METAROS_ALLOCATOR") == "off":
-        return False
-    if any(name in environ for name in _USERS_OWN):
-        return False
+    own = environ.get("METAROS_ALLOCATOR") == "off" or any(name in environ for name in _USERS_OWN)
+    if sys.platform == "linux" and not own:
+        return _tell_glibc()
+    return False
+
+
+def _tell_glibc() -> bool:
     try:
         mallopt = ctypes.CDLL(None).mallopt
     except (OSError, AttributeError):  # musl has none

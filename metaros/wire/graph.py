@@ -10,13 +10,14 @@ import logging
 import threading
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from queue import SimpleQueue
 from typing import Final
 
 import zenoh
 
 from metaros.errors import TokenError
-from metaros.wire.pin import pin_thread_state
+from metaros.wire.pin import pinning
 from metaros.wire.qos import QoSProfile
 from metaros.wire.session import WireSession
 from metaros.wire.tokens import EndpointKind, EndpointToken, NodeToken, parse_token, tokens_of_domain
@@ -151,14 +152,10 @@ class Graph:
         liveliness = self._session.check_open().liveliness()
         keys = tokens_of_domain(self._session.domain)
         put, first = self._queue.put, threading.Event()
-
-        def on_token(sample: zenoh.Sample) -> None:
-            pin_thread_state()
-            put(sample)
-
-        callback = zenoh.handlers.Callback(on_token, indirect=False)
+        # C functions: Zenoh calls them on the thread that declares, too, where Python code could lose a signal.
+        callback = zenoh.handlers.Callback(pinning(put), indirect=False)
         self._subscriber = liveliness.declare_subscriber(keys, callback, history=True)
-        answers = zenoh.handlers.Callback(put, lambda: put(first), indirect=False)
+        answers = zenoh.handlers.Callback(put, partial(put, first), indirect=False)
         liveliness.get(keys, answers, timeout=_FIRST_ANSWER_S)
         first.wait(_FIRST_ANSWER_S + 0.1)
         if self._session.connected():  # a link this young may not have told its tokens yet

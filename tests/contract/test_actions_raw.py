@@ -176,7 +176,7 @@ def test_a_raw_client_cancels_by_id_and_all(node, peer):
     assert replies.empty()
     assert cancel.ask(CDR + GOAL_ID + stamp(0)) == CDR + bytes([0, 0, 0, 0]) + struct.pack("<I", 1) + info
     expected = CDR + bytes([CANCELED, 0, 0, 0]) + ints(0, 1)
-    assert result.check(seq, replies.get(timeout=10)) == expected
+    assert result.check(seq, replies.get(timeout=30)) == expected
     assert cancel.ask(CDR + GOAL_ID + stamp(0)) == CDR + bytes([3, 0, 0, 0]) + bytes(4)  # it has ended
     second = bytes(reversed(GOAL_ID))
     info = second + send.ask(CDR + second + struct.pack("<i", 5))[8:16]
@@ -242,7 +242,7 @@ class RawServer:
 def test_our_client_drives_a_raw_server(node, peer):
     server = RawServer(peer)
     client = node.create_action_client(Fibonacci, "fibonacci")
-    assert client.wait_for_server(10)
+    assert client.wait_for_server(30)
     wait_until(lambda: len([token for token in peer.tokens() if "/ours/%fibonacci%" in token]) == 5)
     ours = [token.split("/", 5)[5] for token in peer.tokens() if "/ours/%fibonacci%" in token]
     expected = [

@@ -122,7 +122,7 @@ class Asker:
             attachment=struct.pack("<qqB", self.seq, 1, 16) + GID,
             timeout=10.0,
         )
-        reply = replies.get(timeout=10).ok
+        reply = replies.get(timeout=30).ok
         assert reply is not None
         assert str(reply.key_expr) == key
         assert reply.attachment is not None

@@ -1,8 +1,9 @@
 """Runs the ```console blocks of a page, and compares what they print with the sample on the page by its shape.
 
-`$ command` is run: `metaros …` in this process, everything else by the shell. `… &` stays until the page's end. After a
-`^C` line the program before it gets a Ctrl-C. Samples: a number stands for any number, `…` for anything, and a line of
-its own `…` for any lines.
+`$ command` is run: `metaros …` in this process, everything else by the shell, and also what lists the types that the
+process knows, for this one knows those of other tests. `… &` stays until the page's end. After a `^C` line the program
+before it gets a Ctrl-C. Samples: a number stands for any number, `…` for anything, and a line of its own `…` for any
+lines.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ __all__ = ["Command", "World", "commands_of", "environment", "matches"]
 NUMBER = re.compile(r"(?<![\w/.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w])")
 UNIT = re.compile(r"\b[kM]?B\b")
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
-SHELL = re.compile(r"[|>$`;*]|^(?!metaros )")
+SHELL = re.compile(r"[|>$`;*]|^(?!metaros )|^metaros interface (list|package)")
 
 
 @dataclass

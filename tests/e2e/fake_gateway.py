@@ -62,7 +62,7 @@ class FakeGateway:
             return
         self._server.should_exit = True
         self._server.force_exit = True
-        self._thread.join(10)
+        self._thread.join(30)
         self._server = self._thread = None
 
     def seconds(self) -> float:

@@ -13,7 +13,7 @@ from tests.support.data import data_set
 from tests.support.stack import Stack
 from tests.support.waiting import wait_until
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser"), pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser"), pytest.mark.timeout(600)]
 
 MAP = "[data-card=map] canvas"
 LOG_S = 280
@@ -41,7 +41,7 @@ def test_page_of_the_intel_robot_shows_walls_and_path(
         stack.router()
         stack.gateway()
         stack.agent("intel")
-        wait_until(lambda: stack.online() == {"intel"}, timeout_s=20)
+        wait_until(lambda: stack.online() == {"intel"}, timeout_s=60)
         page = open_page(f"{stack.url}/robots/intel")
         options = ["--rate", str(RATE), "--limit", str(LOG_S), "--zenoh-port", str(stack.zenoh_port)]
         stack.start("play", "play", str(log), "--name", "intel", *options, ready=False)

@@ -18,9 +18,10 @@ from playwright.sync_api import Page, expect
 
 from tests.e2e.conftest import PHONE
 from tests.support.ports import free_port
+from tests.support.processes import END_S, end
 from tests.support.waiting import wait_until
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser"), pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser"), pytest.mark.timeout(600)]
 
 OpenPage = Callable[..., Page]
 MAP = "[data-card=map] canvas"
@@ -44,7 +45,7 @@ class Up:
         """How many robots the gateway calls online; 0 while it does not answer."""
         assert self.process.poll() is None, self.log.read_text()
         try:
-            with urllib.request.urlopen(f"{self.url}/api/v1/robots", timeout=5) as answer:
+            with urllib.request.urlopen(f"{self.url}/api/v1/robots", timeout=30) as answer:
                 robots = json.load(answer)["robots"]
         except OSError:
             return 0
@@ -60,11 +61,9 @@ class Up:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
         try:
-            self.process.wait(20)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait(5)
-            raise
+            self.process.wait(END_S)
+        finally:
+            end(self.process)
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +71,7 @@ def up(tmp_path_factory: pytest.TempPathFactory, built: None) -> Iterator[Up]:
     """One stack for the module, with three robots and this host online."""
     running = Up(tmp_path_factory.mktemp("up"))
     try:
-        wait_until(lambda: running.online() == 4, timeout_s=90, every_s=0.2)
+        wait_until(lambda: running.online() == 4, timeout_s=200, every_s=0.2)
         yield running
     finally:
         running.stop()

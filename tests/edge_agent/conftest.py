@@ -44,7 +44,7 @@ def robot(zenoh_router: str) -> Iterator[Robot]:
             yield Robot(context, node)
         finally:
             executor.shutdown()
-            thread.join(5)
+            thread.join(30)
 
 
 @dataclass
@@ -73,7 +73,7 @@ class Rig:
     def command(self, **action: object) -> bytes:
         """Send a command; its id."""
         command_id = next(self.ids).to_bytes(16, "big")
-        command = link_pb2.Command(command_id=command_id, timeout_ms=3000, **action)  # type: ignore[arg-type]
+        command = link_pb2.Command(command_id=command_id, timeout_ms=30_000, **action)  # type: ignore[arg-type]
         self.gateway.say(link_pb2.GatewayFrame(command=command))
         return command_id
 

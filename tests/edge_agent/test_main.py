@@ -6,12 +6,13 @@ import json
 import signal
 import subprocess
 import sys
-import time
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
 
 from tests.support.ports import free_port
+from tests.support.processes import END_S, started
 from tests.support.waiting import wait_until
 
 COMMAND = (
@@ -20,10 +21,8 @@ COMMAND = (
 )
 
 
-def start(*options: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-c", COMMAND, "agent", *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
+def start(*options: str) -> AbstractContextManager[subprocess.Popen[str]]:
+    return started([sys.executable, "-c", COMMAND, "agent", *options])
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -32,26 +31,21 @@ def test_it_is_ready_without_a_gateway_and_ends_cleanly(
 ) -> None:
     status = tmp_path / "agent.json"
     gateway, port = f"127.0.0.1:{free_port()}", zenoh_router.rpartition(":")[2]
+    options = ("--name", "r1", "--gateway", gateway, "--zenoh-port", port)
     places = ("--status-file", str(status), "--state-dir", str(tmp_path / "state"))
-    agent = start("--name", "r1", "--gateway", gateway, "--zenoh-port", port, *places)
-    try:
-        wait_until(lambda: status.exists() or agent.poll() is not None, timeout_s=20)
+    with start(*options, *places) as agent:
+        wait_until(lambda: status.exists() or agent.poll() is not None, timeout_s=60)
         assert json.loads(status.read_text()) == {"pid": agent.pid, "ready": True, "name": "r1", "namespace": "/"}
         agent.send_signal(number)
-        started = time.monotonic()
-        _, errors = agent.communicate(timeout=10)
+        _, errors = agent.communicate(timeout=END_S)
         assert agent.returncode == 0, errors
-        assert time.monotonic() - started < 3.0
         assert "Traceback" not in errors
         assert not status.exists()
-    finally:
-        agent.kill()
-        agent.communicate()
 
 
 def test_a_wrong_option_is_one_line() -> None:
-    agent = start("--gateway", "nowhere")
-    _, errors = agent.communicate(timeout=20)
+    with start("--gateway", "nowhere") as agent:
+        _, errors = agent.communicate(timeout=END_S)
     assert agent.returncode == 2
     assert errors.startswith("metaros agent: command line: gateway must be HOST:PORT")
     assert errors.strip().endswith("not 'nowhere'")

@@ -72,7 +72,7 @@ async def test_series_are_read_from_cdr(agent: Rig, robot: Robot) -> None:
             publisher.publish(BatteryState(percentage=0.25, voltage=24.5))
             await asyncio.sleep(0.05)
 
-    await asyncio.wait_for(until_there(), 10)
+    await asyncio.wait_for(until_there(), 30)
     names = {series.series_id: series.name for series in agent.half.series.values()}
     values = {names[row[0]]: row[2] for row in agent.half.all_rows(0) if isinstance(row, tuple)}
     assert values["battery_state.percentage"] == 0.25

@@ -7,53 +7,45 @@ import re
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from tests.support.processes import END_S, started
 from tests.support.waiting import wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def start(code: list[str], port: str, log: Path) -> subprocess.Popen[bytes]:
-    """Run Python with the given arguments against the router on `port`."""
-    with log.open("wb") as out:
-        return subprocess.Popen(
-            [sys.executable, "-u", *code],
-            stdout=out,
-            stderr=subprocess.STDOUT,
-            cwd=ROOT,
-            env={**os.environ, "METAROS_ZENOH_PORT": port},
-        )
-
-
-def finish(process: subprocess.Popen[bytes]) -> int:
-    """Ctrl-C, and the exit code."""
-    if process.poll() is None:
-        process.send_signal(signal.SIGINT)
-    return process.wait(10)
+@contextmanager
+def running(code: list[str], port: str, log: Path) -> Iterator[None]:
+    """Python with the given arguments against the router on `port`, ended by Ctrl-C."""
+    environment = {**os.environ, "METAROS_ZENOH_PORT": port}
+    with (
+        log.open("wb") as out,
+        started(
+            [sys.executable, "-u", *code], stdout=out, stderr=subprocess.STDOUT, cwd=ROOT, env=environment
+        ) as process,
+    ):
+        yield
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        assert process.wait(END_S) in (0, 130), log.read_text()
 
 
 def test_readme_node_hears_itself(zenoh_router: str, tmp_path: Path) -> None:
     (block,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
     script, log = tmp_path / "node.py", tmp_path / "log"
     script.write_text(block)
-    node = start([str(script)], zenoh_router.rsplit(":", 1)[1], log)
-    try:
-        wait_until(lambda: "heard hello from pip" in log.read_text(), timeout_s=15)
-    finally:
-        assert finish(node) in (0, 130)
+    with running([str(script)], zenoh_router.rsplit(":", 1)[1], log):
+        wait_until(lambda: "heard hello from pip" in log.read_text(), timeout_s=60)
 
 
 @pytest.mark.parametrize("listener", ["listener.py", "async_listener.py"])
 def test_talker_and_listener(listener: str, zenoh_router: str, tmp_path: Path) -> None:
     port = zenoh_router.rsplit(":", 1)[1]
     heard, said = tmp_path / "heard", tmp_path / "said"
-    ears = start([f"examples/{listener}"], port, heard)
-    mouth = start(["examples/talker.py"], port, said)
-    try:
-        wait_until(lambda: heard.read_text().count("Hello World") >= 2, timeout_s=15)
-    finally:
-        assert finish(mouth) in (0, 130)
-        assert finish(ears) in (0, 130)
+    with running([f"examples/{listener}"], port, heard), running(["examples/talker.py"], port, said):
+        wait_until(lambda: heard.read_text().count("Hello World") >= 2, timeout_s=60)

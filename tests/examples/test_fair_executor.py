@@ -18,7 +18,7 @@ def test_fair_executor_shares_by_nice_level(zenoh_router: str) -> None:
         env={**os.environ, "METAROS_ZENOH_PORT": zenoh_router.rsplit(":", 1)[1]},
         capture_output=True,
         text=True,
-        timeout=30,
+        timeout=120,
     )
     assert done.returncode == 0, done.stderr
     shares = [float(part) for part in re.findall(r"([\d.]+)% of the thread", done.stdout)]

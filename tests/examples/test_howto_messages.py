@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import subprocess
 import sys
@@ -9,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.examples.test_examples import ROOT, start
+from tests.examples.test_examples import ROOT
+from tests.support.processes import END_S, started
 
 
 @pytest.mark.parametrize("page", ["custom_messages", "images_audio_points"])
@@ -18,15 +20,12 @@ def test_the_pages_python_runs(page: str, zenoh_router: str, tmp_path: Path) -> 
         pytest.importorskip("cv2")
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "howto" / f"{page}.md").read_text(), re.DOTALL)
     assert len(blocks) >= 4
-    script, log = tmp_path / f"{page}.py", tmp_path / "log"
+    script = tmp_path / f"{page}.py"
     script.write_text("\n".join(blocks), encoding="utf-8")
-    program = start([str(script)], zenoh_router.rsplit(":", 1)[1], log)
-    try:
-        assert program.wait(60) == 0, log.read_text()
-    finally:
-        if program.poll() is None:
-            program.kill()
-            program.wait(10)
+    environment = {**os.environ, "METAROS_ZENOH_PORT": zenoh_router.rsplit(":", 1)[1]}
+    with started([sys.executable, str(script)], stderr=subprocess.STDOUT, cwd=ROOT, env=environment) as process:
+        out, _ = process.communicate(timeout=END_S)
+    assert process.returncode == 0, out
 
 
 USER_CODE = """

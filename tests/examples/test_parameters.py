@@ -6,17 +6,16 @@ from pathlib import Path
 
 import metaros
 from metaros.node.parameters import SetResult
-from tests.examples.test_examples import finish, start
+from tests.examples.test_examples import running
 from tests.support.waiting import wait_until
 
 
 def test_parameters_example_obeys_and_refuses(zenoh_router: str, tmp_path: Path) -> None:
     log = tmp_path / "log"
-    cruise = start(["examples/parameters.py"], zenoh_router.rsplit(":", 1)[1], log)
-    try:
+    with running(["examples/parameters.py"], zenoh_router.rsplit(":", 1)[1], log):
         with metaros.Context(connect=zenoh_router) as context, metaros.Node("asker", context=context) as node:
             client = node.create_parameter_client("/cruise")
-            assert client.wait(15)
+            assert client.wait(30)
             wait_until(lambda: "gains" in client.list())
             assert client.set({"speed": 0.8})["speed"]
             wait_until(lambda: "speed is 0.8 now" in log.read_text())
@@ -24,5 +23,3 @@ def test_parameters_example_obeys_and_refuses(zenoh_router: str, tmp_path: Path)
             assert refused == SetResult(False, "backward goes at most at 0.3")
             assert client.set_atomically({"direction": "backward", "speed": 0.2})
             assert client.dump() == {"use_sim_time": False, "speed": 0.2, "direction": "backward", "gains": [1.0, 0.1]}
-    finally:
-        assert finish(cruise) in (0, 130)

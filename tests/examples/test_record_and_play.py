@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 import subprocess
@@ -11,18 +12,16 @@ from pathlib import Path
 import click
 import typer
 
-from tests.examples.test_examples import ROOT, start
+from tests.examples.test_examples import ROOT
+from tests.support.processes import END_S, started
 
 
 def test_record_and_play(zenoh_router: str, tmp_path: Path) -> None:
-    log = tmp_path / "log"
-    example = start(["examples/record_and_play.py", str(tmp_path)], zenoh_router.rsplit(":", 1)[1], log)
-    try:
-        assert example.wait(60) == 0, log.read_text()
-    finally:
-        example.kill()
-        example.wait(10)
-    said = log.read_text()
+    environment = {**os.environ, "METAROS_ZENOH_PORT": zenoh_router.rsplit(":", 1)[1]}
+    argv = [sys.executable, "examples/record_and_play.py", str(tmp_path)]
+    with started(argv, stderr=subprocess.STDOUT, cwd=ROOT, env=environment) as example:
+        said, _ = example.communicate(timeout=END_S)
+    assert example.returncode == 0, said
     assert re.search(r"recorded (100|\d\d) messages", said), said
     assert "/position [geometry_msgs/msg/Point]" in said
     assert "to x = 9.9" in said
@@ -30,7 +29,7 @@ def test_record_and_play(zenoh_router: str, tmp_path: Path) -> None:
     files = sorted(path.name for path in (tmp_path / "walk").iterdir())
     assert files == ["metadata.yaml", "walk_0.mcap"]
     info = [sys.executable, "-m", "metaros", "bag", "info", str(tmp_path / "walk")]
-    assert "/position" in subprocess.run(info, capture_output=True, text=True, timeout=60).stdout
+    assert "/position" in subprocess.run(info, capture_output=True, text=True, timeout=120).stdout
 
 
 def blocks(language: str) -> list[str]:

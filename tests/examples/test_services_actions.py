@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from tests.support.processes import END_S, started
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -21,21 +23,17 @@ def environment(router: str) -> dict[str, str]:
 def server(script: str, router: str) -> Iterator[None]:
     """The server example, ended by Ctrl-C, which must not take long."""
     command = [sys.executable, f"examples/{script}"]
-    with subprocess.Popen(
-        command, cwd=ROOT, env=environment(router), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    ) as process:
-        try:
-            yield
-            process.send_signal(signal.SIGINT)
-            assert process.wait(10) in (0, 130)
-        finally:
-            process.kill()
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with started(command, cwd=ROOT, env=environment(router), **quiet) as process:
+        yield
+        process.send_signal(signal.SIGINT)
+        assert process.wait(END_S) in (0, 130)
 
 
 def client(script: str, router: str, *arguments: str) -> str:
     """The client example's output."""
     command = [sys.executable, f"examples/{script}", *arguments]
-    done = subprocess.run(command, cwd=ROOT, env=environment(router), capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, cwd=ROOT, env=environment(router), capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

@@ -34,7 +34,7 @@ async def running_gateway(folder: Path, **settings: Any) -> AsyncIterator[Ready]
         yield up.result() if up.done() else task.result()
     finally:
         stop.set()
-        await asyncio.wait_for(task, 5)
+        await asyncio.wait_for(task, 30)
 
 
 def client(ready: Ready, **headers: str) -> httpx.AsyncClient:
@@ -53,7 +53,7 @@ async def say(socket: ClientConnection, **request: Any) -> None:
     await socket.send(json.dumps(request))
 
 
-async def hear(socket: ClientConnection, op: str, *, timeout_s: float = 5.0) -> dict[str, Any]:
+async def hear(socket: ClientConnection, op: str, *, timeout_s: float = 60.0) -> dict[str, Any]:
     """The next JSON message with that op."""
     async with asyncio.timeout(timeout_s):
         while True:
@@ -62,7 +62,7 @@ async def hear(socket: ClientConnection, op: str, *, timeout_s: float = 5.0) -> 
                 return dict(json.loads(message))
 
 
-async def hear_bytes(socket: ClientConnection, *, timeout_s: float = 5.0) -> bytes:
+async def hear_bytes(socket: ClientConnection, *, timeout_s: float = 60.0) -> bytes:
     """The next binary frame."""
     async with asyncio.timeout(timeout_s):
         while True:
@@ -137,7 +137,7 @@ class ScriptedAgent:
         if welcome:
             self.welcomes[lane] = (await self.next("welcome", lane)).welcome
 
-    async def next(self, kind: str, lane: int = CONTROL, *, timeout_s: float = 5.0) -> link_pb2.GatewayFrame:
+    async def next(self, kind: str, lane: int = CONTROL, *, timeout_s: float = 60.0) -> link_pb2.GatewayFrame:
         """The next frame of that kind; others before it are dropped."""
         async with asyncio.timeout(timeout_s):
             while True:

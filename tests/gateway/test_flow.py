@@ -41,7 +41,7 @@ BATTERY = link_pb2.Series(
 
 async def until(http: httpx.AsyncClient, condition: Callable[[dict[str, Any]], bool]) -> None:
     """Ask for the robot until it is so."""
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(60):
         while not condition((await http.get("/api/v1/robots/sim_1")).json()):
             pass
 
@@ -130,7 +130,7 @@ async def test_resume_after_a_restart_has_no_double_rows(tmp_path: Path) -> None
         await agent.open(CONTROL)
         await agent.open(BACKFILL)
         await agent.open(DATA, [link_pb2.StreamState(stream_id=0, epoch=EPOCH, first_seq=1, last_seq=20)])
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(60):
             assert agent.welcomes[DATA].watermarks[0].seq == 10
             await agent.announce(series=[BATTERY])
             await agent.rows(6, rows[5:])  # five of them again

@@ -7,6 +7,8 @@ import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -15,6 +17,7 @@ from gateway.ports import listen
 from gateway.settings import Settings
 from metaros.errors import ConfigError
 from tests.gateway.harness import client, running_gateway
+from tests.support.processes import END_S, started
 from tests.support.waiting import wait_until
 
 PROGRAM = """
@@ -27,7 +30,8 @@ app()
 """
 
 
-def start(folder: Path, *options: str) -> tuple[subprocess.Popen[str], dict[str, object]]:
+@contextmanager
+def running(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], dict[str, object]]]:
     """`metaros gateway` as a process, ready."""
     status = folder / "status.json"
     command = [
@@ -40,18 +44,18 @@ def start(folder: Path, *options: str) -> tuple[subprocess.Popen[str], dict[str,
         "--status-file",
         str(status),
     ]
-    process = subprocess.Popen([*command, *options], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    wait_until(lambda: status.exists() or process.poll() is not None, timeout_s=20)
-    assert process.poll() is None, process.communicate()[0]
-    return process, json.loads(status.read_text())
+    with started([*command, *options], stderr=subprocess.STDOUT) as process:
+        wait_until(lambda: status.exists() or process.poll() is not None, timeout_s=60)
+        assert process.poll() is None, process.communicate()[0]
+        yield process, json.loads(status.read_text())
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_cleanly(tmp_path: Path, number: signal.Signals) -> None:
-    process, status = start(tmp_path, "--port", "0", "--grpc-port", "0")
-    assert (status["ready"], status["pid"]) == (True, process.pid)
-    process.send_signal(number)
-    output, _ = process.communicate(timeout=3)
+    with running(tmp_path, "--port", "0", "--grpc-port", "0") as (process, status):
+        assert (status["ready"], status["pid"]) == (True, process.pid)
+        process.send_signal(number)
+        output, _ = process.communicate(timeout=END_S)
     assert process.returncode == 0
     assert output.startswith(f"gateway ready: {status['url']}  robots 127.0.0.1:{status['grpc_port']}")
     assert len(output.splitlines()) == 1
@@ -59,9 +63,9 @@ def test_a_signal_ends_it_cleanly(tmp_path: Path, number: signal.Signals) -> Non
 
 def test_a_killed_one_leaves_the_directory_usable(tmp_path: Path) -> None:
     for _ in range(2):
-        process, _ = start(tmp_path, "--port", "0", "--grpc-port", "0")
-        process.kill()
-        process.communicate()
+        with running(tmp_path, "--port", "0", "--grpc-port", "0") as (process, _):
+            process.kill()
+            process.communicate()
         (tmp_path / "status.json").unlink()
 
 
@@ -97,6 +101,6 @@ async def test_a_second_gateway_gets_its_own_ports_or_says_no(tmp_path: Path) ->
 def test_a_taken_robots_port_is_an_error(tmp_path: Path, free_port: int) -> None:
     with socket.create_server(("127.0.0.1", free_port)):
         command = [sys.executable, "-c", PROGRAM, "gateway", "--data-dir", str(tmp_path), "--port", "0"]
-        done = subprocess.run([*command, "--grpc-port", str(free_port)], capture_output=True, text=True, timeout=20)
+        done = subprocess.run([*command, "--grpc-port", str(free_port)], capture_output=True, text=True, timeout=120)
         assert done.returncode != 0
         assert f"port {free_port} cannot be opened" in done.stderr

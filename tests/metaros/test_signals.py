@@ -5,11 +5,13 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 
 import pytest
 
-from metaros.signals import on_stop, stop_signals
+from metaros.signals import StopEvent, on_stop, stop_signals
+from tests.support.interrupts import interrupt_at
 
 
 class LoopWithoutHandlers(asyncio.SelectorEventLoop):
@@ -36,7 +38,7 @@ def test_each_signal_stops(loop_class: type[asyncio.AbstractEventLoop], name: st
         stop = asyncio.Event()
         on_stop(asyncio.get_running_loop(), stop.set, hangup=True)
         os.kill(os.getpid(), getattr(signal, name))
-        await asyncio.wait_for(stop.wait(), 5.0)
+        await asyncio.wait_for(stop.wait(), 30)
 
     with asyncio.Runner(loop_factory=loop_class) as runner:
         runner.run(main())
@@ -55,3 +57,31 @@ def test_a_late_signal_after_the_loop_is_nobody_s() -> None:
 def test_a_closed_terminal_counts_only_when_asked_for() -> None:
     assert signal.SIGHUP not in stop_signals()
     assert signal.SIGHUP in stop_signals(hangup=True)
+
+
+@pytest.mark.parametrize("method", ["wait", "set"])
+def test_a_handler_may_set_a_stop_event_at_any_moment(method: str) -> None:
+    """Python's own event would wait for itself where the signal comes while its lock is held."""
+    step, more = 0, True
+    while more:
+        stop = StopEvent()
+        signal.signal(signal.SIGINT, lambda *_, event=stop: event.set())
+        call = stop.set if method == "set" else lambda event=stop: event.wait(0.001)
+        more = interrupt_at(step, getattr(StopEvent, method).__code__, call)
+        assert stop.is_set() is (more or method == "set")
+        assert stop.wait(0) is stop.is_set()
+        step += 1
+    assert step > 5
+
+
+def test_a_stop_event_wakes_all_who_wait() -> None:
+    stop, answers = StopEvent(), list[bool]()
+    threads = [threading.Thread(target=lambda: answers.append(stop.wait(30))) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    assert not stop.wait(0)
+    stop.set()
+    for thread in threads:
+        thread.join()
+    assert answers == [True] * 4
+    assert stop.wait()

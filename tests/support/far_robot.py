@@ -10,24 +10,23 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
+from tests.support.processes import started
 from tests.support.waiting import wait_until
 
 
 @contextmanager
-def far_robot(router: str, log: Path, *, namespace: str = "/") -> Iterator[subprocess.Popen[bytes]]:
+def far_robot(router: str, log: Path, *, namespace: str = "/") -> Iterator[None]:
     """The program in a process, from when it publishes until the end of the block."""
     environment = {**os.environ, "METAROS_ZENOH_PORT": router.rsplit(":", 1)[1]}
     command = [sys.executable, "-m", "tests.support.far_robot", namespace]
-    with log.open("wb") as out:
-        process = subprocess.Popen(
-            command, stdout=out, stderr=subprocess.STDOUT, env=environment, cwd=Path(__file__).parents[2]
-        )
-    try:
-        wait_until(lambda: b"ready" in log.read_bytes(), timeout_s=30)
-        yield process
-    finally:
-        process.kill()
-        process.wait(10)
+    root = Path(__file__).parents[2]
+    with (
+        log.open("wb") as out,
+        started(command, stdout=out, stderr=subprocess.STDOUT, env=environment, cwd=root) as process,
+    ):
+        wait_until(lambda: b"ready" in log.read_bytes() or process.poll() is not None, timeout_s=60)
+        assert process.poll() is None, log.read_text()
+        yield
 
 
 def main() -> None:

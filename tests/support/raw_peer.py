@@ -123,7 +123,7 @@ class RawClient:
         self._seq = itertools.count(1)
 
     def start(
-        self, payload: bytes, *, timeout_s: float = 10.0
+        self, payload: bytes, *, timeout_s: float = 60.0
     ) -> tuple[int, SimpleQueue[zenoh.Reply], threading.Event]:
         """Send a request; its sequence number, its replies to come, and when no more will."""
         replies: SimpleQueue[zenoh.Reply] = SimpleQueue()
@@ -133,7 +133,7 @@ class RawClient:
             zenoh.handlers.Callback(replies.put, ended.set, indirect=False),
             target=zenoh.QueryTarget.ALL_COMPLETE,
             consolidation=zenoh.ConsolidationMode.NONE,
-            timeout=10.0,
+            timeout=30.0,
             payload=payload,
             attachment=pack_attachment(seq, STAMP_NS, self.gid),
         )
@@ -142,7 +142,7 @@ class RawClient:
     def ask(self, payload: bytes) -> bytes:
         """The payload of the one reply, whose key and attachment are checked."""
         seq, replies, ended = self.start(payload)
-        assert ended.wait(10)
+        assert ended.wait(30)
         assert replies.qsize() == 1
         return self.check(seq, replies.get())
 

@@ -17,6 +17,7 @@ import zenoh
 
 import metaros
 from metaros.interfaces.sensor_msgs.msg import Image
+from metaros.wire import Congestion, QoSProfile
 
 TOPIC = "/shm_test"
 IMAGE_BYTES = 1 << 20
@@ -29,12 +30,11 @@ def image(number: int) -> Any:
 
 
 def publisher_of(context: metaros.Context, pool_bytes: int = POOL_BYTES) -> Any:
-    """A publisher with a small pool."""
+    """A publisher with a small pool, which waits where the network is slow: what is not lost arrives."""
     assert context.session.shared_pool is not None
     context.session.shared_pool.size_bytes = pool_bytes
-    return metaros.Node("sender", context=context, enable_rosout=False, enable_parameters=False).create_publisher(
-        Image, TOPIC
-    )
+    node = metaros.Node("sender", context=context, enable_rosout=False, enable_parameters=False)
+    return node.create_publisher(Image, TOPIC, QoSProfile(depth=50, congestion=Congestion.BLOCK))
 
 
 def _hold(context: metaros.Context) -> None:

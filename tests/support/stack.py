@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.support.ports import free_port
+from tests.support.processes import END_S, end
 from tests.support.waiting import wait_until
 
 __all__ = ["Program", "Stack"]
@@ -37,7 +38,7 @@ class Program:
     def kill(self) -> None:
         """kill -9, and reap."""
         self.process.kill()
-        self.process.wait(10)
+        self.process.wait(END_S)
 
 
 @dataclass
@@ -58,17 +59,14 @@ class Stack:
             if program.process.poll() is None:
                 program.process.send_signal(signal.SIGINT)
         for program in reversed(self.programs):
-            try:
-                program.process.wait(10)
-            except subprocess.TimeoutExpired:
-                program.kill()
+            end(program.process)
 
     @property
     def url(self) -> str:
         """Where the gateway serves HTTP."""
         return f"http://127.0.0.1:{self.http_port}"
 
-    def start(self, name: str, *arguments: str, ready: bool = True, timeout_s: float = 30.0) -> Program:
+    def start(self, name: str, *arguments: str, ready: bool = True, timeout_s: float = 120.0) -> Program:
         """Start `metaros ARGUMENTS`; with `ready`, wait for its status file."""
         log, status = self.folder / f"{name}.log", self.folder / f"{name}.json"
         status.unlink(missing_ok=True)
@@ -117,7 +115,7 @@ class Stack:
     def get(self, path: str) -> Any:
         """GET a JSON document, or None while there is nobody to answer."""
         try:
-            with urllib.request.urlopen(self.url + path, timeout=5) as answer:
+            with urllib.request.urlopen(self.url + path, timeout=30) as answer:
                 return json.load(answer)
         except (urllib.error.URLError, ConnectionError, TimeoutError):
             return None

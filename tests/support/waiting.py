@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 
 
-def wait_until(condition: Callable[[], object], *, timeout_s: float = 10.0, every_s: float = 0.01) -> None:
+def wait_until(condition: Callable[[], object], *, timeout_s: float = 60.0, every_s: float = 0.01) -> None:
     """Return as soon as `condition()` is true; fail the test after `timeout_s`."""
     pause = threading.Event()
     deadline = time.monotonic() + timeout_s
@@ -18,7 +18,7 @@ def wait_until(condition: Callable[[], object], *, timeout_s: float = 10.0, ever
         pause.wait(every_s)
 
 
-async def wait_until_async(condition: Callable[[], object], *, timeout_s: float = 10.0, every_s: float = 0.01) -> None:
+async def wait_until_async(condition: Callable[[], object], *, timeout_s: float = 60.0, every_s: float = 0.01) -> None:
     """The same inside an event loop."""
     deadline = time.monotonic() + timeout_s
     while not condition():

@@ -40,7 +40,7 @@ def replay(
         stack.router()
         stack.gateway()
         stack.agent("intel")
-        wait_until(lambda: stack.online() == {"intel"}, timeout_s=20)
+        wait_until(lambda: stack.online() == {"intel"}, timeout_s=60)
         with open_socket(stack.url, "/api/v1/stream") as viewer:
             subscribe(viewer, 1, "intel", "/intel/scan", mode="queue", queue_bytes=8 << 20)
             options = ["--rate", str(rate), "--zenoh-port", str(stack.zenoh_port)]
@@ -105,7 +105,7 @@ def test_first_minute_of_intel(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(400)
+@pytest.mark.timeout(600)
 def test_all_of_intel_at_twenty_times(tmp_path: Path) -> None:
     scans, odometry, _start = read_log(data_set("robots/intel.clf.bz2"))
     assert (len(scans), odometry) == (13_631, 26_915)

@@ -18,6 +18,7 @@ from metaros.wire import qos_sensor_data
 __all__ = ["CameraNode", "encode_jpeg", "run"]
 
 FIRST_RETRY_S, LAST_RETRY_S = 0.5, 10.0
+_LOOK_S = 0.2
 CLOSE_S = 2.8  # longer than a stream's read timeout, shorter than a supervisor's patience
 
 
@@ -49,9 +50,9 @@ class CameraNode:
         self._thread.join(CLOSE_S)
         self.node.close()
 
-    def wait(self, timeout_s: float) -> bool:
-        """Whether the capture ended by itself (its context was closed) within that time."""
-        self._thread.join(timeout_s)
+    @property
+    def ended(self) -> bool:
+        """Whether the capture ended by itself: its context was closed."""
         return not self._thread.is_alive()
 
     def _run(self) -> None:
@@ -113,14 +114,14 @@ def encode_jpeg(image: Image, parameters: CameraParameters) -> bytes:
     return bytes(data)
 
 
-def run(context: Context, namespace: str, params: Mapping[str, str]) -> None:
-    """Run a camera until Ctrl-C or the context's close."""
+def run(context: Context, namespace: str, params: Mapping[str, str], stop: threading.Event) -> None:
+    """Run a camera until `stop` is set, Ctrl-C, or the context's close."""
     parameters = read_parameters(params)
     if importlib.util.find_spec("cv2") is None:
         raise ConfigError("the camera needs OpenCV: install metaros with its extra `drivers`")
     camera = CameraNode(context, parameters, namespace=namespace)
     try:
-        while not camera.wait(0.2):
+        while not stop.wait(_LOOK_S) and not camera.ended:
             pass
     except KeyboardInterrupt:
         pass

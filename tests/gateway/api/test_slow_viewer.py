@@ -31,7 +31,7 @@ async def test_a_viewer_that_takes_nothing_is_cut_and_costs_little(tmp_path: Pat
                 await say(viewer, op="subscribe", id=1, robots="*", topics="/**")
                 await hear(viewer, "error")
             before = psutil.Process().memory_info().rss
-            seen, sent, deadline = [], 0, monotonic() + 20
+            seen, sent, deadline = [], 0, monotonic() + 120
             while monotonic() < deadline and sent < 200:
                 sent += 1
                 await agent.samples(1, sent, [payload])
@@ -50,7 +50,7 @@ async def count_until_closed(viewer: ClientConnection) -> int:
     received = 0
     with contextlib.suppress(ConnectionClosed):
         while True:
-            received += isinstance(await asyncio.wait_for(viewer.recv(), 5), bytes)
+            received += isinstance(await asyncio.wait_for(viewer.recv(), 30), bytes)
     return received
 
 
@@ -65,7 +65,7 @@ async def test_a_slow_viewer_loses_the_oldest_and_is_told(tmp_path: Path) -> Non
             dropped = None
             received = 0
             while dropped is None or received < 6:
-                message = await asyncio.wait_for(viewer.recv(), 5)
+                message = await asyncio.wait_for(viewer.recv(), 30)
                 if isinstance(message, bytes):
                     received += sum(1 for _ in split_records(message))
                 elif json.loads(message)["op"] == "dropped":

@@ -43,7 +43,7 @@ def run_process(zenoh_router: str) -> Run:
 
     def call(*arguments: str) -> Done:
         command = [sys.executable, "-m", "metaros", *arguments, "--zenoh-port", port]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120)
         return Done(done.returncode, done.stdout, done.stderr)
 
     return call

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
 import sys
 import threading
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ import metaros
 from metaros.interfaces.example_interfaces.action import Fibonacci
 from metaros.node.action import ServerGoal
 from tests.metaros.cli.conftest import Run
+from tests.support.processes import END_S, started
 
 HOLD, ABORT, REJECT = 100, 200, 300  # orders that mean something else
 
@@ -134,14 +134,13 @@ def test_an_aborted_goal_is_exit_code_1(run: Run) -> None:
 def test_ctrl_c_cancels_the_goal(zenoh_router: str) -> None:
     port = zenoh_router.rsplit(":", 1)[1]
     command = [sys.executable, "-m", "metaros", "action", "send_goal", "/math/fibonacci", f"{{order: {HOLD}}}", "-f"]
-    with subprocess.Popen(
-        [*command, "--zenoh-port", port], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as sent:
+    with started([*command, "--zenoh-port", port]) as sent:
         assert sent.stdout is not None
-        while sent.stdout.readline() != "Feedback:\n":
-            pass
+        for line in sent.stdout:
+            if line == "Feedback:\n":
+                break
         sent.send_signal(signal.SIGINT)
-        out, err = sent.communicate(timeout=10)
+        out, err = sent.communicate(timeout=END_S)
     assert sent.returncode == 130
     assert "Goal finished with status: CANCELED" in out
     assert "cancelling" in err

@@ -14,7 +14,7 @@ from tests.metaros.cli.conftest import Run
 def doctor(*arguments: str) -> tuple[int, dict[str, dict[str, Any]]]:
     """Exit code and checks by name."""
     command = [sys.executable, "-m", "metaros", "doctor", "-o", "json", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     return done.returncode, {check["check"]: check for check in json.loads(done.stdout)["checks"]}
 
 

@@ -99,5 +99,5 @@ def test_topic_delay(run: Run, talker: metaros.Node) -> None:
         publisher.publish(message)
 
     report = json.loads(run("topic", "delay", "/warmth", "-n", "1", "-o", "json").stdout)
-    assert 0.0 <= report["delay_s"] < 0.5
+    assert 0.0 <= report["delay_s"] < 30.0
     assert "average delay: " in run("topic", "delay", "/warmth", "-n", "1").stdout

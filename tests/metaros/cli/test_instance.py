@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,7 @@ from metaros.cli.instance import (
     runtime_dir,
 )
 from metaros.errors import ConfigError
+from tests.support.processes import END_S, started
 from tests.support.waiting import wait_until
 
 HOLDER = """
@@ -40,11 +42,9 @@ def own_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
 
 
-def hold(started_ns: int) -> subprocess.Popen[str]:
+def hold(started_ns: int) -> AbstractContextManager[subprocess.Popen[str]]:
     """Another process that runs an instance; its first line is its data directory."""
-    return subprocess.Popen(
-        [sys.executable, "-c", HOLDER, str(started_ns)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
+    return started([sys.executable, "-c", HOLDER, str(started_ns)], stdin=subprocess.PIPE, stderr=None)
 
 
 def test_an_instance_is_seen_while_it_lives_and_forgotten_after_kill_9() -> None:
@@ -86,6 +86,7 @@ def test_the_second_instance_has_a_directory_of_its_own() -> None:
         third.lock.close()
         for process in (first, second):
             process.kill()
+            process.wait(END_S)
     again = open_data_dir(None)
     assert (again.path, again.note) == (data_root(), "")
     again.lock.close()

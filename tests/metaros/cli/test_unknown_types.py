@@ -24,7 +24,10 @@ def test_echo_of_a_type_that_only_its_publisher_knows(robot: None, run: Run) -> 
     assert done.returncode == 0
     assert "fingers:\n- angle: 0.25\n- angle: 1.5\n" in done.stdout
     assert "grip: soft" in done.stdout
-    assert run("topic", "echo", "/hand", "--once", "--field", "fingers[1].angle").stdout == "1.5\n---\n"
+    named = run(
+        "topic", "echo", "/hand", "far_robot/Hand", "--once", "--field", "fingers[1].angle", "--spin-time", "20"
+    )
+    assert (named.stdout, named.stderr) == ("1.5\n---\n", "")
 
 
 def test_echo_of_a_shipped_name_with_the_publishers_own_fields(robot: None, run: Run) -> None:

@@ -24,7 +24,7 @@ executor = {executor}
 executor.add_node(node{options})
 thread = threading.Thread(target=executor.spin)
 thread.start()
-assert inside.wait(10)
+assert inside.wait(30)
 executor.shutdown()
 {ending}
 """
@@ -36,5 +36,5 @@ executor.shutdown()
 )
 def test_a_blocked_callback_does_not_hold_up_the_programs_end(executor: str, options: str, ending: str) -> None:
     code = PROGRAM.format(executor=executor, options=options, ending=ending)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=20)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stderr) == (0, "")

@@ -37,7 +37,7 @@ WRONG = "from metaros.interfaces.sensor_msgs.msg import Imu\nImu(orientatoin=Non
 
 def test_no_drift() -> None:
     command = [sys.executable, "tools/gen_interfaces.py", "--check"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
 
 
@@ -65,7 +65,7 @@ def test_a_type_checker_accepts_user_code(tmp_path: Path) -> None:
     good.write_text(USER_CODE)
     bad.write_text(WRONG)
     command = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", str(good), str(bad)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=100, check=False)
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
     complaints = [line for line in done.stdout.splitlines() if ": error:" in line]
     assert len(complaints) == 2, done.stdout + done.stderr
     assert all("bad.py" in line for line in complaints)

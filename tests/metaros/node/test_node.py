@@ -36,7 +36,7 @@ def test_the_graph_shows_both_sides_and_forgets_who_leaves(here, there):
         publisher = b.create_publisher(String, "/chatter", metaros.qos_sensor_data)
         for context in (here, there):
             wait_until(lambda c=context: c.graph.endpoints("/chatter"))
-            assert {node.full_name for node in context.graph.nodes()} == {"/a", "/ns/b"}
+            wait_until(lambda c=context: {node.full_name for node in c.graph.nodes()} == {"/a", "/ns/b"})
             (endpoint,) = context.graph.endpoints("/chatter", "MP")
             assert endpoint.gid == publisher.gid
             assert endpoint.node_full_name == "/ns/b"
@@ -47,8 +47,7 @@ def test_the_graph_shows_both_sides_and_forgets_who_leaves(here, there):
         stop = here.graph.on_change(lambda: changes.append(1))
         b.close()
         wait_until(lambda: [node.full_name for node in here.graph.nodes()] == ["/a"])
-        wait_until(lambda: not here.graph.endpoints("/chatter"))
-        assert changes
+        wait_until(lambda: not here.graph.endpoints("/chatter") and changes)
         stop()
     assert here.connected()
 
@@ -151,7 +150,7 @@ def test_a_program_that_closes_nothing_still_ends(zenoh_router, dedicated):
         f"node.create_subscription(String, 'chatter', print, dedicated={dedicated})\n"
         "node.create_publisher(String, 'chatter').publish(String(data='bye'))\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=20, check=False)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False)
     assert (done.returncode, done.stderr) == (0, "")
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import signal
-import subprocess
 import sys
 import textwrap
 from collections.abc import Callable, Iterator
@@ -21,6 +19,7 @@ from metaros.interfaces.std_msgs.msg import String
 from metaros.node.events import PublisherEvents, SubscriptionEvents
 from metaros.wire import Durability, Liveliness, QoSProfile, Reliability, pack_attachment
 from metaros.wire.qos import INFINITE_NS
+from tests.support.processes import started
 from tests.support.waiting import wait_until
 
 BEST_EFFORT = QoSProfile(reliability=Reliability.BEST_EFFORT)
@@ -364,12 +363,9 @@ def test_a_killed_publisher_is_no_longer_alive(listener, zenoh_router):
     events = SubscriptionEvents(liveliness_changed=heard.append, matched=matched.append)
     sub = listener.create_subscription(String, "/t", print, events=events)
     for round_ in (1, 2):
-        process = subprocess.Popen([sys.executable, "-c", textwrap.dedent(PUBLISHER), zenoh_router])
-        try:
+        with started([sys.executable, "-c", textwrap.dedent(PUBLISHER), zenoh_router]) as process:
             until(lambda: sub.events.alive == 1)
-        finally:
-            process.send_signal(signal.SIGKILL)
-            process.wait()
+            process.kill()
         until(lambda: len(heard) == 2 * round_ and len(matched) == 2 * round_)  # noqa: B023
     assert [(e.node, e.alive, e.alive_change) for e in heard] == [("/victim", 1, 1), ("/victim", 0, -1)] * 2
     assert [(e.total, e.current) for e in matched] == [(1, 1), (1, 0), (2, 1), (2, 0)]

@@ -33,7 +33,7 @@ def test_priority_and_congestion_policy_are_zenohs(here, there, profile, priorit
         publisher = node.create_publisher(String, "chatter", profile)
         subscriber = there.session.zenoh.declare_subscriber(publisher.key, samples.put)
         with subscriber:
-            for _ in range(100):  # the subscriber's declaration is on its way to us
+            for _ in range(600):  # the subscriber's declaration is on its way to us
                 publisher.publish(String(data="x"))
                 try:
                     sample = samples.get(timeout=0.1)

@@ -14,7 +14,7 @@ import pytest
 
 import metaros
 from metaros.interfaces.sensor_msgs.msg import Image
-from metaros.wire import Congestion, Durability, QoSProfile
+from metaros.wire import Durability, QoSProfile
 from tests.support import shm_end
 from tests.support.ports import free_port
 from tests.support.waiting import wait_until
@@ -59,10 +59,10 @@ def test_peers_with_and_without_it_get_the_same_through_a_router_that_has_none(s
     ):
         got = listening(other, node)
         publisher = shm_end.publisher_of(sharing)
-        wait_until(lambda: publisher.events.matched, timeout_s=30)
+        wait_until(lambda: publisher.events.matched)
         for number in range(5):
             publisher.publish(shm_end.image(number))
-        wait_until(lambda: len(got) == 5, timeout_s=30)
+        wait_until(lambda: len(got) == 5)
         assert [(int(data.min()), int(data.max()), len(data)) for data in got] == [
             (number, number, shm_end.IMAGE_BYTES) for number in range(5)
         ]
@@ -74,7 +74,7 @@ def test_between_two_processes_it_is_shared_memory_indeed():
     with metaros.Context(domain_id=0, connect=[], listen=endpoint, shared_memory="auto") as context:
         publisher = shm_end.publisher_of(context)
         with child("hold", endpoint) as holder:
-            wait_until(lambda: publisher.events.matched, timeout_s=30)
+            wait_until(lambda: publisher.events.matched)
             publisher.publish(shm_end.image(1))
             assert holder.stdout.readline() == "shared\n"
 
@@ -90,7 +90,7 @@ def test_what_is_kept_for_late_subscriptions_is_not_in_the_pool(sharing, zenoh_r
         for number in range(5):
             publisher.publish(shm_end.image(number))
         got = listening(other, late, kept)
-        wait_until(lambda: len(got) == 3, timeout_s=30)
+        wait_until(lambda: len(got) == 3)
         assert [int(data[0]) for data in got] == [2, 3, 4]
         assert (sharing.session.shared_pool.placed, sharing.session.shared_pool.refused) == (0, 0)
 
@@ -102,8 +102,8 @@ def test_a_slow_subscription_that_holds_the_whole_pool_loses_nothing(sharing, ze
     ):
         got: list[int] = []
         slow.create_subscription(Image, shm_end.TOPIC, lambda message: got.append(int(message.data.max())), 50)
-        publisher = sharing_publisher(sharing)
-        wait_until(lambda: publisher.events.matched, timeout_s=30)
+        publisher = shm_end.publisher_of(sharing)
+        wait_until(lambda: publisher.events.matched)
         for number in range(20):
             publisher.publish(shm_end.image(number))
         pool = sharing.session.shared_pool
@@ -111,15 +111,8 @@ def test_a_slow_subscription_that_holds_the_whole_pool_loses_nothing(sharing, ze
         assert pool.placed + pool.refused == 20
         executor = metaros.SingleThreadedExecutor()
         executor.add_node(slow)
-        wait_until(lambda: executor.spin_once(0.01) is None or len(got) == 20, timeout_s=30)
+        wait_until(lambda: executor.spin_once(0.01) is None or len(got) == 20)
         assert got == list(range(20))
-
-
-def sharing_publisher(context: metaros.Context) -> Any:
-    """A publisher that waits where the network is slow, so that the test sees every message."""
-    context.session.shared_pool.size_bytes = shm_end.POOL_BYTES
-    node = metaros.Node("sender", context=context)
-    return node.create_publisher(Image, shm_end.TOPIC, QoSProfile(depth=50, congestion=Congestion.BLOCK))
 
 
 @pytest.mark.slow
@@ -134,12 +127,12 @@ def test_subscribers_killed_while_they_hold_memory_give_it_back():
 
         for _ in range(_KILLS):
             with child("hold", endpoint) as holder:
-                wait_until(lambda: publisher.events.matched, timeout_s=30)
+                wait_until(lambda: publisher.events.matched)
                 for number in range(4):
                     publisher.publish(shm_end.image(number))
                 assert [holder.stdout.readline() for _ in range(4)] == ["shared\n"] * 4
-            wait_until(lambda: not publisher.events.matched, timeout_s=30)
-            wait_until(all_there, timeout_s=30)
+            wait_until(lambda: not publisher.events.matched)
+            wait_until(all_there)
 
 
 def ours() -> set[str]:
@@ -166,4 +159,4 @@ def test_publishers_killed_in_full_flight_tear_no_message_and_leave_no_memory_be
     with child("once", endpoint) as last:  # who opens shared memory next removes what the dead left
         assert last.stdout.readline() == "done\n"
         last.wait()
-    wait_until(lambda: ours() <= before, timeout_s=30)
+    wait_until(lambda: ours() <= before)

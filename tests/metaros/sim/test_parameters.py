@@ -72,7 +72,7 @@ def test_the_command_line_slows_a_robot_down(zenoh_router):
         wait_until(lambda: executor.spin_once(0.1) and max(speeds, default=0.0) > 0.3)
         port = zenoh_router.rsplit(":", 1)[1]
         command = [sys.executable, "-m", "metaros", "param", "set", "/sim_1/base", "max_speed", "0.2"]
-        done = subprocess.run([*command, "--zenoh-port", port], capture_output=True, text=True, timeout=60)
+        done = subprocess.run([*command, "--zenoh-port", port], capture_output=True, text=True, timeout=120)
         assert done.stdout == "Set parameter successful\n", done.stderr
         wait_until(lambda: executor.spin_once(0.1) and speeds[-1] < 0.25)
         speeds.clear()

@@ -63,11 +63,11 @@ def test_drive_square_drives_a_square(zenoh_router: str, tmp_path: Path) -> None
                 env=environ,
                 capture_output=True,
                 text=True,
-                timeout=60,
+                timeout=120,
             )
         finally:
             stop.set()
-            sim.join(5)
+            sim.join(30)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("side ended") == done.stdout.count("turn ended") == 4
     assert "resumed autonomy on request" in done.stdout

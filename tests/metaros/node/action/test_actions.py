@@ -75,14 +75,14 @@ def serve(here, there) -> Iterator[Serve]:
             client = client_node.create_action_client(Fibonacci, "fibonacci")
             stack.enter_context(spinning(server_node))
             stack.enter_context(spinning(client_node))
-            assert client.wait_for_server(10)
+            assert client.wait_for_server(30)
             return server, client
 
         yield start
 
 
 def summary(goal: ClientGoal) -> tuple[GoalState, list[int]]:
-    status, result = goal.result(10).wait()
+    status, result = goal.result(60).wait()
     return status, result.sequence.tolist()
 
 
@@ -130,7 +130,7 @@ def test_a_goal_may_be_refused(serve):
         assert goal.accepted is accepted
     assert asked == [5, 50, 500]
     with pytest.raises(UnavailableError, match="does not know"):
-        goal.result(5).wait()
+        goal.result(60).wait()
     assert goal.status is GoalState.UNKNOWN
 
 
@@ -144,7 +144,7 @@ def test_a_cancel_may_be_refused(serve):
     go = threading.Event()
 
     def execute(goal: ServerGoal) -> Any:
-        go.wait(10)
+        go.wait(30)
         return fibonacci(goal)
 
     async def refuse(goal: ServerGoal) -> bool:
@@ -255,7 +255,7 @@ def test_more_goals_than_threads_wait_and_may_be_cancelled_meanwhile(serve):
 
     def execute(goal: ServerGoal) -> Any:
         began.append(goal.request.order)
-        go.wait(10)
+        go.wait(30)
         return Fibonacci.Result()
 
     _, client = serve(execute)
@@ -276,7 +276,7 @@ def test_results_expire(zenoh_router, here):
         peer = metaros.Node("client", context=here)
         client = peer.create_action_client(Fibonacci, "fibonacci")
         with spinning(node), spinning(peer):
-            assert client.wait_for_server(10)
+            assert client.wait_for_server(30)
             goal = client.send_goal(Fibonacci.Goal(order=5)).wait()
             assert summary(goal) == DONE
             clock.advance(4.9)
@@ -287,7 +287,7 @@ def test_results_expire(zenoh_router, here):
 
             def gone() -> bool:
                 try:
-                    goal.result(5).wait()
+                    goal.result(60).wait()
                 except UnavailableError:
                     return True
                 return False
