@@ -11,7 +11,7 @@ import pytest
 
 from tests.support.netns import why_not
 
-__all__ = ["run_campaign", "skip_without_namespaces"]
+__all__ = ["run_campaign", "skip_without_faketime", "skip_without_namespaces"]
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -37,3 +37,11 @@ def skip_without_namespaces() -> None:
     if reason := why_not():
         assert not os.environ.get("CI"), f"CI must be able to: {reason}"
         pytest.skip(reason)
+
+
+def skip_without_faketime() -> str:
+    """Where libfaketime is, for LD_PRELOAD; says so where it is not installed."""
+    for path in sorted(Path("/usr/lib").glob("*/faketime/libfaketime.so.1")):
+        return str(path)
+    assert not os.environ.get("CI"), "CI must have libfaketime"
+    pytest.skip("libfaketime is not installed (Debian: apt install libfaketime)")
