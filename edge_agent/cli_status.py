@@ -42,7 +42,9 @@ def status_command(
     reports = [report for report in asked if name in (None, report["name"])]
     known = {Path(report["directory"]).resolve() for report in asked}
     unknown = (path for path in directories(name, state_dir) if path.resolve() not in known)
-    reports += [found for path in unknown for found in read(path)]
+    left = [found for path in unknown for found in read(path)]
+    answered = {report["name"] for report in asked}
+    reports += [one for one in left if one["name"] not in answered or held(one)]
     if state_dir is not None:
         reports = [report for report in reports if Path(report["directory"]).resolve() == state_dir.resolve()]
     reports.sort(key=lambda report: str(report["name"]))
@@ -124,9 +126,13 @@ def show(out: Output, report: Report) -> None:
     from metaros.cli.output import human_bytes
 
     out.line(f"{out.style(str(report['name']), '1;36')}  {headline(out, report)}")
+    if not report["running"] and not held(report):
+        out.line(f"  {out.style('State'.ljust(_LABEL), '2')} {report['directory']}")
+        out.line()
+        return
     limit = report.get("budget_bytes_per_s")
     uplink = f"limited to {human_bytes(limit)}/s" if limit else "no limit"
-    if "sent_bytes_per_s" in report:
+    if report.get("linked"):
         uplink = f"{human_bytes(report['sent_bytes_per_s'])}/s, {uplink}"
     epochs = report.get("epochs") or []
     rows = (
@@ -142,12 +148,17 @@ def show(out: Output, report: Report) -> None:
     out.line()
 
 
+def held(report: Report) -> bool:
+    """Whether anything waits."""
+    return any(row["samples"] for row in report["classes"])
+
+
 def headline(out: Output, report: Report) -> str:
     """Whether it runs and is linked, in words."""
     if "linked" not in report:
         if report["running"]:
             return out.style("runs, but does not answer on this router", "33")
-        return out.style("does not run", "33") + "; what it left:"
+        return out.style("does not run", "33") + ("; what it left:" if held(report) else ", and holds nothing")
     pid = f"pid {report['pid']}, agent {report.get('version', '?')}, namespace {report.get('namespace', '?')}"
     again = report.get("reconnects") or 0
     lost = f", link lost {again}×" if again else ""

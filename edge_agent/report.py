@@ -5,19 +5,21 @@ Reading changes nothing and takes no lock: a running agent may be writing meanwh
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from edge_agent.errors import CorruptError
-from edge_agent.outbox import CLASSES, LOGS, Outbox
+from edge_agent.outbox import CLASSES, LOGS, Disk, Outbox
 from edge_agent.outbox.reader import Segment
 from edge_agent.outbox.segment import SegmentHeader, read_header, scan
+from edge_agent.outbox.state import OutboxState
+from edge_agent.store_id import StoreId
 from edge_agent.uplink.session import Queues
 from edge_agent.uplink.statistics import LinkFacts, class_depth
+from edge_agent.uplink_limit import stored_limit
 from metaros._proto import link_pb2
 
 __all__ = ["held_report", "running_report"]
@@ -26,6 +28,24 @@ _FIRST_BYTES = 256 * 1024
 _MOST_HEADER = 4 * 1024 * 1024
 _NUMBERS = ("fresh_bytes", "backfill_bytes", "samples", "lost", "disk_bytes", "quota_bytes")
 Report = dict[str, Any]
+
+
+class _Looked:
+    """A directory as a disk that is only read, and not even made."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+
+    def size(self, name: str) -> int:
+        """Bytes of a file; 0 when there is none."""
+        path = self._root / name
+        return path.stat().st_size if path.is_file() else 0
+
+    def read(self, name: str, offset: int, size: int) -> bytes:
+        """At most `size` bytes of a file."""
+        with (self._root / name).open("rb") as file:
+            file.seek(offset)
+            return file.read(size)
 
 
 def running_report(
@@ -72,16 +92,16 @@ def held_report(directory: Path) -> Report:
         )
         firsts = [_oldest(found[0], {}) for log, found in logs.items() if found and counted[log]]
         rows.append(_class_row(depth, min((first for first in firsts if first), default=None)))
-    state = _json(directory / "outbox" / "state.json")
-    epochs = state.get("epochs", {})
+    disk = cast(Disk, _Looked(directory))
+    state = OutboxState.load(cast(Disk, _Looked(directory / "outbox")))
     return {
         "name": directory.name,
         "running": False,
         "directory": str(directory),
-        "store_id": _text(directory / "store_id"),
-        "budget_bytes_per_s": _json(directory / "uplink.json").get("bytes_per_s") or None,
+        "store_id": StoreId(disk).value,
+        "budget_bytes_per_s": stored_limit(disk) or None,
         "disk_free_bytes": shutil.disk_usage(directory).free,
-        "epochs": [f"{int(epoch):016x}" for epoch in epochs.values()] if isinstance(epochs, dict) else [],
+        "epochs": [f"{epoch:016x}" for epoch in state.epochs.values()] if state is not None else [],
         "classes": rows,
     }
 
@@ -145,18 +165,3 @@ def _oldest(segment: Segment, acked: Mapping[int, int]) -> int | None:
 
 def _class_row(depth: link_pb2.ClassDepth, oldest: int | None) -> Report:
     return {"name": depth.name, **{number: getattr(depth, number) for number in _NUMBERS}, "oldest_ns": oldest}
-
-
-def _json(path: Path) -> dict[str, Any]:
-    try:
-        found = json.loads(path.read_bytes())
-    except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(errors="replace").strip()[:64]
-    except OSError:
-        return ""

@@ -15,7 +15,7 @@ from typing import Any
 
 import uvicorn
 from fastapi import FastAPI, WebSocket, WebSocketDisconnect
-from fastapi.responses import FileResponse
+from fastapi.responses import FileResponse, JSONResponse, Response
 
 from metaros.clock import SystemClock
 from tests.e2e.fake_world import TOPICS, FakeRobot, FakeTopic
@@ -34,6 +34,7 @@ class FakeGateway:
         self.teleop: list[dict[str, Any]] = []
         self.called: list[dict[str, Any]] = []
         self.lease_holder: str | None = None
+        self.refuses_uplink = False
         self._clock = SystemClock()
         self._server: uvicorn.Server | None = None
         self._thread: threading.Thread | None = None
@@ -84,6 +85,8 @@ class FakeGateway:
         app.add_api_route("/api/v1/robots/{robot_id}/metrics", self._metrics)
         app.add_api_route("/api/v1/robots/{robot_id}/metrics/range", self._range)
         app.add_api_route("/api/v1/robots/{robot_id}/services/call", self._call, methods=["POST"])
+        app.add_api_route("/api/v1/robots/{robot_id}/gaps", self._gaps)
+        app.add_api_route("/api/v1/robots/{robot_id}/uplink", self._uplink, methods=["PUT"])
         app.add_api_websocket_route("/api/v1/stream", self._stream)
         app.add_api_websocket_route("/api/v1/robots/{robot_id}/teleop", self._drive)
         app.add_api_route("/{path:path}", self._static)
@@ -118,6 +121,16 @@ class FakeGateway:
     async def _call(self, robot_id: str, body: dict[str, Any]) -> dict[str, Any]:
         self.called.append({"robot": robot_id, **body})
         return {"response": {"success": True, "message": ""}}
+
+    async def _gaps(self, robot_id: str) -> dict[str, Any]:
+        now = datetime.datetime.fromtimestamp(self.seconds() - 65, datetime.UTC).isoformat()
+        return {"gaps": self._robot(robot_id).describe_gaps(now)}
+
+    async def _uplink(self, robot_id: str, body: dict[str, Any]) -> Response:
+        if self.refuses_uplink:
+            return JSONResponse({"code": "unsupported", "detail": "this agent is too old", "status": 501}, 501)
+        self._robot(robot_id).budget_bytes_per_s = body["bytes_per_s"]
+        return JSONResponse({"bytes_per_s": body["bytes_per_s"], "sent_bytes_per_s": 0.0})
 
     async def _drive(self, socket: WebSocket, robot_id: str) -> None:
         await socket.accept()

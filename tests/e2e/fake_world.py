@@ -56,6 +56,9 @@ class FakeRobot:
     battery: float = 0.8
     state: str = "online"
     note: str = "all well"
+    waiting_bytes: int = 0
+    budget_bytes_per_s: int | None = None
+    gaps: int = 0
     driven: list[dict[str, Any]] = field(default_factory=list)
 
     def topic(self, name: str) -> str:
@@ -143,12 +146,31 @@ class FakeRobot:
             "last_seen": now,
             "agent_version": "2.0.0",
             "labels": {},
-            "link": {"session": 1, "rtt_ms": 1.2, "outbox_bytes": 0, "outbox_samples": 0, "bytes_per_s": 83_000.0},
+            "link": self.describe_link(),
             "channels": len(TOPICS),
             "counts": {"samples": 1, "bytes": 1, "duplicates": 0, "gaps": 0, "lost": 0},
             "lease": None,
             "latest": {},
         }
+
+    def describe_link(self) -> dict[str, Any]:
+        """The contract's link of a robot."""
+        quotas = {"event": 64 << 20, "metric": 256 << 20, "bulk": 2 << 30, "live": 8 << 20}
+        depth = {"fresh_bytes": 0, "backfill_bytes": 0, "samples": 0, "lost": 0, "disk_bytes": 0}
+        classes = [{"name": name, **depth, "quota_bytes": quota} for name, quota in quotas.items()]
+        classes[2] |= {"backfill_bytes": self.waiting_bytes, "samples": self.waiting_bytes // 1000}
+        link: dict[str, Any] = {"session": 1, "rtt_ms": 1.2, "outbox_bytes": 0, "outbox_samples": 0}
+        link |= {"bytes_per_s": 83_000.0, "transport": "grpc", "gateway": "127.0.0.1:8081", "reconnects": 2}
+        link |= {"budget_bytes_per_s": self.budget_bytes_per_s, "sent_bytes_per_s": 84_000.0, "classes": classes}
+        return link | {"disk_free_bytes": 12_000_000_000, "clock_offset_ms": 3.0, "forks": 0, "epochs": 1}
+
+    def describe_gaps(self, now: str) -> list[dict[str, Any]]:
+        """The contract's declared losses: one of scans, one of metric rows."""
+        common = {"epoch": "00000000000000ff", "lost_from": now, "lost_to": now, "declared": now}
+        scan = {"topic": self.topic("scan"), "class": "bulk", "stream": 2, "backfill": True, "reason": "outbox_full"}
+        rows = {"topic": None, "class": "metric", "stream": 0, "backfill": False, "reason": "<b>odd</b>"}
+        gaps = [scan | {"from": 1001, "to": 3500, "count": 2500}, rows | {"from": 7, "to": 7, "count": 1}]
+        return [gap | common for gap in gaps[: self.gaps]]
 
     def describe_topic(self, number: int, topic: FakeTopic) -> dict[str, Any]:
         """The contract's topic."""
@@ -160,6 +182,7 @@ class FakeRobot:
         }
         row |= {"type_hash": type_hash(topic.type), "encoding": "cdr", "forward": True, "qos": "", "demand_hz": None}
         row |= {"rate_hz": topic.rate_hz, "bytes_per_s": 900.0, "messages": int(topic.rate_hz * 10), "dropped": 0}
+        row |= {"thinned": 0}
         row |= {"publishers": int(topic.rate_hz > 0), "subscribers": int(topic.rate_hz == 0), "last_stamp_ms": None}
         return row | {"received": 10, "received_bytes": 900, "lost": 0}
 

@@ -11,6 +11,7 @@ import sys
 import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -50,6 +51,12 @@ class Up:
         except OSError:
             return 0
         return sum(robot["state"] == "online" for robot in robots)
+
+    def robot(self, name: str) -> dict[str, Any]:
+        """A robot as the API shows it."""
+        with urllib.request.urlopen(f"{self.url}/api/v1/robots/{name}", timeout=10) as answer:
+            found: dict[str, Any] = json.load(answer)
+        return found
 
     def gateway(self) -> psutil.Process:
         """The gateway's process."""
@@ -135,6 +142,30 @@ def test_driving_turns_the_robot_and_letting_go_stops_it(up: Up, open_page: Open
     assert travelled(page, 0.5) < 0.02, "stands still, and autonomy has not come back"
     page.get_by_role("button", name="Resume autonomy").click()
     expect(page.locator(".resume")).to_contain_text("autonomy resumed")
+
+
+def test_an_outage_is_filled_in_and_the_link_tab_says_so(up: Up, open_page: OpenPage) -> None:
+    page = open_page(f"{up.url}/robots/sim_1?tab=link")
+    expect(page.locator("[data-card=connection] [data-transport=grpc]")).to_be_visible()
+    gateway = up.gateway()
+    gateway.suspend()
+    try:
+        page.wait_for_timeout(20_000)  # the agents find the link dead after 15 s, and keep what comes from then on
+    finally:
+        gateway.resume()
+    wait_until(lambda: up.online() == 4, timeout_s=60, every_s=0.2)
+    robot = up.robot("sim_1")
+    assert robot["link"]["reconnects"] >= 1
+    assert robot["counts"]["lost"] == 0
+    expect(page.locator("[data-card=backfill]")).to_contain_text("Up to date", timeout=60_000)
+    save(page, "link-desk")
+    slider = page.get_by_label("Byte budget of the uplink")
+    slider.focus()
+    slider.press("Home")
+    expect(page.locator("[data-limit='5000']")).to_be_visible()
+    assert up.robot("sim_1")["link"]["budget_bytes_per_s"] == 5000
+    slider.press("End")
+    expect(page.locator("[data-limit=none]")).to_be_visible()
 
 
 def test_page_recovers_when_the_gateway_is_killed(up: Up, open_page: OpenPage) -> None:

@@ -1,6 +1,6 @@
 /** Typed calls of the gateway's REST interface. Every failure is an ApiError with the server's own words. */
 
-import type { Problem, Robot, SeriesInfo, SeriesRange, Topic } from "./types";
+import type { Gap, Problem, Robot, SeriesInfo, SeriesRange, Topic, Uplink } from "./types";
 
 const BASE = "/api/v1";
 
@@ -28,9 +28,9 @@ async function request<T>(path: string, init?: RequestInit): Promise<T> {
   throw new ApiError(response.status, problem.code ?? "http", said);
 }
 
-function post<T>(path: string, body: unknown): Promise<T> {
+function send<T>(method: "POST" | "PUT", path: string, body: unknown): Promise<T> {
   return request(path, {
-    method: "POST",
+    method,
     headers: { "content-type": "application/json" },
     body: JSON.stringify(body),
   });
@@ -51,8 +51,12 @@ export const api = {
     ]);
     return (await request<{ series: SeriesRange[] }>(`${robotPath(id)}/metrics/range?${query}`)).series;
   },
+  gaps: async (id: string, limit: number) =>
+    (await request<{ gaps: Gap[] }>(`${robotPath(id)}/gaps?limit=${limit}`)).gaps,
+  setUplink: (id: string, bytesPerS: number | null) =>
+    send<Uplink>("PUT", `${robotPath(id)}/uplink`, { bytes_per_s: bytesPerS }),
   callService: (id: string, service: string, type: string, body: object, timeoutS = 5) =>
-    post<{ response: Record<string, unknown> }>(`${robotPath(id)}/services/call`, {
+    send<{ response: Record<string, unknown> }>("POST", `${robotPath(id)}/services/call`, {
       service,
       type,
       request: body,

@@ -5,6 +5,37 @@ export interface Sample {
   value: number;
 }
 
+/** How much of a class waits on the robot: accepted while the link was up (fresh) or down (backfill). */
+export interface ClassDepth {
+  name: "event" | "metric" | "bulk" | "live";
+  fresh_bytes: number;
+  backfill_bytes: number;
+  samples: number;
+  lost: number;
+  disk_bytes: number;
+  quota_bytes: number;
+}
+
+export interface Gap {
+  topic: string | null;
+  class: Topic["class"] | null;
+  stream: number;
+  backfill: boolean;
+  epoch: string;
+  from: number;
+  to: number;
+  count: number;
+  reason: string;
+  lost_from: string | null;
+  lost_to: string | null;
+  declared: string;
+}
+
+export interface Uplink {
+  bytes_per_s: number | null;
+  sent_bytes_per_s: number;
+}
+
 export interface Robot {
   id: string;
   namespace: string;
@@ -20,6 +51,16 @@ export interface Robot {
     outbox_bytes: number;
     outbox_samples: number;
     bytes_per_s: number;
+    transport: string;
+    gateway: string;
+    budget_bytes_per_s: number | null;
+    sent_bytes_per_s: number;
+    reconnects: number;
+    classes: ClassDepth[];
+    disk_free_bytes: number;
+    clock_offset_ms: number;
+    forks: number;
+    epochs: number;
   };
   channels: number;
   counts: { samples: number; bytes: number; duplicates: number; gaps: number; lost: number };
@@ -40,6 +81,7 @@ export interface Topic {
   bytes_per_s: number | null;
   messages: number;
   dropped: number;
+  thinned: number;
   publishers: number;
   subscribers: number;
   received: number;

@@ -5,7 +5,7 @@ import { concerns, cpuSpark, followFleet, health, latest, robots, setValue, SPAR
 import { Stream } from "./stream";
 
 const robot = (id: string, state: "online" | "offline" = "online") =>
-  ({ id, state, link: { rtt_ms: 1, outbox_bytes: 0, bytes_per_s: 0 }, latest: {} }) as unknown as Robot;
+  ({ id, state, link: { rtt_ms: 1, outbox_bytes: 0, bytes_per_s: 0, classes: [], forks: 0 }, latest: {} }) as unknown as Robot;
 
 beforeEach(() => {
   robots.value = null;
@@ -30,6 +30,12 @@ test("worst first, numbers in numeric order", () => {
   expect(order.map(({ id }) => id)).toEqual(["gone", "low", "r2", "r10"]);
   expect(health(robot("low"), 1000)).toBe("attention");
   expect(concerns(robot("low"), 1000)).toEqual(["battery low"]);
+});
+
+test("a copied outbox wants a person's eyes", () => {
+  const copied = robot("copied");
+  copied.link.forks = 1;
+  expect(concerns(copied, 1000)).toEqual(["outbox copied"]);
 });
 
 test("an old value is no concern of now", () => {

@@ -3,6 +3,7 @@
 import { signal, type Signal } from "@preact/signals";
 import type { Robot, Sample } from "../api/types";
 import { isStale } from "./age";
+import { noteLink } from "./link_history";
 import type { Stream } from "./stream";
 
 export const SPARK_POINTS = 60;
@@ -45,6 +46,7 @@ export function followFleet(stream: Stream): void {
     const merged = new Map((complete ? [] : (robots.peek() ?? [])).map((robot) => [robot.id, robot]));
     for (const robot of changed) {
       merged.set(robot.id, robot);
+      noteLink(robot, Date.now());
       for (const name of FLEET_SERIES) {
         const sample = robot.latest[name];
         if (sample && latest(robot.id, name).peek() === null) setValue(robot.id, name, sample);
@@ -71,6 +73,7 @@ export function concerns(robot: Robot, atMs: number): string[] {
   const rtt = robot.link.rtt_ms;
   if (rtt !== null && rtt > 500) found.push("slow link");
   if (robot.link.outbox_bytes > 1_000_000) found.push("outbox filling");
+  if (robot.link.forks > 0) found.push("outbox copied");
   const cpu = value("host.cpu.percent");
   if (cpu !== null && cpu > 95) found.push("CPU full");
   return found;

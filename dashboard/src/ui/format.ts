@@ -38,6 +38,15 @@ export function short(value: Maybe): string {
   return String(Number(value.toPrecision(4)));
 }
 
+/** "8 s", "3 min", "2.5 h", "4 d", "10 years": a span at a glance. */
+export function duration(seconds: number): string {
+  if (seconds < 10) return `${Number(seconds.toFixed(1))}\u202fs`;
+  if (seconds < 100) return `${Math.round(seconds)}\u202fs`;
+  if (seconds < 6000) return `${Math.round(seconds / 60)}\u202fmin`;
+  if (seconds < 172800) return `${Number((seconds / 3600).toFixed(1))}\u202fh`;
+  return seconds < 63e6 ? `${Math.round(seconds / 86400)}\u202fd` : `${Math.round(seconds / 31557600)}\u202fyears`;
+}
+
 /** The topic as the robot itself would say it: without the robot's own namespace. */
 export function relativeTopic(topic: string, namespace: string): string {
   const prefix = namespace.endsWith("/") ? namespace : `${namespace}/`;

@@ -10,6 +10,7 @@ import { useLive } from "../ui/context";
 import { bytes, bytesPerSecond, fixed, integer } from "../ui/format";
 import { Link, StateBadge } from "../ui/parts";
 import { place, setParam } from "../ui/url";
+import { LinkTab } from "./link";
 import { LiveTab } from "./live";
 import { TopicsTab } from "./topics";
 
@@ -48,7 +49,8 @@ export function RobotPage({ id }: { id: string }) {
   }, [id]);
 
   if (!robot) return <Unknown id={id} loading={robots.value === null} />;
-  const tab = place.value.params.get("tab") === "topics" ? "topics" : "live";
+  const asked = place.value.params.get("tab");
+  const tab = asked === "topics" || asked === "link" ? asked : "live";
   return (
     <>
       <Header robot={robot} />
@@ -57,12 +59,15 @@ export function RobotPage({ id }: { id: string }) {
         <button type="button" aria-current={tab === "topics" ? "page" : undefined} onClick={() => setParam("tab", "topics", "live")}>
           Topics <small>{topics.value?.length ?? ""}</small>
         </button>
+        <button type="button" aria-current={tab === "link" ? "page" : undefined} onClick={() => setParam("tab", "link", "live")}>Link</button>
       </nav>
       {problem.value && <p class="problem" role="status">{problem.value}</p>}
       {tab === "live" ? (
         <LiveTab robot={robot} topics={topics.value} series={series.value} />
-      ) : (
+      ) : tab === "topics" ? (
         <TopicsTab robot={robot} topics={topics.value} />
+      ) : (
+        <LinkTab key={id} robot={robot} />
       )}
     </>
   );
