@@ -385,7 +385,10 @@ class Outbox:
         if policy.when_full == "refuse":
             more = self._pending[name].size_bytes
             return "outbox_full" if self.logs[name].size_bytes + more > policy.quota_bytes else ""
-        free, total = self._disk.free()
+        try:
+            free, total = self._disk.free()
+        except DiskError:  # the write will say so
+            return ""
         return "disk_low" if free < min(policy.floor_bytes, policy.floor_share * total) else ""
 
     def _rewrite(self, names: Iterable[LogName], *, thin: bool = False) -> RewriteJob | None:

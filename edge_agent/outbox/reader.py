@@ -7,12 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+from edge_agent.errors import DiskError
 from edge_agent.outbox.disk import Disk
 from edge_agent.outbox.segment import Frame, Gap, SegmentHeader, frame_size, header_size, read_header, scan
 
 __all__ = ["Cursor", "Segment", "load_header"]
 
 _READ_BYTES = 256 * 1024
+_READ_TRIES = 5
 _PREFIX_BYTES = 16
 
 
@@ -54,6 +56,7 @@ class Cursor:
         self._read_to = 0  # behind the last byte read
         self._ready: deque[tuple[Frame, int]] = deque()
         self._seen: dict[int, int] = {}  # newest number of each stream up to here, in this segment's era
+        self._failures = 0  # of reading, one after the other; at the last one what cannot be read is given up
         self.damaged = 0  # segments with damage found while reading
 
     def rewind(self) -> None:
@@ -133,7 +136,14 @@ class Cursor:
         wanted = _READ_BYTES
         while self._read_to < self._at.end:
             rest = self._at.end - self._read_to
-            data = self._disk.read(self._at.name, self._read_to, min(wanted, rest))
+            try:
+                data = self._disk.read(self._at.name, self._read_to, min(wanted, rest))
+            except DiskError:
+                self._failures += 1
+                if self._failures < _READ_TRIES:
+                    raise
+                return self._skip_damage()
+            self._failures = 0
             found = scan(data)
             if found.frames:
                 self._ready.extend(
@@ -150,6 +160,7 @@ class Cursor:
     def _skip_damage(self) -> bool:
         """Give gaps for what cannot be read of this segment, by the numbers of the next; False when none is missing."""
         assert self._at is not None
+        self._failures = 0
         self.damaged += 1
         segment, self._read_to = self._at, self._at.end
         self._declare(self._seen, self._log.last_before(segment), segment.end)

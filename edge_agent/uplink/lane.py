@@ -104,7 +104,7 @@ class LaneSender:
         waits = []
         if self._paused is not None:
             waits.append(self._resume_s - now_s)
-        elif self._blocked is not None:
+        if self._blocked is not None:
             waits.append(self._queues.budget.wait_s(self._blocked, now_s))
         if self.lane == DATA and (linger_s := self._queues.linger.wait_s(now_s)):
             waits.append(linger_s)

@@ -9,9 +9,9 @@ import threading
 import pytest
 
 from edge_agent.errors import DiskError
-from edge_agent.outbox import Outbox, OutboxWriter
+from edge_agent.outbox import Kind, Outbox, OutboxWriter
 from metaros.clock import Clock, ManualClock, SystemClock
-from tests.edge_agent.parts import make_outbox, policies
+from tests.edge_agent.parts import accept, make_outbox, policies, taken
 from tests.support.sim_disk import SimDisk
 from tests.support.threads import left_behind, threads_now
 from tests.support.waiting import wait_until_async
@@ -133,3 +133,57 @@ def test_what_gathers_in_front_of_a_slow_disk_is_bounded_over_all_logs() -> None
     assert outbox.lost["bulk"] >= 60
     outbox.append(2, "event", 5, b"still")
     assert outbox.lost["event"] == 0
+
+
+class DeafDisk(SimDisk):
+    """Reads of segments fail while `deaf`; so does the question for free space."""
+
+    deaf = False
+
+    def read(self, name: str, offset: int, size: int) -> bytes:
+        if self.deaf and name.startswith("bulk/"):
+            raise DiskError("an I/O error")
+        return super().read(name, offset, size)
+
+    def free(self) -> tuple[int, int]:
+        if self.deaf:
+            raise DiskError("an I/O error")
+        return super().free()
+
+
+def deaf_rig() -> tuple[DeafDisk, Outbox]:
+    disk = DeafDisk(random.Random(1))
+    outbox = make_outbox(disk)
+    outbox.online = True
+    for number in range(3):
+        outbox.append(1, "bulk", number, b"x" * 10)
+    accept(outbox)
+    outbox.resume({})
+    disk.deaf = True
+    with pytest.raises(DiskError):
+        outbox.take("bulk")
+    return disk, outbox
+
+
+def test_a_disk_that_cannot_be_read_for_a_moment_loses_nothing() -> None:
+    disk, outbox = deaf_rig()
+    disk.deaf = False
+    assert [(item.frame.first_seq, item.frame.last_seq) for item in taken(outbox, "bulk")] == [(1, 3)]
+
+
+def test_what_can_never_be_read_is_given_up_and_declared() -> None:
+    disk, outbox = deaf_rig()
+    frames = []
+    for _ in range(10):  # one try a session
+        outbox.resume({})
+        try:
+            frames += [item.frame for item in iter(lambda: outbox.take("bulk"), None)]
+        except DiskError:
+            continue
+        break
+    assert [(frame.kind, frame.gap().from_seq, frame.gap().to_seq) for frame in frames] == [(Kind.GAP, 1, 3)]
+    assert frames[0].gap().reason == "disk_corrupt"
+    outbox.append(2, "event", 9, b"still")
+    accept(outbox)
+    assert len(taken(outbox, "event")) == 1
+    assert disk.deaf
