@@ -21,6 +21,8 @@ _COLUMNS = ("Class", "Fresh", "Back-fill", "Samples", "Oldest", "On disk", "Quot
 _PATIENCE_S = 2.0
 _MOST_BYTES = 1024 * 1024  # of an answer
 _LABEL = 9
+_TEXTS = ("name", "namespace", "version", "directory", "transport", "gateway", "store_id")
+_NUMBERS = ("fresh_bytes", "backfill_bytes", "samples", "lost", "disk_bytes", "quota_bytes")
 Report = dict[str, Any]
 
 
@@ -80,16 +82,40 @@ def ask(zenoh_port: int, domain: int) -> list[Report]:
 
 
 def rows_of(answers: Iterable[bytes]) -> Iterable[Report]:
-    """The answers that are reports; a peer's answer is data from outside."""
+    """The answers that are reports, with what we know of them; a peer's answer is data from outside."""
     for answer in answers:
         try:
-            report: Any = json.loads(answer) if len(answer) <= _MOST_BYTES else None
-            name, directory = str(report["name"])[:256], str(report["directory"])[:4096]
-            classes = [dict(row) for row in report["classes"][:8]]
-            lines(classes)
+            said: Any = json.loads(answer) if len(answer) <= _MOST_BYTES else None
+            report: Report = {name: text(said[name]) for name in _TEXTS}
+            report |= {name: int(said[name]) for name in ("pid", "reconnects", "disk_free_bytes")}
+            report |= {
+                "running": True,
+                "linked": said["linked"] is True,
+                "sent_bytes_per_s": float(said["sent_bytes_per_s"]),
+            }
+            report["budget_bytes_per_s"] = maybe(said["budget_bytes_per_s"])
+            report["epochs"] = [text(epoch) for epoch in said["epochs"][:64]]
+            report["classes"] = [
+                {
+                    "name": text(row["name"]),
+                    **{name: int(row[name]) for name in _NUMBERS},
+                    "oldest_ns": maybe(row["oldest_ns"]),
+                }
+                for row in said["classes"][:8]
+            ]
         except (ValueError, TypeError, KeyError, OverflowError):
             continue
-        yield {**report, "name": name, "directory": directory, "classes": classes}
+        yield report
+
+
+def text(value: object) -> str:
+    """A text from outside: no longer than a line, and nothing that moves a terminal's cursor."""
+    return "".join(letter if letter.isprintable() else "?" for letter in str(value)[:256])
+
+
+def maybe(value: Any) -> int | None:
+    """A number or none."""
+    return None if value is None else int(value)
 
 
 def directories(name: str | None, state_dir: Path | None) -> list[Path]:
