@@ -114,7 +114,10 @@ def load_settings(path: Path | None = None, overrides: Mapping[str, Any] | None 
             values[key] = convert(key, value, "command line")
     values["name"] = values.get("name") or sanitised_hostname()
     settings = Settings(**values)
-    settings.addresses()
+    try:
+        settings.addresses()
+    except ConfigError as error:
+        raise ConfigError(f"{where}: {error}") from error
     return settings
 
 

@@ -56,6 +56,20 @@ def test_rows_come_before_the_default_table_or_instead_of_it(tmp_path: Path) -> 
     assert len(load_settings(write(tmp_path, "default_topics = false\n" + rows)).topics) == 1
 
 
+def test_several_gateways_and_how_to_speak_to_them(tmp_path: Path) -> None:
+    text = "gateways = ['a:8081', 'https://b', 'a:8081']\ntransport = 'websocket'\ncompression = 'zstd'\n"
+    settings = load_settings(write(tmp_path, text))
+    assert settings.gateways == ("a:8081", "https://b")
+    assert [address.link_url for address in settings.addresses()] == [
+        "ws://a:8081/api/v1/link",
+        "wss://b:443/api/v1/link",
+    ]
+    assert {address.transports for address in settings.addresses()} == {("websocket",)}
+    assert settings.compression == "zstd"
+    told = load_settings(write(tmp_path, text), {"gateway": "c:1"})
+    assert [address.text for address in told.addresses()] == ["c:1"]
+
+
 def test_quotas_and_sync_times_make_the_outboxs_classes(tmp_path: Path) -> None:
     text = "state_dir = '/var/lib/robot'\n[outbox]\nevent_bytes = 1000000\nmetric_sync_ms = 250\n"
     settings = load_settings(write(tmp_path, text))
@@ -74,6 +88,12 @@ def test_quotas_and_sync_times_make_the_outboxs_classes(tmp_path: Path) -> None:
         ("zenoh_port = 0", "zenoh_port must be 1 to 65535"),
         ("zenoh_port = true", "zenoh_port must be int"),
         ("gateway = 'localhost'", "gateway must be HOST:PORT"),
+        ("gateway = 'a:1'\ngateways = ['b:1']", "gateway or gateways, not both"),
+        ("gateways = []", "gateways must name at least one"),
+        ("gateways = ['a:1', 'ftp://b']", "gateway must be HOST:PORT"),
+        ("transport = 'carrier pigeon'", "transport must be one of auto, grpc, websocket"),
+        ("transport = 'websocket'\ngateway = 'grpc://a'", "cannot be reached by transport 'websocket'"),
+        ("compression = 'gzip'", "compression must be one of none, zstd"),
         ("namespace = 'no slash'", "namespace"),
         ("exclude = '/a'", "exclude must be list"),
         ("exclude = ['/a b']", "exclude"),
