@@ -17,7 +17,7 @@ from edge_agent.uplink.session import LANES
 from metaros.clock import ManualClock
 from tests.support.sim_agent import LIMITS, Agent, Ledger
 from tests.support.sim_disk import Crash, SimDisk
-from tests.support.sim_gateway import Gateway, Link, SimStore
+from tests.support.sim_gateway import Gateway, Key, Link, SimStore
 
 __all__ = ["KINDS", "Parts", "World", "run_world"]
 
@@ -70,6 +70,7 @@ class World:
         self.clock = ManualClock()
         self.store = self.parts.store()
         self.live: list[int] = []
+        self.not_held: list[Key] = []
         self.forks = 0
         self._stamp = self._session = self._stalled = 0
         self._links: list[tuple[Agent, Link]] = []
@@ -102,7 +103,7 @@ class World:
     def new_gateway(self) -> Gateway:
         """A gateway process on the store."""
         gateway = self.parts.gateway(self.store, self.clock, limits=LIMITS)
-        gateway.live = self.live
+        gateway.live, gateway.not_held = self.live, self.not_held
         return gateway
 
     # -- what happens -----------------------------------------------------------------------------------------------
@@ -282,6 +283,7 @@ class World:
             assert not twice, f"{key}: stored under another epoch, too: {sorted(twice)[:5]}"
             stored |= stamps
         assert len(set(self.live)) == len(self.live), "a live sample came twice"
+        assert self.kinds & {"rot", "rollback"} or not self.not_held, f"let go too early: {self.not_held[:5]}"
         for agent in self.agents:
             self.check_agent(agent, stored)
 

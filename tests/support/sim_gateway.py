@@ -105,6 +105,7 @@ class Gateway:
     """One robot, a queue to the store, sessions that fence one another."""
 
     table: type[StreamTable] = StreamTable
+    session_type: type[Session] = Session
 
     def __init__(self, store: SimStore, clock: ManualClock, *, limits: Limits) -> None:
         self.store = store
@@ -115,6 +116,7 @@ class Gateway:
         self.link: Link | None = None
         self.queue: list[object] = []
         self.live: list[int] = []
+        self.not_held: list[Key] = []  # what the agent had let go before it was stored
         self.forks = 0
         self.refusals = 0  # so many of the next frames meet a RetryLater
 
@@ -139,7 +141,7 @@ class Gateway:
             raise ForkedError("a copy")
         if self.session is not None:
             self.apply(self.session.close("fenced", "newer"))
-        self.session = Session(hello, self.streams, gateway_id="g", store_id="s", limits=self.limits)
+        self.session = self.session_type(hello, self.streams, gateway_id="g", store_id="s", limits=self.limits)
         self.link = link
 
     def receive(self, link: Link, lane: int, data: bytes) -> None:
@@ -170,6 +172,8 @@ class Gateway:
     def submit(self, event: object) -> None:
         """It waits for the next commit."""
         self.queue.append(event)
+        if isinstance(event, GapDeclared) and event.gap.reason == "not_held":
+            self.not_held.append((event.stream_id, event.epoch))
         if not isinstance(event, WriterKnown):
             self.streams.submitted(event.epoch)  # type: ignore[attr-defined]
 
