@@ -38,7 +38,7 @@ def locked(directory: Path) -> Iterator[Path]:
         raise DiskError(f"cannot use {directory}: {error.strerror}") from error
     try:
         if not take_lock(descriptor):
-            pid = os.pread(descriptor, 32, 0).decode(errors="replace").strip() if hasattr(os, "pread") else ""
+            pid = holder(descriptor)
             raise ConfigError(
                 f"another agent{f' (process {pid})' if pid else ''} uses {directory}\n"
                 "Give this one its own with --state-dir, or another --name."
@@ -49,6 +49,15 @@ def locked(directory: Path) -> Iterator[Path]:
         yield directory
     finally:
         os.close(descriptor)
+
+
+def holder(descriptor: int) -> str:
+    """The number of the process that holds the directory; empty where it could not write it."""
+    try:
+        os.lseek(descriptor, 0, os.SEEK_SET)
+        return os.read(descriptor, 32).decode(errors="replace").strip()
+    except OSError:
+        return ""
 
 
 def take_lock(descriptor: int) -> bool:
