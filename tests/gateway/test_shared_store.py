@@ -1,94 +1,41 @@
-"""Gateways on one PostgreSQL store: a robot may go from one to another, and the store may go away for a while."""
+"""Two gateways on one store: what an agent is told of its watermarks when it comes back from the other one."""
 
 from __future__ import annotations
 
-import asyncio
-import json
 from pathlib import Path
 
+import pytest
+
 from metaros._proto import link_pb2
-from tests.gateway.harness import (
-    BACKFILL,
-    CONTROL,
-    DATA,
-    EPOCH,
-    ScriptedAgent,
-    channel,
-    client,
-    running_gateway,
-)
-from tests.gateway.test_main import start
+from tests.gateway.harness import DATA, EPOCH, ScriptedAgent, channel, running_gateway
 from tests.support.postgres import PostgresServer
 
-BULK = channel(7, "/sim_1/scan", "std_msgs/msg/String")
 
-
-async def open_all(agent: ScriptedAgent, last_seq: int) -> int:
-    """Say hello on every lane; the gateway's watermark of the stream."""
-    state = link_pb2.StreamState(stream_id=7, epoch=EPOCH, first_seq=1, last_seq=last_seq)
-    for lane in (CONTROL, DATA, BACKFILL):
-        await agent.open(lane, [state] if lane == DATA else [])
-    await agent.announce(BULK)
-    return int(agent.welcomes[DATA].watermarks[0].seq)
-
-
-async def acked(agent: ScriptedAgent) -> int:
-    """What the next Ack says."""
-    ack = (await agent.next("ack", DATA, timeout_s=30)).ack
-    return int(ack.watermarks[0].seq)
-
-
-async def test_a_robot_goes_from_one_gateway_to_another_and_back(tmp_path: Path, postgres: PostgresServer) -> None:
+@pytest.mark.parametrize("ended", [True, False])
+async def test_an_agent_that_was_elsewhere_meanwhile_is_told_what_the_store_has(
+    tmp_path: Path, postgres: PostgresServer, ended: bool
+) -> None:
     url = postgres.schema()
-    async with running_gateway(tmp_path / "1", store_url=url) as one:
-        async with running_gateway(tmp_path / "2", store_url=url) as two:
-            stored = 0
-            stores = set()
-            for number, ready in enumerate((one, two, one, two, one), 1):
-                agent = ScriptedAgent(ready, number=number, session=bytes([number]) * 16)
-                assert await open_all(agent, stored + 3) == stored
-                stores.add(agent.welcomes[DATA].store_id)
-                await agent.samples(7, max(1, stored), [b"x"] * 4)  # the last one again
-                stored = max(1, stored) + 3
-                assert await acked(agent) == stored
-                await agent.__aexit__()
-            assert len(stores) == 1
-            assert "" not in stores
-
-
-async def test_the_store_goes_away_and_the_link_stays(tmp_path: Path, postgres: PostgresServer) -> None:
-    server = PostgresServer()
-    try:
-        server.start()
-        async with running_gateway(tmp_path, store_url=server.url) as ready, client(ready) as http:
-            async with ScriptedAgent(ready) as agent:
-                await agent.announce(BULK)
-                await agent.samples(7, 1, [b"a"])
-                assert await acked(agent) == 1
-                await asyncio.to_thread(server.kill)
-                await agent.samples(7, 2, [b"b"])
-                later = (await agent.next("retry_later", DATA, timeout_s=30)).retry_later
-                assert later.reason == "store_error"
-                assert (await http.get("/readyz")).status_code == 503
-                await agent.samples(7, 3, [b"c"])  # dropped, as it has not been resumed
-                await asyncio.to_thread(server.start)
-                async with asyncio.timeout(30):
-                    while (await http.get("/readyz")).status_code != 200:
-                        continue
-                await agent.send(DATA, resumed=link_pb2.Resumed(token=later.token))
-                await agent.samples(7, 2, [b"b", b"c"])
-                assert await acked(agent) == 3
-                assert (await http.get("/api/v1/robots/sim_1")).json()["state"] == "online"
-    finally:
-        server.close()
-
-
-def test_the_program_takes_a_url_and_hides_the_password(tmp_path: Path, postgres: PostgresServer) -> None:
-    url = postgres.schema().replace("metaros@", "metaros:secret@")
-    process, status = start(tmp_path, "--port", "0", "--grpc-port", "0", "--store", url)
-    process.terminate()
-    output, _ = process.communicate(timeout=10)
-    assert status["ready"]
-    assert f"store postgresql://127.0.0.1:{postgres.port}/postgres" in output
-    assert "secret" not in output + json.dumps(status)
-    assert process.returncode == 0
+    state = link_pb2.StreamState(stream_id=1, epoch=EPOCH, first_seq=1, last_seq=100)
+    topic = channel(1, "/sim_1/image", "std_msgs/msg/String")
+    async with (
+        running_gateway(tmp_path / "one", store_url=url) as one,
+        running_gateway(tmp_path / "two", store_url=url) as two,
+    ):
+        first = ScriptedAgent(one, number=1)
+        await first.__aenter__()
+        await first.announce(topic)
+        await first.samples(1, 1, [b"x"] * 10)
+        assert (await first.next("ack", DATA)).ack.watermarks[0].seq == 10
+        if ended:
+            await first.__aexit__()
+        async with ScriptedAgent(two, number=2) as second:
+            await second.announce(topic)
+            await second.samples(1, 11, [b"x"] * 10)
+            assert (await second.next("ack", DATA)).ack.watermarks[0].seq == 20
+        third = ScriptedAgent(one, number=3)
+        await third.open(DATA, [state])
+        assert [mark.seq for mark in third.welcomes[DATA].watermarks if mark.epoch == EPOCH] == [20]
+        await third.__aexit__()
+        if not ended:
+            await first.__aexit__()

@@ -34,7 +34,7 @@ async def test_answers_fit_their_models(tmp_path: Path) -> None:
             model.model_validate_json((await http.get(path)).content)
         document = (await http.get("/api/v1/openapi.json")).json()
         described = set(document["paths"])
-        sockets = {"/api/v1/stream", "/api/v1/robots/{robot_id}/teleop", "/api/v1/openapi.json"}
+        sockets = {"/api/v1/link", "/api/v1/stream", "/api/v1/robots/{robot_id}/teleop", "/api/v1/openapi.json"}
         assert described == set(route_paths()) - sockets
 
 

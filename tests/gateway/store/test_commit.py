@@ -22,8 +22,8 @@ from gateway.store.postgres import PostgresEngine
 from gateway.store.query import read_gaps, read_series, read_streams, read_writers
 from gateway.store.sqlite import SqliteEngine
 from tests.gateway.store.samples import BATTERY, CPU, EPOCH, content, everything, gap_write, run_write, write
-from tests.support.link_sim import SimStore
 from tests.support.postgres import PostgresServer
+from tests.support.sim_gateway import SimStore
 
 
 def test_rows_watermark_and_gap_move_together(engine: StoreEngine) -> None:
