@@ -188,7 +188,9 @@ class Links:
     async def _streams(self, record: RobotRecord, hello: link_pb2.Hello) -> StreamTable:
         """The robot's watermarks: as we know them, or as the store does, when somebody else may write there too."""
         live, robot_id = self._live.get(record.robot.id), record.robot.id
-        ours = live is not None and live.session.session_id == hello.session_id
+        # Between two sessions the agent may have been at another gateway.
+        opened = (live.session.session_id, live.session.number) if live is not None else None
+        ours = opened == (hello.session_id, hello.session_number)
         if record.streams is not None and (ours or not self._store.shared):
             return record.streams
         try:
