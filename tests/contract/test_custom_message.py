@@ -186,7 +186,7 @@ def test_a_raw_peer_understands_a_custom_message_both_ways(robot, peer, arrived)
     assert store.hash_rihs01("zoo_robot/msg/BaseState") == type_hash
 
     samples = peer.subscribe("/ns/state", dds, type_hash, "::,10:,:,:,,")
-    sample = samples.get(timeout=20)
+    sample = samples.get(timeout=60)
     assert len(unpack_attachment(sample.attachment.to_bytes())[2]) == 16
     heard = store.deserialize_cdr(sample.payload.to_bytes(), "zoo_robot/msg/BaseState")
     assert (heard.header.frame_id, heard.gear, heard.GEAR_DRIVE, heard.ready, heard.ticks) == (

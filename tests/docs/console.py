@@ -166,14 +166,14 @@ class World:
         if command.sample:
             wait_until(lambda: matches(command.sample, log.read_text()), timeout_s=60)
         else:
-            wait_until(lambda: len(self._graph.endpoints()) > before, timeout_s=30)
+            wait_until(lambda: len(self._graph.endpoints()) > before)
         size = [0, -1]
 
         def settled() -> bool:
             size.append(len(self._graph.endpoints()))
             return len(set(size[-3:])) == 1
 
-        wait_until(settled, timeout_s=30, every_s=0.2)
+        wait_until(settled, every_s=0.2)
         return log.read_text() if command.sample else ""
 
     def _interrupt(self, command: Command) -> str:

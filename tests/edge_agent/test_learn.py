@@ -20,7 +20,7 @@ async def test_the_schema_of_a_type_that_only_its_publisher_knows_reaches_the_ga
             channel = agent.channel("/sim_1/hand")
             return channel is not None and channel.schema_encoding == "ros2msg"
 
-        await wait_until_async(described, timeout_s=30)
+        await wait_until_async(described)
         channel = agent.channel("/sim_1/hand")
         assert channel is not None
         catalogue = Catalogue()
@@ -28,6 +28,6 @@ async def test_the_schema_of_a_type_that_only_its_publisher_knows_reaches_the_ga
         assert type_hash("far_robot/msg/Hand", catalogue) == channel.type_hash
         agent.demand(channel, 20.0)
         live = agent.half.live[channel.channel_id]
-        await wait_until_async(lambda: bool(live), timeout_s=30)
+        await wait_until_async(lambda: bool(live))
         hand = codec("far_robot/msg/Hand", catalogue).decode(live[0][1])
         assert ([finger.angle for finger in hand.fingers], hand.grip) == ([0.25, 1.5], "soft")

@@ -59,7 +59,7 @@ class Rig:
             send()
             return condition()
 
-        wait_until(check, timeout_s=30.0, every_s=0.02)
+        wait_until(check, every_s=0.02)
 
     def row(self, topic: str, direction: str) -> Any:
         """A row of the report; None where there is none."""

@@ -203,11 +203,11 @@ def test_topics_are_subscribed_only_while_somebody_wants_them(
         return {item.topic for item in ends if item.node == "zmq_broker"}
 
     subscriber = rig.subscriber(b"/on")
-    wait_until(lambda: subscribed() == {"/on"}, timeout_s=20)
+    wait_until(lambda: subscribed() == {"/on"})
     subscriber.subscribe(b"of")  # without a slash, as many programs have it
-    wait_until(lambda: subscribed() == {"/on", "/off"}, timeout_s=20)
+    wait_until(lambda: subscribed() == {"/on", "/off"})
     subscriber.close()
-    wait_until(lambda: subscribed() == set(), timeout_s=20)
+    wait_until(lambda: subscribed() == set())
 
 
 def test_a_subscriber_that_was_away_for_a_moment_gets_the_newest(

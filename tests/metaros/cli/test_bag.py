@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import signal
+import sys
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,8 @@ from metaros.interfaces.geometry_msgs.msg import Point
 from metaros.interfaces.std_msgs.msg import String
 from tests.metaros.cli.conftest import Done, Run
 from tests.support.bags import arrivals, write_bag
+from tests.support.processes import END_S, started
+from tests.support.waiting import wait_until
 
 
 @pytest.fixture
@@ -94,13 +98,24 @@ def test_errors(bag_run: Run, tmp_path: Path) -> None:
         assert text in done.stderr
 
 
-def test_record_play_and_save(run: Run, talker: object, bag: str, tmp_path: Path) -> None:
-    target = str(tmp_path / "out")
-    done = run("bag", "record", "/chatter", "--target", target, "--duration", "1", "-o", "json")
-    facts = json.loads(done.stdout)
-    assert done.returncode == 0
-    assert facts["messages"] > 0
+@pytest.mark.usefixtures("talker")
+def test_record_until_ctrl_c(zenoh_router: str, tmp_path: Path) -> None:
+    options = ["--target", str(tmp_path / "out"), "--split-s", "0.1", "-o", "json"]
+    argv = [sys.executable, "-m", "metaros", "bag", "record", "/chatter", *options]
+    with started([*argv, "--zenoh-port", zenoh_router.rsplit(":", 1)[1]]) as recorder:
+        wait_until(lambda: (tmp_path / "out" / "out_1.mcap").exists() or recorder.poll() is not None)
+        recorder.send_signal(signal.SIGINT)
+        out, err = recorder.communicate(timeout=END_S)
+    assert recorder.returncode == 0, err
+    facts = json.loads(out.splitlines()[-1])
+    assert facts["messages"] > 1
     assert facts["topics"] == 1
+
+
+@pytest.mark.usefixtures("talker")
+def test_record_for_a_time_play_and_save(run: Run, bag: str, tmp_path: Path) -> None:
+    done = run("bag", "record", "/chatter", "--target", str(tmp_path / "out"), "--duration", "0.5", "-o", "json")
+    assert (done.returncode, json.loads(done.stdout)["missing"]) == (0, {})
     done = run("bag", "play", bag, "--rate", "0", "--wait", "0", "--remap", "/chatter:=/again", "-o", "json")
     assert json.loads(done.stdout)["messages"] == 146
     assert run("play", bag, "--rate", "0", "--wait", "0").stdout.startswith("146 messages on 2 topics")

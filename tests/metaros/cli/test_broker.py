@@ -19,6 +19,7 @@ from metaros.cli.broker_screen import Watcher, render, report_facts
 from metaros.clock import ManualClock
 from tests.metaros.cli.conftest import Run
 from tests.support.ports import free_port
+from tests.support.processes import END_S, end
 from tests.support.waiting import wait_until
 
 
@@ -38,7 +39,7 @@ def test_it_hosts_the_router_and_bridges_until_told_to_stop(tmp_path: Path, stop
     log = tmp_path / "log"
     with log.open("wb") as out, subprocess.Popen(argv, stdout=out, stderr=subprocess.STDOUT) as process:
         try:
-            wait_until(lambda: status.exists() or process.poll() is not None, timeout_s=30)
+            wait_until(lambda: status.exists() or process.poll() is not None)
             assert process.poll() is None, log.read_text()
             assert json.loads(status.read_text())["xsub"] == [f"tcp://127.0.0.1:{xsub}"]
             with zmq.Context() as context, context.socket(zmq.PUB) as publisher:
@@ -49,11 +50,11 @@ def test_it_hosts_the_router_and_bridges_until_told_to_stop(tmp_path: Path, stop
                     publisher.send(b'/chatter {"data": "hello"}')
                     return "ZeroMQ → ROS  /chatter  std_msgs/msg/String" in log.read_text(encoding="utf-8")
 
-                wait_until(bridged, timeout_s=30, every_s=0.05)
+                wait_until(bridged, every_s=0.05)
             process.send_signal(stop)
-            assert process.wait(20) == 0, log.read_text()
+            assert process.wait(END_S) == 0, log.read_text()
         finally:
-            process.kill()
+            end(process)
     text = log.read_text(encoding="utf-8")
     assert f"tcp/127.0.0.1:{port}, hosted here" in text
     assert text.splitlines()[-1] == "stopped"
@@ -66,10 +67,9 @@ def test_json_lines_for_machines_and_a_warning_beyond_loopback(zenoh_router: str
     with out.open("wb") as out_file, err.open("wb") as err_file:
         with subprocess.Popen(argv, stdout=out_file, stderr=err_file) as process:
             try:
-                wait_until(lambda: b"\n" in out.read_bytes() or process.poll() is not None, timeout_s=30)
+                wait_until(lambda: b"\n" in out.read_bytes() or process.poll() is not None)
             finally:
-                process.terminate()
-                process.wait(20)
+                end(process)
     assert json.loads(out.read_text().splitlines()[0])["rows"] == []
     assert "ZeroMQ has no authentication" in err.read_text()
 

@@ -34,7 +34,7 @@ def test_with_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
             assert key is not None
             assert key() == ""
             os.write(ours, b" ")
-            wait_until(lambda: pressed.append(key()) or pressed[-1], timeout_s=20)
+            wait_until(lambda: pressed.append(key()) or pressed[-1])
         assert pressed[-1] == " "
         assert termios.tcgetattr(ours) == before
         terminal.close()

@@ -192,7 +192,7 @@ def test_kill_9_of_the_launcher_leaves_no_child(tmp_path: Path) -> None:
 
 def test_a_node_whose_callback_hangs_is_ended_and_restarted(tmp_path: Path) -> None:
     table = """
-        heartbeat_s = 0.25
+        heartbeat_s = 1.0
         [[node]]
         name = "hanger"
         class = "hanger:Hanger"

@@ -62,14 +62,14 @@ def test_a_thousand_calls_at_once_need_no_thread_each(adder):
     before = threading.active_count()
 
     async def all_of_them() -> list[int]:
-        calls = [adder.call_async(AddTwoInts.Request(a=n, b=1), timeout_s=30) for n in range(1000)]
+        calls = [adder.call_async(AddTwoInts.Request(a=n, b=1), timeout_s=60) for n in range(1000)]
         answers = asyncio.gather(*calls)
         await asyncio.sleep(0)
         assert threading.active_count() <= before
         return [answer.sum for answer in await answers]
 
     assert asyncio.run(all_of_them()) == list(range(1, 1001))
-    futures = [adder.call_future(AddTwoInts.Request(a=n, b=2), timeout_s=30) for n in range(1000)]
+    futures = [adder.call_future(AddTwoInts.Request(a=n, b=2), timeout_s=60) for n in range(1000)]
     assert threading.active_count() <= before + 1
     assert [future.result(30).sum for future in futures] == list(range(2, 1002))
 
@@ -78,7 +78,7 @@ def test_threads_may_share_a_client(adder):
     sums: list[list[int]] = [[] for _ in range(8)]
 
     def work(number: int) -> None:
-        sums[number] = [adder.call(AddTwoInts.Request(a=number, b=n), timeout_s=30).sum for n in range(50)]
+        sums[number] = [adder.call(AddTwoInts.Request(a=number, b=n), timeout_s=60).sum for n in range(50)]
 
     threads = [threading.Thread(target=work, args=(number,)) for number in range(8)]
     for thread in threads:
@@ -115,13 +115,13 @@ def test_a_call_can_be_cancelled_and_its_late_answer_is_ignored(server, client_n
     client = client_node.create_client(Trigger, "/slow")
     with spinning(server):
         assert client.wait_for_service(30)
-        future = client.call_future(Trigger.Request(), timeout_s=30)
+        future = client.call_future(Trigger.Request(), timeout_s=60)
         assert future.cancel()
         with pytest.raises(CancelledError):
             future.result(60)
 
         async def give_up() -> None:
-            task = asyncio.create_task(client.call_async(Trigger.Request(), timeout_s=30))
+            task = asyncio.create_task(client.call_async(Trigger.Request(), timeout_s=60))
             await asyncio.sleep(0.01)
             task.cancel()
             with pytest.raises(asyncio.CancelledError):
@@ -215,7 +215,7 @@ def test_a_callback_that_blocks_delays_calls_and_loses_none(server, client_node,
     with spinning(server):
         assert client.wait_for_service(30)
         assert blocked.wait(30)
-        futures = [client.call_future(AddTwoInts.Request(a=n), timeout_s=30) for n in range(100)]
+        futures = [client.call_future(AddTwoInts.Request(a=n), timeout_s=60) for n in range(100)]
         with pytest.raises(TimeoutError_):
             client.call(AddTwoInts.Request(), timeout_s=held_s)
         gate.set()

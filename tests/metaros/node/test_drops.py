@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import Any
 
 import metaros
-from metaros.cli.top_drops import ask, drop_rows
+from metaros.cli.top_drops import DropRow, ask, drop_rows
 from metaros.interfaces.std_msgs.msg import String
 from metaros.limits import LIMITS
 from metaros.node.drops import drops_key
@@ -16,29 +17,32 @@ from tests.support.waiting import wait_until
 _SENT = 400
 
 
-def told(context: metaros.Context, topic: str) -> dict[str, Any]:
-    """What the context `context` hears about a subscription on `topic`; nothing while nobody answers."""
-    for answer in ask(context.session):
-        for row in json.loads(answer):
-            if row["topic"] == topic:
-                return dict(row)
-    return {}
+def told(context: metaros.Context, topic: str, fits: Callable[[Any], object] = bool) -> dict[str, Any]:
+    """What the context `context` hears about a subscription on `topic`, once it fits."""
+    found: list[dict[str, Any]] = []
+
+    def look() -> bool:
+        found.extend(row for answer in ask(context.session) for row in json.loads(answer) if row["topic"] == topic)
+        return bool(found) and bool(fits(found[-1]))
+
+    wait_until(look)
+    return found[-1]
 
 
 def test_a_slow_subscription_keeps_to_its_depth_and_the_rest_is_told_as_dropped(here, there):
     with metaros.Node("fast", context=here) as fast, metaros.Node("slow", context=there) as slow:
         subscription = slow.create_subscription(String, "/flood", lambda _: None, QoSProfile(depth=7))
         publisher = fast.create_publisher(String, "/flood", QoSProfile(depth=7, congestion=Congestion.BLOCK))
-        wait_until(lambda: publisher.events.matched, timeout_s=30)
+        wait_until(lambda: publisher.events.matched)
         for number in range(_SENT):
             publisher.publish(String(data=f"{number:04}"))
-        wait_until(lambda: told(here, "/flood").get("dropped") == _SENT - 7, timeout_s=30)
-        row = told(here, "/flood")
+        row = told(here, "/flood", lambda row: row["dropped"] == _SENT - 7)
         assert (row["node"], row["depth"], row["queued"], row["lost"]) == ("/slow", 7, 7, 0)
         assert row["queued_bytes"] == 7 * len(b"\0\1\0\0" + b"\5\0\0\0" + b"0000\0")
         assert subscription.dropped == _SENT - 7
-        (found,) = drop_rows(ask(here.session), word="flood")
-        assert (found.missing, found.queued) == (_SENT - 7, 7)
+        found: list[DropRow] = []
+        wait_until(lambda: found.extend(drop_rows(ask(here.session), word="flood")) or found)
+        assert (found[0].missing, found[0].queued) == (_SENT - 7, 7)
 
 
 def test_a_deep_queue_is_bounded_in_bytes(here, there):
@@ -47,11 +51,10 @@ def test_a_deep_queue_is_bounded_in_bytes(here, there):
         got: list[Any] = []
         slow.create_subscription(String, "/big", got.append, QoSProfile(depth=1000), raw=True)
         publisher = fast.create_publisher(String, "/big", QoSProfile(depth=1000, congestion=Congestion.BLOCK))
-        wait_until(lambda: publisher.events.matched, timeout_s=30)
+        wait_until(lambda: publisher.events.matched)
         for _ in range(24):
             publisher.publish(b"\0\1\0\0" + bytes(size))
-        wait_until(lambda: (row := told(here, "/big")) and row["dropped"] + row["queued"] == 24, timeout_s=60)
-        row = told(here, "/big")
+        row = told(here, "/big", lambda row: row["dropped"] + row["queued"] == 24)
         assert row["dropped"] > 0
         assert row["queued_bytes"] <= LIMITS.ingress_bytes
 
@@ -60,8 +63,8 @@ def test_without_subscriptions_nobody_answers_and_a_closed_one_is_told_no_more(h
     with metaros.Node("bare", context=there, enable_parameters=False, enable_rosout=False) as bare:
         assert ask(here.session) == []
         with bare.create_subscription(String, "/a", lambda _: None):
-            wait_until(lambda: told(here, "/a"), timeout_s=30)
-        wait_until(lambda: ask(here.session) == [b"[]"], timeout_s=30)
+            told(here, "/a")
+        wait_until(lambda: ask(here.session) == [b"[]"])
     assert drops_key(3) == "@metaros/3/*/subscriptions"
 
 

@@ -42,7 +42,7 @@ def test_a_plain_value_crosses_and_stays_what_it_is(here, there, kind, value):
         b.create_subscription(kind, "/plain", got.append)
         publisher = a.create_publisher(kind, "/plain")
         spin = turn(b)
-        wait_until(lambda: (publisher.publish(value), spin(), got)[-1], timeout_s=20)
+        wait_until(lambda: (publisher.publish(value), spin(), got)[-1])
         assert publisher.type_name == PLAIN[kind].type_name
     assert got[0] == value
     assert type(got[0]) is kind
@@ -63,7 +63,7 @@ def test_ros_sees_a_string_and_sends_one(here, there):
             [spin() for spin in spins]
             return bool(plain and typed)
 
-        wait_until(both, timeout_s=20)
+        wait_until(both)
     assert (plain[0], typed[0]) == ("and back", String(data="hello"))
 
 

@@ -21,7 +21,7 @@ from metaros.wire import parse_attachment
 from tests.support.bags import START_NS, arrivals, write_bag
 from tests.support.waiting import wait_until
 
-WAIT_S = 30.0
+WAIT_S = 60.0
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from tests.support.bags import SmallDisk
 from tests.support.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
 
-WAIT_S = 30.0
+WAIT_S = 60.0
 
 
 @pytest.fixture

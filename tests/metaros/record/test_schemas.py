@@ -12,6 +12,7 @@ import metaros
 from metaros.idl import default_catalogue, type_hash
 from metaros.record import Recorder, open_bag
 from metaros.record.schemas import find_schema, known_schema
+from tests.support.processes import started
 from tests.support.waiting import wait_until
 
 PART = "# how warm\nfloat32[<=3] values [1.5]\nstring<=8 label\n"
@@ -56,17 +57,11 @@ def test_nobody_to_ask(zenoh_router: str) -> None:
 
 
 def test_a_type_of_another_process(zenoh_router: str, tmp_path: Path) -> None:
-    oven = subprocess.Popen([sys.executable, "-c", OVEN, zenoh_router], stdin=subprocess.PIPE)
     told: list[str] = []
-    try:
+    with started([sys.executable, "-c", OVEN, zenoh_router], stdin=subprocess.PIPE, stdout=None, stderr=None):
         with metaros.Context(connect=zenoh_router) as context:
             with Recorder(context, tmp_path / "run", topics=["/oven"], notice=told.append) as recorder:
-                wait_until(lambda: recorder.report().written >= 10, timeout_s=30)
-    finally:
-        assert oven.stdin is not None
-        oven.stdin.close()
-        oven.terminate()
-        oven.wait(20)
+                wait_until(lambda: recorder.report().written >= 10)
     assert told == []
     assert "heat_pkg/msg/Oven" not in default_catalogue()
     (topic,) = open_bag(tmp_path / "run").topics

@@ -22,7 +22,7 @@ host, port, token, period = os.environ["METAROS_HEARTBEAT"].split(":")
 socket.socket(socket.AF_INET, socket.SOCK_DGRAM).sendto(f"{{token}} +1".encode(), (host, int(port)))
 signal.pause()
 """
-_SOON_S = 30.0
+_SOON_S = 60.0
 
 
 class Rig:

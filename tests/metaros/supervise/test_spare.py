@@ -30,7 +30,7 @@ if arguments == ["spare"]:
 print(*arguments, os.environ.get("WORD"), flush=True)
 signal.sigwait([signal.SIGINT])
 """
-LONG_S = 30.0
+LONG_S = 60.0
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ from tests.support.processes import started
 from tests.support.waiting import wait_until
 
 ROOT = Path(__file__).resolve().parents[4]
-_SOON_S = 30.0  # far below any deadline in here: what ends sooner did not wait for one
+_SOON_S = 60.0  # far below any deadline in here: what ends sooner did not wait for one
 
 PRELUDE = """
 import sys, threading
@@ -49,7 +49,7 @@ metaros.spin(node)
 
 CLIENT = """
 client = node.create_action_client(Fibonacci, "fibonacci")
-assert client.wait_for_server(30)
+assert client.wait_for_server(60)
 goal = client.send_goal(Fibonacci.Goal(order=5)).wait()
 pending = goal.result()
 print("ready", flush=True)
@@ -87,7 +87,7 @@ def test_a_server_killed_mid_goal_fails_the_result_at_once(node: metaros.Node, z
     client = node.create_action_client(Fibonacci, "fibonacci")
     trigger = node.create_client(Trigger, "never")
     with running(program(SERVER), zenoh_router) as server:
-        assert client.wait_for_server(30)
+        assert client.wait_for_server(60)
         goal = client.send_goal(Fibonacci.Goal()).wait()
         wait_until(lambda: goal.status is GoalState.EXECUTING)
         result, call = goal.result(timeout_s=100), trigger.call_future(Trigger.Request(), timeout_s=100)
@@ -103,9 +103,9 @@ def test_a_server_killed_mid_goal_fails_the_result_at_once(node: metaros.Node, z
         with pytest.raises(PeerRestartedError):
             goal.cancel().wait()
     with running(program(SERVER), zenoh_router):  # as a supervisor would: it knows nothing of the goal
-        assert client.wait_for_server(30)
+        assert client.wait_for_server(60)
         with pytest.raises(PeerRestartedError, match="restarted since"):
-            goal.result(timeout_s=30).wait()
+            goal.result(timeout_s=60).wait()
         assert client.send_goal(Fibonacci.Goal()).wait().accepted
 
 
@@ -174,8 +174,8 @@ def test_a_server_with_a_goal_in_flight_can_end(execute: str, node: metaros.Node
     """
     with running(program(execute + "\n", serve), zenoh_router) as server:
         stop = node.create_client(Trigger, "stop")
-        assert client.wait_for_server(30)
-        assert stop.wait_for_service(30)
+        assert client.wait_for_server(60)
+        assert stop.wait_for_service(60)
         goal = client.send_goal(Fibonacci.Goal()).wait()
         pending = goal.result()
         stop.call(Trigger.Request(), timeout_s=60)
