@@ -48,7 +48,7 @@ class AppendJob:
     segment: Segment
     offset: int
     data: bytes
-    last: dict[int, int]
+    frames: Sequence[Frame]
 
     def run(self) -> None:
         """Raises DiskError and leaves nothing behind."""
@@ -124,15 +124,14 @@ class SegmentLog:
     def append_job(self, frames: Sequence[Frame], *, era: int) -> AppendJob:
         """The job that writes these frames, in a new segment where the last one is full."""
         data = b"".join(map(pack_frame, frames))
-        newest = {frame.stream_id: frame.last_seq for frame in frames}
         tail = self.segments[-1] if self.segments else None
         if tail is None or self._roll or tail.header.era != era or self._is_full(tail, len(data)):
             number = self._next_number
             header = SegmentHeader(era=era, boot_id=self._boot_id, last=dict(self.last))
             head = pack_header(header)
             segment = Segment(number, f"{self.name}/{number:012d}.seg", header, len(head), 0)
-            return AppendJob(self._disk, segment, 0, head + data, newest)
-        return AppendJob(self._disk, tail, tail.end, data, newest)
+            return AppendJob(self._disk, segment, 0, head + data, frames)
+        return AppendJob(self._disk, tail, tail.end, data, frames)
 
     def appended(self, job: AppendJob) -> None:
         """The job was run: its frames are accepted."""
@@ -142,7 +141,8 @@ class SegmentLog:
             self._roll = False
             self._cursor.grown()
         job.segment.end = job.offset + len(job.data)
-        self.last.update(job.last)
+        self.last.update({frame.stream_id: frame.last_seq for frame in job.frames})
+        self._cursor.feed(job.segment, job.offset or job.segment.start, job.frames)
         self._collect()
 
     # -- making room ------------------------------------------------------------------------------------------------

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 from edge_agent.errors import DiskError
 from edge_agent.outbox.disk import Disk
-from edge_agent.outbox.segment import Frame, Gap, SegmentHeader, frame_size, header_size, read_header, scan
+from edge_agent.outbox.segment import FRAME_BYTES, Frame, Gap, SegmentHeader, frame_size, header_size, read_header, scan
 
 __all__ = ["Cursor", "Segment", "load_header"]
 
 _READ_BYTES = 256 * 1024
 _READ_TRIES = 5
+_FEED_BYTES = 4 * 1024 * 1024  # more is read from the disk, as the link takes it
 _PREFIX_BYTES = 16
 
 
@@ -72,6 +73,19 @@ class Cursor:
         """A segment was added."""
         if self._at is None:
             self.rewind()
+
+    def feed(self, segment: Segment, offset: int, frames: Sequence[Frame]) -> None:
+        """These frames are on disk from `offset` on: a reader that has come so far need not read them again.
+
+        So what is fresh is sent from memory while the link keeps up, and a card that stalls holds up nobody.
+        """
+        if self._at is not segment or self._read_to != offset or self._ready:
+            return
+        if sum(len(frame.body) for frame in frames) > _FEED_BYTES:
+            return
+        for frame in frames:
+            self._read_to += FRAME_BYTES + len(frame.body)
+            self._ready.append((frame, self._read_to))
 
     def passed(self, segment: Segment) -> bool:
         """Whether nothing of this segment is left to give."""

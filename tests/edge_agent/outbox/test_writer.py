@@ -187,3 +187,21 @@ def test_what_can_never_be_read_is_given_up_and_declared() -> None:
     accept(outbox)
     assert len(taken(outbox, "event")) == 1
     assert disk.deaf
+
+
+def test_what_is_fresh_is_sent_without_reading_it_again() -> None:
+    disk = DeafDisk(random.Random(1))
+    outbox = make_outbox(disk)
+    outbox.online = True
+    disk.deaf = True
+    for number in range(5):
+        outbox.append(1, "bulk", number, b"x" * 10)
+        assert [item.frame.last_seq for item in taken(outbox, "bulk")] == [number + 1]
+    for number in range(3):  # while nobody takes anything one write waits in memory, and the disk has the rest
+        outbox.append(1, "bulk", number, b"x" * 10)
+        accept(outbox)
+    assert outbox.take("bulk") is not None
+    with pytest.raises(DiskError):
+        outbox.take("bulk")
+    disk.deaf = False
+    assert [item.frame.last_seq for item in taken(outbox, "bulk")] == [7, 8]
