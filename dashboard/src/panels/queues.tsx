@@ -6,7 +6,7 @@ import { bytes, bytesPerSecond, duration, integer, NONE } from "../ui/format";
 import { Card } from "../ui/parts";
 
 const WORDS: Record<ClassDepth["name"], string> = {
-  event: "faults, logs, results: never dropped",
+  event: "faults, logs, results: all others yield to them",
   metric: "series of numbers: thinned when full",
   bulk: "scans, images, clips: oldest dropped when full",
   live: "what somebody watches: newest only",
