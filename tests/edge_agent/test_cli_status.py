@@ -113,7 +113,7 @@ def test_a_peers_rubbish_is_no_report(answer: bytes) -> None:
 
 
 def test_a_peers_report_is_cleaned() -> None:
-    said = {name: "a\x1b[2Jb\n" for name in ("name", "namespace", "version", "transport", "gateway", "store_id")}
+    said = dict.fromkeys(("name", "namespace", "version", "transport", "gateway", "store_id"), "a\x1b[2Jb\n")
     said |= {"directory": "x" * 9999, "pid": 1, "reconnects": 2, "disk_free_bytes": 3, "linked": "yes", "more": 1}
     said |= {"sent_bytes_per_s": 4, "budget_bytes_per_s": None, "epochs": ["e"], "classes": [CLASS]}
     (report,) = rows_of([json.dumps(said).encode()])

@@ -31,7 +31,10 @@ export function TopicsTab({ robot, topics }: { robot: Robot; topics: Topic[] | n
               <td><span class={`chip chip-${topic.class}`}>{topic.forward ? topic.class : "kept on robot"}</span></td>
               <td class="end num">{fixed(topic.rate_hz, 1, "Hz")}</td>
               <td class="end num">{bytesPerSecond(topic.bytes_per_s)}</td>
-              <td class="end num">{integer(topic.messages)}</td>
+              <td class="end num">
+                {integer(topic.messages)}
+                {topic.thinned > 0 && <span class="sub">{integer(topic.thinned)} thinned</span>}
+              </td>
               <td class="end num">{integer(topic.received)}</td>
               <td class={topic.lost > 0 ? "end num bad" : "end num"}>{integer(topic.lost)}</td>
               <td class="end num">{topic.demand_hz ? fixed(topic.demand_hz, 0, "Hz") : NONE}</td>
