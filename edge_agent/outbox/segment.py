@@ -144,7 +144,12 @@ def read_header(data: bytes) -> tuple[SegmentHeader, int]:
 
 def header_is_cut(data: bytes) -> bool:
     """Whether these bytes, all of a file, end inside a header: nothing of that file was ever accepted."""
-    return MAGIC.startswith(data[: len(MAGIC)]) and data[_PREFIX.size :].find(b'"}') < 0
+    if not MAGIC.startswith(data[: len(MAGIC)]):
+        return False
+    if len(data) < _PREFIX.size:
+        return True
+    size = _PREFIX.unpack_from(data)[2]
+    return len(data) < _PREFIX.size + size and b'"}' not in data[_PREFIX.size :]  # else the length is damaged
 
 
 def header_size(data: bytes) -> int:
