@@ -197,15 +197,26 @@ class LoadRobot:
             feeding = asyncio.create_task(self.feed())
             await asyncio.wait([*tasks, feeding, asyncio.create_task(stop.wait())], return_when="FIRST_COMPLETED")
             feeding.cancel()
-            async with asyncio.timeout(self.config.drain_s):
-                while self.waiting():
-                    self.writer.wake()
-                    await asyncio.sleep(0.01)
+            await self.drain()
         finally:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
         self.finish()
+
+    async def drain(self) -> None:
+        """Until all is acknowledged; says what hangs when it takes too long."""
+        try:
+            async with asyncio.timeout(self.config.drain_s):
+                while self.waiting():
+                    self.writer.wake()
+                    await asyncio.sleep(0.01)
+        except TimeoutError:
+            due = {name: self.outbox.due_s(name) for name in self.outbox.logs}
+            depths = {kind: self.outbox.depth(kind) for kind in KINDS}
+            logging.error("not drained: %s; due %s; writing %s", depths, due, self.outbox._writing)
+            logging.error("budget: %s", {name: getattr(self.queues.budget, name) for name in vars(self.queues.budget)})
+            raise
 
     async def feed(self) -> None:
         """Samples at a steady pace."""
