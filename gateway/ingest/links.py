@@ -147,12 +147,10 @@ class Links:
             acks.setdefault(mark.robot, []).append((mark.stream_id, mark.epoch, mark.seq))
         for robot_id, marks in acks.items():
             record, live = self._registry.get(robot_id), self._live.get(robot_id)
-            if record.streams is not None and any(seq < record.streams.stored(s, epoch) for s, epoch, seq in marks):
+            streams = record.streams
+            if streams is not None and not all(streams.confirm(*mark) for mark in marks):
                 self._went_back(record, live)
                 continue
-            for stream_id, epoch, seq in marks:
-                if record.streams is not None:
-                    record.streams.commit(stream_id, epoch, seq)
             if live is not None:
                 self._apply(live, live.session.committed(marks))
 
@@ -193,10 +191,13 @@ class Links:
         ours = opened == (hello.session_id, hello.session_number)
         if record.streams is not None and (ours or not self._store.shared):
             return record.streams
+        known = record.streams.known() if record.streams is not None else {}
         try:
             stored, writers = await self._store.streams(robot_id), await self._store.writers(robot_id)
         except StoreError as error:
             raise UnsettledError(f"the store cannot be read now: {error}") from error
+        if any(stored.get(key, 0) < seq for key, seq in known.items()):
+            self._went_back(record, live)
         if record.streams is None:
             return StreamTable(stored, writers=writers)
         record.streams.refresh(stored, writers)

@@ -288,7 +288,11 @@ class Session:
         if channel_id != METRIC_STREAM and channel_id not in self.channels:
             raise ProtocolError(f"stream {gap.stream_id} was not announced")
         declared = Gap(gap.from_seq, gap.to_seq, gap.reason[:64], gap.from_ns, gap.to_ns)
-        return self._skip(gap.stream_id, gap.epoch, declared)
+        events = self._skip(gap.stream_id, gap.epoch, declared)
+        stored = self._streams.stored(gap.stream_id, gap.epoch)
+        if not events and stored >= gap.to_seq:  # its acknowledgement was lost with an earlier session
+            return self.committed([(gap.stream_id, gap.epoch, stored)])
+        return events
 
     def _skip(self, stream_id: int, epoch: int, gap: Gap) -> list[Event]:
         fresh = self._streams.skip(stream_id, epoch, gap)

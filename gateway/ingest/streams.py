@@ -41,6 +41,7 @@ class StreamTable:
         self._stored: dict[Key, int] = dict(stored or {})
         self._accepted: dict[Key, int] = dict(self._stored)
         self._bases: dict[Key, int] = {}
+        self._confirmed: dict[Key, int] = {}  # what our own commits said, in their order
         self._max_streams = max_streams
         self._submitted: dict[int, int] = {}  # epoch -> writes on their way to the store
 
@@ -61,6 +62,10 @@ class StreamTable:
         """After which number the stream begins, in case nothing of it is stored yet."""
         return self._bases.get((stream_id, epoch), 0)
 
+    def known(self) -> dict[Key, int]:
+        """What is stored, as far as we know now."""
+        return {key: seq for key, seq in self._stored.items() if seq > self._bases.get(key, 0)}
+
     def refresh(self, stored: Mapping[Key, int], writers: Mapping[int, str]) -> None:
         """Another gateway on the same store may have served the robot meanwhile."""
         for (stream_id, epoch), seq in stored.items():
@@ -68,6 +73,15 @@ class StreamTable:
         for epoch, writer in writers.items():
             if self._stored_writers.get(epoch) != writer:
                 self._stored_writers[epoch] = self.writers[epoch] = writer
+
+    def confirm(self, stream_id: int, epoch: int, seq: int) -> bool:
+        """A commit of ours found or left this watermark; False when an earlier one had left a higher."""
+        key = (stream_id, epoch)
+        if seq < self._confirmed.get(key, 0):
+            return False
+        self._put(self._confirmed, key, seq)
+        self.commit(stream_id, epoch, seq)
+        return True
 
     def accept(self, stream_id: int, epoch: int, first_seq: int, last_seq: int) -> Accepted:
         """Take a run of a durable stream in; ProtocolError when samples before it are missing and undeclared."""
