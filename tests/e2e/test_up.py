@@ -147,16 +147,15 @@ def test_driving_turns_the_robot_and_letting_go_stops_it(up: Up, open_page: Open
 def test_an_outage_is_filled_in_and_the_link_tab_says_so(up: Up, open_page: OpenPage) -> None:
     page = open_page(f"{up.url}/robots/sim_1?tab=link")
     expect(page.locator("[data-card=connection] [data-transport=grpc]")).to_be_visible()
-    gateway = up.gateway()
+    gateway, log = up.gateway(), up.log.parent / "data" / "logs" / "agent-sim_1.log"
     gateway.suspend()
     try:
-        page.wait_for_timeout(20_000)  # the agents find the link dead after 15 s, and keep what comes from then on
+        wait_until(lambda: "link down" in log.read_text(), timeout_s=60, every_s=0.2)  # silent for 15 s: it is dead
     finally:
         gateway.resume()
+    wait_until(lambda: up.robot("sim_1")["link"]["reconnects"] >= 1, timeout_s=60, every_s=0.2)
     wait_until(lambda: up.online() == 4, timeout_s=60, every_s=0.2)
-    robot = up.robot("sim_1")
-    assert robot["link"]["reconnects"] >= 1
-    assert robot["counts"]["lost"] == 0
+    assert up.robot("sim_1")["counts"]["lost"] == 0
     expect(page.locator("[data-card=backfill]")).to_contain_text("Up to date", timeout=60_000)
     save(page, "link-desk")
     slider = page.get_by_label("Byte budget of the uplink")
