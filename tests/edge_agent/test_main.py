@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import signal
 import subprocess
@@ -11,9 +12,19 @@ from pathlib import Path
 
 import pytest
 
+import metaros
+from edge_agent.config import OutboxSettings, Settings
+from edge_agent.main import run_agent
+from edge_agent.outbox import OsDisk, Outbox
+from edge_agent.state_dir import locked
+from metaros.clock import SystemClock
+from metaros.interfaces.std_msgs.msg import String
+from metaros.link import CHANNEL_MASK
+from tests.edge_agent.conftest import Rig, Robot
+from tests.support.fake_gateway import FakeGateway
 from tests.support.ports import free_port
 from tests.support.processes import END_S, started
-from tests.support.waiting import wait_until
+from tests.support.waiting import wait_until, wait_until_async
 
 COMMAND = (
     "import typer; from edge_agent.cli import register; app = typer.Typer(); app.callback()(lambda: None); "
@@ -50,3 +61,38 @@ def test_a_wrong_option_is_one_line() -> None:
     assert errors.startswith("metaros agent: command line: gateway must be HOST:PORT")
     assert errors.strip().endswith("not 'nowhere'")
     assert len(errors.strip().splitlines()) == 1
+
+
+async def test_what_was_gathered_is_flushed_at_the_end(
+    zenoh_router: str, gateway: FakeGateway, robot: Robot, tmp_path: Path
+) -> None:
+    settings = Settings(
+        name="sim_1",
+        namespace="/sim_1",
+        gateway=gateway.target,
+        zenoh_port=int(zenoh_router.rpartition(":")[2]),
+        host_metrics=False,
+        state_dir=tmp_path / "agent",
+        outbox=OutboxSettings(bulk_sync_ms=10_000, reserve_bytes=65536),
+    )
+    publisher = robot.node.create_publisher(String, "log", metaros.qos_reliable_all)
+    task = asyncio.create_task(run_agent(settings))
+    rig = Rig(gateway)
+    try:
+        channel = await rig.wait_channel("/sim_1/log")
+        await asyncio.to_thread(lambda: [publisher.publish(String(data=str(number))) for number in range(50)])
+
+        def seen() -> bool:
+            told = rig.half.statistics[-1].topics if rig.half.statistics else ()
+            return any(rate.channel_id == channel.channel_id and rate.messages == 50 for rate in told)
+
+        await wait_until_async(seen, timeout_s=30)
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+    with locked(tmp_path / "agent"):
+        outbox = Outbox(
+            OsDisk(tmp_path / "agent" / "outbox"), SystemClock(), new_epoch=lambda: 1, writer="x", reserve_bytes=65536
+        )
+        held = [item.last_seq for item in outbox.ranges() if item.stream_id & CHANNEL_MASK == channel.channel_id]
+    assert sum(held) == 50
