@@ -19,20 +19,31 @@ class ForwardProxy:
     port: int = 0
     asked: list[str] = field(default_factory=list)
 
+    tunnels: set[asyncio.Task[None]] = field(default_factory=set)
+
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """One tunnel."""
-        with contextlib.suppress(OSError, asyncio.IncompleteReadError):
-            request = await reader.readuntil(b"\r\n\r\n")
-            method, name, _ = request.split(b" ", 2)
-            assert method == b"CONNECT"
-            self.asked.append(name.decode())
-            up_reader, up_writer = await asyncio.open_connection("127.0.0.1", self.target_port)
-            writer.write(b"HTTP/1.1 200 OK\r\n\r\n")
-            try:
+        task = asyncio.current_task()
+        assert task is not None
+        self.tunnels.add(task)
+        async with contextlib.AsyncExitStack() as stack:
+            stack.push_async_callback(ended, writer)
+            with contextlib.suppress(OSError, asyncio.IncompleteReadError, asyncio.CancelledError):
+                request = await reader.readuntil(b"\r\n\r\n")
+                method, name, _ = request.split(b" ", 2)
+                assert method == b"CONNECT"
+                self.asked.append(name.decode())
+                up_reader, up_writer = await asyncio.open_connection("127.0.0.1", self.target_port)
+                stack.push_async_callback(ended, up_writer)
+                writer.write(b"HTTP/1.1 200 OK\r\n\r\n")
                 await asyncio.gather(copy(reader, up_writer), copy(up_reader, writer))
-            finally:
-                up_writer.close()
-        writer.close()
+
+
+async def ended(writer: asyncio.StreamWriter) -> None:
+    """Close a connection, and wait for its end."""
+    writer.close()
+    with contextlib.suppress(OSError):
+        await writer.wait_closed()
 
 
 async def copy(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -53,3 +64,6 @@ async def forward_proxy(target_port: int) -> AsyncIterator[ForwardProxy]:
         yield proxy
     finally:
         server.close()
+        for tunnel in proxy.tunnels:
+            tunnel.cancel()
+        await asyncio.gather(*proxy.tunnels, return_exceptions=True)

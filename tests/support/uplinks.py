@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import random  # noqa: TID251 - seeded
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -22,8 +22,9 @@ from edge_agent.uplink.uplink import Uplink
 from metaros._proto import link_pb2
 from metaros.clock import SystemClock
 from tests.edge_agent.parts import accept, make_outbox
+from tests.support.waiting import wait_until_async
 
-__all__ = ["Owner", "feed", "running"]
+__all__ = ["Owner", "feed", "running", "wait"]
 
 WHO = Identity(robot_id="r", session_id=bytes(16), agent_version="0", namespace="/", hostname="h")
 TABLE = TopicTable([TopicRule(match="**", delivery="bulk")])
@@ -106,3 +107,8 @@ def feed(owner: Owner, uplink: Uplink, payloads: list[bytes]) -> None:
         owner.outbox.append(owner.channel.channel_id, "bulk", 0, payload)
     accept(owner.outbox)
     uplink.wake()
+
+
+async def wait(condition: Callable[[], object], *, timeout_s: float = 30.0) -> None:
+    """Until it is so, also on a machine that does many other things."""
+    await wait_until_async(condition, timeout_s=timeout_s)

@@ -14,8 +14,7 @@ from metaros.clock import SystemClock
 from tests.support.ports import free_port
 from tests.support.postgres import PostgresServer
 from tests.support.stack import Program, Stack
-from tests.support.uplinks import Owner, feed, running
-from tests.support.waiting import wait_until_async
+from tests.support.uplinks import Owner, feed, running, wait
 
 
 def start_gateway(stack: Stack, name: str, url: str, port: int) -> Program:
@@ -50,28 +49,28 @@ async def test_from_one_gateway_to_the_other_and_back(tmp_path: Path, postgres: 
         one = start_gateway(stack, "one", url, ports[0])
         start_gateway(stack, "two", url, ports[1])
         async with running(*(f"127.0.0.1:{port}" for port in ports), owner=owner) as (_, uplink):
-            await wait_until_async(lambda: owner.ups == 1, timeout_s=30)
+            await wait(lambda: owner.ups == 1)
             more()
-            await wait_until_async(lambda: owner.held == 0, timeout_s=30)
+            await wait(lambda: owner.held == 0)
             more()
             one.process.send_signal(signal.SIGSTOP)  # it hangs, and will go on later as if nothing had been
             try:
-                await wait_until_async(lambda: owner.ups == 2, timeout_s=30)
+                await wait(lambda: owner.ups == 2)
                 assert owner.facts.gateway.endswith(str(ports[1]))
                 more()
-                await wait_until_async(lambda: owner.held == 0, timeout_s=30)
+                await wait(lambda: owner.held == 0)
                 more()
                 two = stack.programs[1]
                 two.kill()
             finally:
                 one.process.send_signal(signal.SIGCONT)
-            await wait_until_async(lambda: owner.ups == 3, timeout_s=30)
+            await wait(lambda: owner.ups == 3)
             assert owner.facts.gateway.endswith(str(ports[0]))
             more()
-            await wait_until_async(lambda: owner.held == 0, timeout_s=30)
+            await wait(lambda: owner.held == 0)
             one.kill()
             stack.restart(two)
             more()
-            await wait_until_async(lambda: owner.ups == 4 and owner.held == 0, timeout_s=30)
+            await wait(lambda: owner.ups == 4 and owner.held == 0)
     found = [payload for batch in await stored(tmp_path / "reader", url) for _, _, payload in batch.samples()]
     assert sorted(found) == sorted(payloads)

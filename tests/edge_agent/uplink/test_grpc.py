@@ -18,42 +18,41 @@ from tests.support.certificates import make_certificate
 from tests.support.fake_gateway import DATA, FakeGateway, fake_gateway
 from tests.support.gateway_half import GatewayHalf
 from tests.support.ports import free_port
-from tests.support.uplinks import Owner, feed, running
-from tests.support.waiting import wait_until_async
+from tests.support.uplinks import Owner, feed, running, wait
 
 
 async def test_samples_arrive_and_are_acknowledged() -> None:
     async with fake_gateway() as gateway, running(f"grpc://{gateway.target}") as (owner, uplink):
-        await wait_until_async(lambda: owner.ups)
+        await wait(lambda: owner.ups)
         payloads = [bytes([i]) * 100 for i in range(100)]
         feed(owner, uplink, payloads)
-        await wait_until_async(lambda: len(gateway.half.all_rows(1)) == 100 and owner.held == 0)
+        await wait(lambda: len(gateway.half.all_rows(1)) == 100 and owner.held == 0)
         assert gateway.half.all_rows(1) == payloads
         assert (owner.facts.transport, owner.facts.gateway) == ("grpc", f"grpc://{gateway.target}")
 
 
 async def test_commands_are_answered() -> None:
     async with fake_gateway() as gateway, running(gateway.target):
-        await wait_until_async(lambda: gateway.connected)
+        await wait(lambda: gateway.connected)
         gateway.say(link_pb2.GatewayFrame(command=link_pb2.Command(command_id=b"c" * 16)))
-        await wait_until_async(lambda: gateway.half.results)
+        await wait(lambda: gateway.half.results)
         assert gateway.half.results[0].command_id == b"c" * 16
 
 
 async def test_it_comes_back_after_the_gateway_and_loses_nothing() -> None:
     async with fake_gateway() as gateway, running(gateway.target) as (owner, uplink):
         gateway.acks = False
-        await wait_until_async(lambda: owner.ups == 1)
+        await wait(lambda: owner.ups == 1)
         feed(owner, uplink, [b"before"])
-        await wait_until_async(lambda: gateway.half.all_rows(1))
+        await wait(lambda: gateway.half.all_rows(1))
         await gateway.stop()
-        await wait_until_async(lambda: owner.errors)
+        await wait(lambda: owner.errors)
         feed(owner, uplink, [b"meanwhile"])
         await gateway.start()
         gateway.acks = True
-        await wait_until_async(lambda: owner.ups == 2)
+        await wait(lambda: owner.ups == 2)
         feed(owner, uplink, [b"after"])
-        await wait_until_async(lambda: len(gateway.half.all_rows(1)) == 3 and owner.held == 0)
+        await wait(lambda: len(gateway.half.all_rows(1)) == 3 and owner.held == 0)
         assert sorted(map(str, gateway.half.all_rows(1))) == sorted(map(str, [b"before", b"meanwhile", b"after"]))
         assert gateway.half.duplicates == 0
         assert owner.facts.reconnects == 1
@@ -65,18 +64,18 @@ async def test_it_waits_for_a_gateway_that_is_not_there_yet() -> None:
         await asyncio.sleep(0.3)
         assert owner.number == 0, "no session while nobody listens"
         await gateway.start()
-        await wait_until_async(lambda: gateway.connected)
+        await wait(lambda: gateway.connected)
         await gateway.stop()
 
 
 async def test_a_goodbye_says_when_to_come_back() -> None:
     async with fake_gateway() as gateway, running(gateway.target) as (owner, _uplink):
-        await wait_until_async(lambda: owner.ups == 1)
+        await wait(lambda: owner.ups == 1)
         goodbye = link_pb2.Goodbye(code="shutting_down", retry_after_ms=500)
         gateway.say(link_pb2.GatewayFrame(goodbye=goodbye), lane=DATA)
-        await wait_until_async(lambda: len(owner.errors) == 1)
+        await wait(lambda: len(owner.errors) == 1)
         ended = time.monotonic()
-        await wait_until_async(lambda: owner.number == 2)
+        await wait(lambda: owner.number == 2)
         assert time.monotonic() - ended >= 0.45
 
 
@@ -85,7 +84,7 @@ async def test_the_end_comes_even_while_a_session_fails() -> None:
         async with fake_gateway() as gateway:
             owner = Owner()
             async with running(gateway.target, owner=owner):
-                await wait_until_async(lambda g=gateway: g.connected)  # type: ignore[misc]
+                await wait(lambda g=gateway: g.connected)  # type: ignore[misc]
                 stopping = asyncio.create_task(gateway.stop())
                 await asyncio.sleep(0)
             assert len(owner.errors) == 1
@@ -96,12 +95,12 @@ async def test_the_end_comes_even_while_a_session_fails() -> None:
 async def test_control_answers_while_data_is_flooded() -> None:
     half = GatewayHalf(window_bytes=1 << 40, window_batches=1 << 30)
     async with fake_gateway(half) as gateway, running(gateway.target) as (owner, uplink):
-        await wait_until_async(lambda: owner.ups)
+        await wait(lambda: owner.ups)
         for _ in range(4):
             feed(owner, uplink, [bytes(1 << 20)] * 10)
         gateway.say(link_pb2.GatewayFrame(command=link_pb2.Command(command_id=b"c" * 16)))
-        await wait_until_async(lambda: half.results)
-        await wait_until_async(lambda: len(half.all_rows(1)) == 40, timeout_s=20)
+        await wait(lambda: half.results)
+        await wait(lambda: len(half.all_rows(1)) == 40)
 
 
 async def test_nobody_there_is_a_link_error() -> None:
@@ -132,7 +131,7 @@ async def test_https_means_tls_with_the_systems_authorities(tmp_path: Path, monk
     system_roots.cache_clear()
     try:
         async with running(f"https://localhost:{port}") as (owner, _uplink):
-            await wait_until_async(lambda: owner.ups)
+            await wait(lambda: owner.ups)
             assert owner.facts.transport == "grpc"
     finally:
         system_roots.cache_clear()

@@ -21,8 +21,7 @@ from tests.support.fake_gateway_ws import websocket_gateway
 from tests.support.forward_proxy import forward_proxy
 from tests.support.gateway_half import GatewayHalf
 from tests.support.ports import free_port
-from tests.support.uplinks import Owner, feed, running
-from tests.support.waiting import wait_until_async
+from tests.support.uplinks import Owner, feed, running, wait
 
 
 async def test_the_websocket_is_found_where_grpc_does_not_work_and_remembered() -> None:
@@ -35,26 +34,26 @@ async def test_the_websocket_is_found_where_grpc_does_not_work_and_remembered() 
     async with websocket_gateway() as gateway:
         transports = {**TRANSPORTS, "grpc": counted}
         async with running(gateway.target, transports=transports) as (owner, uplink):
-            await wait_until_async(lambda: owner.ups == 1)
+            await wait(lambda: owner.ups == 1)
             feed(owner, uplink, [b"a"])
-            await wait_until_async(lambda: gateway.half.all_rows(1) == [b"a"])
+            await wait(lambda: gateway.half.all_rows(1) == [b"a"])
             assert (owner.facts.transport, len(tried)) == ("websocket", 1)
             await gateway.stop()
-            await wait_until_async(lambda: len(owner.errors) == 2)
+            await wait(lambda: len(owner.errors) == 2)
             await gateway.start()
-            await wait_until_async(lambda: owner.ups == 2)
+            await wait(lambda: owner.ups == 2)
             assert len(tried) == 1, "gRPC is not tried again before the while is over"
             assert owner.facts.reconnects == 1
 
 
 async def test_grpc_is_taken_where_the_remembered_websocket_is_gone() -> None:
     async with websocket_gateway() as first, running(first.target) as (owner, _uplink):
-        await wait_until_async(lambda: owner.ups == 1)
+        await wait(lambda: owner.ups == 1)
         await first.stop()
         other = FakeGateway(first.half)
         other.port = first.port
         await other.start()
-        await wait_until_async(lambda: owner.ups == 2)
+        await wait(lambda: owner.ups == 2)
         assert owner.facts.transport == "grpc"
         await other.stop()
         await first.start()
@@ -64,16 +63,16 @@ async def test_the_next_gateway_of_the_list_takes_over_and_nothing_is_lost() -> 
     half = GatewayHalf()
     async with fake_gateway(half) as one, fake_gateway(half) as two:
         async with running(f"127.0.0.1:{free_port()}", one.target, two.target) as (owner, uplink):
-            await wait_until_async(lambda: owner.ups == 1)
+            await wait(lambda: owner.ups == 1)
             assert owner.facts.gateway == one.target
             feed(owner, uplink, [b"a"])
             await one.stop()
-            await wait_until_async(lambda: len(owner.errors) == 1)
+            await wait(lambda: len(owner.errors) == 1)
             feed(owner, uplink, [b"b"])
-            await wait_until_async(lambda: owner.ups == 2)
+            await wait(lambda: owner.ups == 2)
             assert owner.facts.gateway == two.target
             feed(owner, uplink, [b"c"])
-            await wait_until_async(lambda: sorted(half.all_rows(1)) == [b"a", b"b", b"c"])  # type: ignore[type-var]
+            await wait(lambda: sorted(half.all_rows(1)) == [b"a", b"b", b"c"])  # type: ignore[type-var]
         await one.start()
 
 
@@ -81,7 +80,7 @@ async def test_a_gateway_of_another_store_is_refused_by_name(caplog: pytest.LogC
     caplog.set_level(logging.INFO)
     async with fake_gateway(GatewayHalf(store_id="theirs")) as other, fake_gateway(GatewayHalf(store_id="ours")) as own:
         async with running(other.target, own.target, owner=Owner(store_id="ours")) as (owner, _uplink):
-            await wait_until_async(lambda: owner.ups == 1)
+            await wait(lambda: owner.ups == 1)
             assert owner.facts.gateway == own.target
             assert isinstance(owner.errors[0], RefusedError)
     warning = next(record for record in caplog.records if record.levelno == logging.WARNING)
@@ -93,9 +92,9 @@ async def test_a_gateway_of_another_store_is_refused_by_name(caplog: pytest.LogC
 async def test_a_goodbye_sends_the_agent_to_the_next_gateway_at_once() -> None:
     half = GatewayHalf()
     async with fake_gateway(half) as one, fake_gateway(half) as two, running(one.target, two.target) as (owner, _):
-        await wait_until_async(lambda: owner.ups == 1)
+        await wait(lambda: owner.ups == 1)
         one.say(link_pb2.GatewayFrame(goodbye=link_pb2.Goodbye(code="shutting_down", retry_after_ms=60_000)))
-        await wait_until_async(lambda: owner.ups == 2)
+        await wait(lambda: owner.ups == 2)
         assert owner.facts.gateway == two.target
 
 
@@ -105,9 +104,9 @@ async def test_a_half_open_connection_is_found_by_its_silence(kind: str) -> None
     half.welcome.heartbeat_s = 0.2  # silent for three of them is dead
     server = fake_gateway(half) if kind == "grpc" else websocket_gateway(half)
     async with server as gateway, running(gateway.target) as (owner, _uplink):
-        await wait_until_async(lambda: len(owner.errors) >= 1 + (kind == "websocket"))
+        await wait(lambda: len(owner.errors) >= 1 + (kind == "websocket"))
         assert isinstance(owner.errors[-1], LinkDeadError)
-        await wait_until_async(lambda: owner.ups == 2)
+        await wait(lambda: owner.ups == 2)
 
 
 async def test_a_gateway_that_never_answers_has_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,7 +114,7 @@ async def test_a_gateway_that_never_answers_has_its_time(monkeypatch: pytest.Mon
     with socket.create_server(("127.0.0.1", 0)) as silent:
         target = f"127.0.0.1:{silent.getsockname()[1]}"
         async with fake_gateway() as gateway, running(target, gateway.target) as (owner, _uplink):
-            await wait_until_async(lambda: owner.ups == 1)
+            await wait(lambda: owner.ups == 1)
             assert [str(error) for error in owner.errors] == ["no answer within 0.2 s"] * 2
 
 
@@ -134,7 +133,7 @@ async def test_the_wait_before_the_next_attempt_grows_until_a_session_was_good()
 
     uplink = Uplink([parse_address("a:1")], owner, Counted(random.Random(1)), owner.clock, reach=nobody)
     task = asyncio.create_task(uplink.run())
-    await wait_until_async(lambda: len(waits) == 6)
+    await wait(lambda: len(waits) == 6)
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
     assert all(0.8 * want <= got <= 1.2 * want for got, want in zip(waits, (0.1, 0.2, 0.4, 0.8, 1, 1), strict=True))
@@ -146,12 +145,12 @@ async def test_each_state_of_the_link_is_said_once(caplog: pytest.LogCaptureFixt
     async with fake_gateway() as gateway:
         missing = f"127.0.0.1:{free_port()}"
         async with running(missing, gateway.target) as (owner, _uplink):
-            await wait_until_async(lambda: owner.ups == 1)
+            await wait(lambda: owner.ups == 1)
             await gateway.stop()
-            await wait_until_async(lambda: len(owner.errors) >= 1)
+            await wait(lambda: len(owner.errors) >= 1)
             await asyncio.sleep(1.0)
             await gateway.start()
-            await wait_until_async(lambda: owner.ups == 2)
+            await wait(lambda: owner.ups == 2)
     said = [record.getMessage() for record in caplog.records if record.name == "metaros.agent.uplink"]
     ups = [index for index, line in enumerate(said) if line.startswith("link up")]
     assert len(ups) == 2
@@ -169,8 +168,8 @@ async def test_a_forward_proxy_of_the_environment_is_used(kind: str, monkeypatch
         for name in ("no_proxy", "NO_PROXY", "no_grpc_proxy"):
             monkeypatch.delenv(name, raising=False)
         async with running("http://gateway.invalid:8080") as (owner, uplink):
-            await wait_until_async(lambda: owner.ups == 1)
+            await wait(lambda: owner.ups == 1)
             assert owner.facts.transport == kind
             feed(owner, uplink, [b"a"])
-            await wait_until_async(lambda: gateway.half.all_rows(1) == [b"a"])
+            await wait(lambda: gateway.half.all_rows(1) == [b"a"])
         assert {*proxy.asked} == {"gateway.invalid:8080"}

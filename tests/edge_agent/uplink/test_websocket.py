@@ -15,8 +15,7 @@ from metaros.limits import LIMITS
 from tests.support.fake_gateway_ws import WebSocketGateway, websocket_gateway
 from tests.support.gateway_half import DATA, GatewayHalf
 from tests.support.ports import free_port
-from tests.support.uplinks import Owner, feed, running
-from tests.support.waiting import wait_until_async
+from tests.support.uplinks import Owner, feed, running, wait
 
 
 def url(gateway: WebSocketGateway) -> str:
@@ -26,10 +25,10 @@ def url(gateway: WebSocketGateway) -> str:
 
 async def test_samples_arrive_and_are_acknowledged() -> None:
     async with websocket_gateway() as gateway, running(url(gateway)) as (owner, uplink):
-        await wait_until_async(lambda: owner.ups)
+        await wait(lambda: owner.ups)
         payloads = [bytes([i]) * 100 for i in range(100)]
         feed(owner, uplink, payloads)
-        await wait_until_async(lambda: len(gateway.half.all_rows(1)) == 100 and owner.held == 0)
+        await wait(lambda: len(gateway.half.all_rows(1)) == 100 and owner.held == 0)
         assert gateway.half.all_rows(1) == payloads
         assert gateway.paths == ["/fleet/api/v1/link"] * 3
         assert (owner.facts.transport, owner.facts.gateway) == ("websocket", url(gateway))
@@ -38,34 +37,34 @@ async def test_samples_arrive_and_are_acknowledged() -> None:
 async def test_it_comes_back_after_the_gateway_and_loses_nothing() -> None:
     async with websocket_gateway() as gateway, running(url(gateway)) as (owner, uplink):
         gateway.acks = False
-        await wait_until_async(lambda: owner.ups == 1)
+        await wait(lambda: owner.ups == 1)
         feed(owner, uplink, [b"before"])
-        await wait_until_async(lambda: gateway.half.all_rows(1))
+        await wait(lambda: gateway.half.all_rows(1))
         await gateway.stop()
-        await wait_until_async(lambda: owner.errors)
+        await wait(lambda: owner.errors)
         feed(owner, uplink, [b"meanwhile"])
         await gateway.start()
         gateway.acks = True
-        await wait_until_async(lambda: len(gateway.half.all_rows(1)) == 2 and owner.held == 0)
+        await wait(lambda: len(gateway.half.all_rows(1)) == 2 and owner.held == 0)
         assert gateway.half.duplicates == 0
 
 
 async def test_control_answers_while_data_is_flooded() -> None:
     half = GatewayHalf(window_bytes=1 << 40, window_batches=1 << 30)
     async with websocket_gateway(half) as gateway, running(url(gateway)) as (owner, uplink):
-        await wait_until_async(lambda: owner.ups)
+        await wait(lambda: owner.ups)
         for _ in range(4):
             feed(owner, uplink, [bytes(1 << 20)] * 10)
         gateway.say(link_pb2.GatewayFrame(command=link_pb2.Command(command_id=b"c" * 16)))
-        await wait_until_async(lambda: half.results)
-        await wait_until_async(lambda: len(half.all_rows(1)) == 40, timeout_s=20)
+        await wait(lambda: half.results)
+        await wait(lambda: len(half.all_rows(1)) == 40)
 
 
 async def test_a_goodbye_ends_the_session() -> None:
     async with websocket_gateway() as gateway, running(url(gateway)) as (owner, _uplink):
-        await wait_until_async(lambda: owner.ups == 1)
+        await wait(lambda: owner.ups == 1)
         gateway.say(link_pb2.GatewayFrame(goodbye=link_pb2.Goodbye(code="shutting_down")), lane=DATA)
-        await wait_until_async(lambda: owner.ups == 2)
+        await wait(lambda: owner.ups == 2)
         assert str(owner.errors[0]) == "gateway said shutting_down"
 
 
@@ -74,10 +73,10 @@ async def test_compressed_batches_are_expanded_on_the_other_side() -> None:
         websocket_gateway() as gateway,
         running(url(gateway), owner=Owner(compression="zstd")) as (owner, uplink),
     ):
-        await wait_until_async(lambda: owner.ups)
+        await wait(lambda: owner.ups)
         payloads = [hashlib.sha512(b"%d" % i).hexdigest().encode() * 8 for i in range(50)]
         feed(owner, uplink, payloads)
-        await wait_until_async(lambda: owner.held == 0)
+        await wait(lambda: owner.held == 0)
         assert gateway.half.all_rows(1) == payloads
         assert gateway.received_bytes < sum(map(len, payloads)) / 5
 

@@ -25,8 +25,7 @@ from metaros.clock import SystemClock
 from metaros.limits import LIMITS
 from tests.edge_agent.parts import accept
 from tests.gateway.harness import client, running_gateway
-from tests.support.uplinks import Owner, feed, running
-from tests.support.waiting import wait_until_async
+from tests.support.uplinks import Owner, feed, running, wait
 
 
 @asynccontextmanager
@@ -68,11 +67,11 @@ async def test_an_agent_that_is_given_the_http_address_gets_its_samples_stored(t
             owner.outbox.append(owner.channel.channel_id, "bulk", 0, payload)
         accept(owner.outbox)
         async with running(ready.url, owner=owner) as (_, uplink), client(ready) as http:
-            await wait_until_async(lambda: owner.ups == 1)
+            await wait(lambda: owner.ups == 1)
             assert owner.facts.transport == "websocket"
             feed(owner, uplink, payloads[100:])
             feed(owner, uplink, [bytes(3 << 20)])
-            await wait_until_async(lambda: owner.held == 0)
+            await wait(lambda: owner.held == 0)
             robot = (await http.get("/api/v1/robots/r")).json()
             assert robot["state"] == "online"
             assert robot["link"]["transport"] == "websocket"
@@ -95,11 +94,11 @@ async def test_the_gateways_end_is_told_and_the_agent_comes_back(tmp_path: Path)
     owner, stack = Owner(), AsyncExitStack()
     async with running_gateway(tmp_path) as ready:
         uplinks = await stack.enter_async_context(running(ready.url, owner=owner))
-        await wait_until_async(lambda: owner.ups == 1)
+        await wait(lambda: owner.ups == 1)
     assert any("shutting_down" in str(error) for error in owner.errors)
     feed(owner, uplinks[1], [b"meanwhile"])
     async with running_gateway(tmp_path, port=ready.http_port):
-        await wait_until_async(lambda: owner.ups == 2 and owner.held == 0)
+        await wait(lambda: owner.ups == 2 and owner.held == 0)
         await stack.aclose()
     assert await stored_payloads(tmp_path) == [b"meanwhile"]
 
