@@ -98,7 +98,13 @@ def run_inside(kind: str, cycles: int, seed: int) -> int:
                 KINDS[kind](wire, stack, rng)
                 healed_ns = time.monotonic_ns()
                 wire.heal()
-                times.append(stack.wait_ack(healed_ns, timeout_s=30.0))
+                try:
+                    times.append(stack.wait_ack(healed_ns, timeout_s=30.0))
+                except AssertionError:
+                    print(
+                        f"no acknowledgement after fault {len(times) + 1}\n{stack.tail('robot')}{stack.tail('gateway')}"
+                    )
+                    raise
             sessions = stack.counters["sessions"]
             verdict = stack.check()
     return result(verdict, times=times, sessions=sessions)

@@ -82,7 +82,7 @@ class LoadOutbox(Outbox):
         entries: list[Entry] = []
         for stream_id, items in job.streams.items():
             counts = [getattr(item, "count", 1) if not isinstance(item, tuple) else 1 for item in items]
-            seq = job.append.last[stream_id] - sum(counts) + 1
+            seq = self.logs[job.log].last[stream_id] - sum(counts) + 1
             for item, count in zip(items, counts, strict=True):
                 number = sample_number(item)
                 add_entry(entries, Entry(epoch, stream_id, seq, number, count))
@@ -195,7 +195,11 @@ class LoadRobot:
         tasks = [asyncio.create_task(self.writer.run()), asyncio.create_task(self.uplink.run())]
         try:
             feeding = asyncio.create_task(self.feed())
-            await asyncio.wait([*tasks, feeding, asyncio.create_task(stop.wait())], return_when="FIRST_COMPLETED")
+            stopping = asyncio.create_task(stop.wait())
+            await asyncio.wait([*tasks, feeding, stopping], return_when="FIRST_COMPLETED")
+            for task in (*tasks, feeding):  # none of them ends by itself
+                if task.done():
+                    await task
             feeding.cancel()
             await self.drain()
         finally:
