@@ -54,6 +54,7 @@ class IdLog:
         self.series: dict[str, SeriesId] = {}
         self._next = {"channel": 1, "series": 1}
         self._new: list[dict[str, Any]] = []
+        self._damaged = 0  # lines
         self._size = 0  # up to the end of the last whole line: what a crash left behind it is written over
         for facts in self._read():
             self._learn(facts)
@@ -62,6 +63,8 @@ class IdLog:
         self.channels = {number: channel for number, channel in self.channels.items() if number in keep}
         for number in keep - self.channels.keys():  # the file was damaged: the samples are still worth having
             self.describe(nameless(number))
+        if self._damaged:
+            self._name_lost_series()
         if known > 2 * len(self.channels) + 256:
             with contextlib.suppress(DiskError):  # a full disk: the file stays long for now
                 self._rewrite()
@@ -110,13 +113,23 @@ class IdLog:
         size = min(self._disk.size(_NAME), _MAX_BYTES)
         data = self._disk.read(_NAME, 0, size) if size else b""
         self._size = data.rfind(b"\n") + 1
-        for text in data.split(b"\n"):
+        for text in data[: self._size].split(b"\n"):
             crc, _, body = text.partition(b" ")
             try:
                 if body and int(crc, 16) == zlib.crc32(body):
                     yield json.loads(body)
+                    continue
             except ValueError:
-                continue
+                pass
+            self._damaged += bool(text)
+
+    def _name_lost_series(self) -> None:
+        """Rows on disk may name the series of damaged lines: their numbers must be announced, and not given again."""
+        self._next["series"] += self._damaged
+        for number in set(range(1, self._next["series"])) - {series.series for series in self.series.values()}:
+            lost = SeriesId(series=number, name=f"metaros.nameless.{number}", topic="/metaros/nameless", field="value")
+            self.series[lost.name] = lost
+            self._new.append(asdict(lost))
 
     def _learn(self, facts: dict[str, Any]) -> None:
         if "next_channel" in facts:

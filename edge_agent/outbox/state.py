@@ -79,10 +79,11 @@ class OutboxState:
             for era, streams in last.items()
         }
         more = replace(self, writers=[*self.writers, writer], found={**self.found, writer: news})
-        newest = self.writers[-(_WRITERS - 3) :]
-        return more._only(
-            [known for known in self.writers if known in (self.writers[0], self.sender, *newest)] + [writer]
-        )
+        after = self.writers.index(self.sender) + 1 if self.sender in self.writers else 0
+        oldest = self.writers[: 2 * _OLD_WRITERS]  # among them the one the gateway knows, and the next one
+        newest = self.writers[-(_WRITERS - 2 * _OLD_WRITERS - 3) :]
+        kept = {*oldest, self.sender, *self.writers[after : after + 1], *newest, writer}
+        return more._only([known for known in more.writers if known in kept])
 
     def known(self, stored: Collection[str], held: Collection[int]) -> OutboxState:
         """The gateway has these writers in store: those long before them, and eras of which nothing is held, go."""

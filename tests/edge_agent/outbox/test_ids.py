@@ -103,3 +103,21 @@ def test_a_line_that_could_not_be_written_is_written_with_the_next() -> None:
     channel(log, "/b")
     write(log)
     assert sorted(IdLog(files, held={1, 2}).channels) == [1, 2]
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_a_damaged_line_of_a_series_keeps_its_number(number: int) -> None:
+    """Rows on disk still name it: it must be announced, and must not become another one's."""
+    files = disk()
+    log = IdLog(files)
+    for name in ("x", "y", "z"):
+        log.series_number(name=name, topic="/a", field=name)
+    write(log)
+    lines = files.files["ids.log"].split(b"\n")
+    lines[number - 1] = lines[number - 1].replace(b"series", b"seriez")
+    files.files["ids.log"] = b"\n".join(lines)
+    again = IdLog(files)
+    assert {series.series for series in again.series.values()} >= {1, 2, 3}
+    assert again.series_number(name="new", topic="/a", field="new") > 3
+    write(again)
+    assert {series.series for series in IdLog(files).series.values()} >= {1, 2, 3, 4}
