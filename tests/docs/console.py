@@ -207,6 +207,7 @@ def environment(endpoint: str, folder: Path) -> dict[str, str]:
         "METAROS_ZENOH_PORT": endpoint.rsplit(":", 1)[1],
         "METAROS_RUNTIME_DIR": str(folder / "run"),
         "XDG_DATA_HOME": str(folder / "data"),
+        "HOME": str(folder),  # agents keep their state there
         "NO_COLOR": "1",
         "COLUMNS": "110",
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
