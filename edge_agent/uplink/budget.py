@@ -23,6 +23,7 @@ _LEAST_BURST = 16 * 1024
 _ENDLESS = 1 << 40
 _FIRST_BYTES_PER_S = 250_000.0
 _LEAST_BYTES_PER_S, _MOST_BYTES_PER_S = 4_000.0, 1e9
+_SILENT_BYTES_PER_S = 16_000.0  # silence is no measurement: by it alone the estimate falls no lower
 _SPAN_S, _LONGEST_SPAN_S = 1.0, 30.0
 _SPAN_PIECES = 8  # a span is as long as so many of its largest pieces take, or it would see one of them only
 _PROBE, _PROBE_EVERY = 1.5, 10  # tries so much more than what the link is known to carry, once in so many spans
@@ -78,6 +79,15 @@ class Budget:
         self._pass(now_s)
         self.limit_bytes_per_s = bytes_per_s
         self._level = self._event_level = float(self._burst)
+
+    def new_link(self, now_s: float) -> None:
+        """Another connection, perhaps over another network: what back-fill owed the old one is forgotten."""
+        self._pass(now_s)
+        self.uplink_bytes_per_s = max(self.uplink_bytes_per_s, _FIRST_BYTES_PER_S)
+        self._finding, self._trying = True, False
+        self._shortest_s, self._backfill_level = math.inf, 0.0
+        self._span_s = self._at_s
+        self._backfill_spent = self._backfill_taken = self._backfill_acked = self._largest = 0
 
     def room(self, use: Use, now_s: float) -> int:
         """How many bytes of this use may go now; what is due in one piece may go where this is above 0."""
@@ -164,11 +174,12 @@ class Budget:
         self._spans += 1
         if taken - acked > max(_BEHIND * taken, _LEAST_BURST) and (late or not acked):
             self._finding = not acked  # nothing came back: begin again from below
-            self._set_uplink(came or self.uplink_bytes_per_s / 2)
+            silent = max(self.uplink_bytes_per_s / 2, min(self.uplink_bytes_per_s, _SILENT_BYTES_PER_S))
+            self._set_uplink(came or silent)
             self._backfill_level = min(
                 self._backfill_level, BACKFILL_SHARE * self.uplink_bytes_per_s * span_s - self._backfill_spent
             )
-        elif acked > taken and 0.8 * came > self.uplink_bytes_per_s:
+        elif 0.8 * came > self.uplink_bytes_per_s:
             self._set_uplink(0.8 * came)  # what was on its way came in: the link carries more than was known
         elif self._backfill_spent < _BUSY * allowed * span_s or allowed == BACKFILL_SHARE * self.limit_bytes_per_s:
             return

@@ -77,6 +77,7 @@ class SessionKeeper:
             case Established():
                 self._store_id.learn(event.store_id)
                 self._queues.outbox.online = True
+                self._queues.budget.new_link(self._clock.monotonic_s())
             case TeleopArrived():
                 self._teleop.drive(event)
             case CommandArrived():
