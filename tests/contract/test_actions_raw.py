@@ -166,11 +166,13 @@ def test_a_raw_client_sends_a_goal_gets_feedback_and_result(node, peer):
 
 def test_a_raw_client_cancels_by_id_and_all(node, peer):
     start_server(node, peer, patient)
+    feedback = peer.subscribe(*FEEDBACK, FEEDBACK_QOS)
     send, cancel, result = peer.client(*SEND), peer.client(*CANCEL), peer.client(*RESULT)
     accepted = send.ask(CDR + GOAL_ID + struct.pack("<i", 5))
     accepted_stamp = accepted[8:16]
     assert send.ask(CDR + GOAL_ID + struct.pack("<i", 5))[4] == 0  # the id is taken
     seq, replies, _ = result.start(CDR + GOAL_ID)  # held until it is done
+    wait_until(lambda: not feedback.empty())  # it has begun
     assert cancel.ask(CDR + bytes(15) + b"\x09" + stamp(0)) == CDR + bytes([2, 0, 0, 0]) + bytes(4)  # unknown
     info = GOAL_ID + accepted_stamp
     assert replies.empty()
@@ -180,6 +182,7 @@ def test_a_raw_client_cancels_by_id_and_all(node, peer):
     assert cancel.ask(CDR + GOAL_ID + stamp(0)) == CDR + bytes([3, 0, 0, 0]) + bytes(4)  # it has ended
     second = bytes(reversed(GOAL_ID))
     info = second + send.ask(CDR + second + struct.pack("<i", 5))[8:16]
+    wait_until(lambda: feedback.qsize() == 2)  # one that is cancelled before it has begun has nothing to give
     assert cancel.ask(CDR + bytes(16) + stamp(0)) == CDR + bytes(4) + struct.pack("<I", 1) + info  # all
     assert result.ask(CDR + second) == expected
     assert result.ask(CDR + bytes(15) + b"\x09") == CDR + bytes(4) + ints()  # status unknown

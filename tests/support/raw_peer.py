@@ -101,16 +101,18 @@ class RawPeer:
         gid = self.declare("MP", name, dds, type_hash, qos)
         key, seq = f"0{name}/{dds}/{type_hash}", itertools.count(1)
         made: Any
+        wait = zenoh.CongestionControl.BLOCK  # what is put arrives, on a busy machine too
         if qos.startswith(":1:"):
             made = zenoh.ext.declare_advanced_publisher(
                 self.session,
                 key,
+                congestion_control=wait,
                 cache=zenoh.ext.CacheConfig(max_samples=1),
                 sample_miss_detection=zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=0.5),
                 publisher_detection=True,
             )
         else:
-            made = self.session.declare_publisher(key)
+            made = self.session.declare_publisher(key, congestion_control=wait)
         self._kept.append(made)
         return lambda payload: made.put(payload, attachment=pack_attachment(next(seq), STAMP_NS, gid))
 

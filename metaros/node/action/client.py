@@ -168,7 +168,7 @@ class ActionClient:
             followed = self._followed.get(goal_id)
             if followed is not None and handle.accepted:
                 followed.handle = handle
-                handle.learn(max(handle.status, followed.status))  # the status topic may have been faster
+                handle.learn(followed.status)  # the status topic may have been faster
         if not handle.accepted:
             self._forget(goal_id)
         return handle

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from metaros.node.action.goal import TERMINAL, GoalState
@@ -28,6 +29,7 @@ class ClientGoal:
         self.goal_id = goal_id
         self.accepted = accepted
         self.stamp_ns = stamp_ns  # when the server accepted it
+        self._lock = threading.Lock()
         self._status = GoalState.ACCEPTED if accepted else GoalState.UNKNOWN
 
     @property
@@ -48,9 +50,10 @@ class ClientGoal:
         return self._client.cancel_goal(self, timeout_s)
 
     def learn(self, status: GoalState) -> None:
-        """The server says so; an end is never taken back."""
-        if self._status not in TERMINAL:
-            self._status = status
+        """The server says so, by its answers and by its status topic, in any order: a goal goes only forward."""
+        with self._lock:
+            if self._status not in TERMINAL:
+                self._status = max(self._status, status)
 
     def __repr__(self) -> str:
         return f"<goal {self.goal_id.hex()} of {self._client.name}: {self.status.name}>"
