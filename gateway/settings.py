@@ -6,7 +6,6 @@ import ipaddress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gateway.store.engines import check_url
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS
 
@@ -50,6 +49,8 @@ class Settings:
                 f"--host {self.host}: loopback only until the identity step\n"
                 "Use 127.0.0.1, and reach it from elsewhere through an SSH tunnel."
             )
+        from gateway.store.engines import check_url  # heavy: a page of help needs none of it
+
         check_url(self.store_url)
         if min(self.retention_days, self.event_retention_days) <= 0 or self.retention_bytes < MIB:
             raise ConfigError(
