@@ -32,8 +32,8 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 
 import metaros
 from metaros.idl import schema_text, type_hash
+from metaros.mcap import McapFile
 from metaros.record import Recorder, open_bag
-from metaros.record.mcap_file import McapFile
 from metaros.wire import qos_reliable_all
 
 __all__ = ["main", "writers"]

@@ -16,9 +16,9 @@ from typing import Any, BinaryIO, Final
 import yaml
 
 from metaros.errors import ConfigError, RecordingError
+from metaros.mcap import COMPRESSIONS, McapFile
 from metaros.record.intake import Arrival, Route
 from metaros.record.ledger import GAPS, Ledger, Publisher
-from metaros.record.mcap_file import COMPRESSIONS, McapFile
 from metaros.record.qos_yaml import offered_qos, qos_entries
 
 __all__ = ["BagOptions", "BagOutput", "WrittenFile"]

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Final
 
 from metaros.errors import ConfigError, RecordingError
+from metaros.mcap import McapFile
 from metaros.record.bag import Bag, BagTopic
 from metaros.record.ledger import GAPS
-from metaros.record.mcap_file import McapFile
 
 __all__ = ["Rewritten", "rewrite"]
 

@@ -39,7 +39,7 @@ COMPRESSION_NONE: Compression
 COMPRESSION_ZSTD: Compression
 
 class AgentFrame(_message.Message):
-    __slots__ = ("hello", "announce", "batches", "metrics", "gap", "statistics", "result", "heartbeat", "resumed")
+    __slots__ = ("hello", "announce", "batches", "metrics", "gap", "statistics", "result", "heartbeat", "resumed", "recording")
     HELLO_FIELD_NUMBER: _ClassVar[int]
     ANNOUNCE_FIELD_NUMBER: _ClassVar[int]
     BATCHES_FIELD_NUMBER: _ClassVar[int]
@@ -49,6 +49,7 @@ class AgentFrame(_message.Message):
     RESULT_FIELD_NUMBER: _ClassVar[int]
     HEARTBEAT_FIELD_NUMBER: _ClassVar[int]
     RESUMED_FIELD_NUMBER: _ClassVar[int]
+    RECORDING_FIELD_NUMBER: _ClassVar[int]
     hello: Hello
     announce: Announce
     batches: Batches
@@ -58,10 +59,11 @@ class AgentFrame(_message.Message):
     result: CommandResult
     heartbeat: Heartbeat
     resumed: Resumed
-    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., announce: _Optional[_Union[Announce, _Mapping]] = ..., batches: _Optional[_Union[Batches, _Mapping]] = ..., metrics: _Optional[_Union[MetricBatch, _Mapping]] = ..., gap: _Optional[_Union[Gap, _Mapping]] = ..., statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ..., result: _Optional[_Union[CommandResult, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., resumed: _Optional[_Union[Resumed, _Mapping]] = ...) -> None: ...
+    recording: RecordingPart
+    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., announce: _Optional[_Union[Announce, _Mapping]] = ..., batches: _Optional[_Union[Batches, _Mapping]] = ..., metrics: _Optional[_Union[MetricBatch, _Mapping]] = ..., gap: _Optional[_Union[Gap, _Mapping]] = ..., statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ..., result: _Optional[_Union[CommandResult, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., resumed: _Optional[_Union[Resumed, _Mapping]] = ..., recording: _Optional[_Union[RecordingPart, _Mapping]] = ...) -> None: ...
 
 class GatewayFrame(_message.Message):
-    __slots__ = ("welcome", "ack", "demand", "command", "teleop", "heartbeat", "goodbye", "retry_later")
+    __slots__ = ("welcome", "ack", "demand", "command", "teleop", "heartbeat", "goodbye", "retry_later", "recording_wanted")
     WELCOME_FIELD_NUMBER: _ClassVar[int]
     ACK_FIELD_NUMBER: _ClassVar[int]
     DEMAND_FIELD_NUMBER: _ClassVar[int]
@@ -70,6 +72,7 @@ class GatewayFrame(_message.Message):
     HEARTBEAT_FIELD_NUMBER: _ClassVar[int]
     GOODBYE_FIELD_NUMBER: _ClassVar[int]
     RETRY_LATER_FIELD_NUMBER: _ClassVar[int]
+    RECORDING_WANTED_FIELD_NUMBER: _ClassVar[int]
     welcome: Welcome
     ack: Ack
     demand: Demand
@@ -78,7 +81,8 @@ class GatewayFrame(_message.Message):
     heartbeat: Heartbeat
     goodbye: Goodbye
     retry_later: RetryLater
-    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ack: _Optional[_Union[Ack, _Mapping]] = ..., demand: _Optional[_Union[Demand, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., teleop: _Optional[_Union[Teleop, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ..., retry_later: _Optional[_Union[RetryLater, _Mapping]] = ...) -> None: ...
+    recording_wanted: RecordingWanted
+    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ack: _Optional[_Union[Ack, _Mapping]] = ..., demand: _Optional[_Union[Demand, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., teleop: _Optional[_Union[Teleop, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ..., retry_later: _Optional[_Union[RetryLater, _Mapping]] = ..., recording_wanted: _Optional[_Union[RecordingWanted, _Mapping]] = ...) -> None: ...
 
 class Hello(_message.Message):
     __slots__ = ("protocol", "robot_id", "session_id", "session_number", "lane", "agent_version", "namespace", "hostname", "labels", "streams", "writers", "epochs")
@@ -180,7 +184,7 @@ class Announce(_message.Message):
     def __init__(self, channels: _Optional[_Iterable[_Union[Channel, _Mapping]]] = ..., series: _Optional[_Iterable[_Union[Series, _Mapping]]] = ...) -> None: ...
 
 class Channel(_message.Message):
-    __slots__ = ("channel_id", "topic", "encoding", "schema_name", "schema_encoding", "schema", "type_hash", "qos", "max_rate_hz", "forward")
+    __slots__ = ("channel_id", "topic", "encoding", "schema_name", "schema_encoding", "schema", "type_hash", "qos", "max_rate_hz", "forward", "history", "history_rate_hz")
     CHANNEL_ID_FIELD_NUMBER: _ClassVar[int]
     TOPIC_FIELD_NUMBER: _ClassVar[int]
     ENCODING_FIELD_NUMBER: _ClassVar[int]
@@ -192,6 +196,8 @@ class Channel(_message.Message):
     CLASS_FIELD_NUMBER: _ClassVar[int]
     MAX_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     FORWARD_FIELD_NUMBER: _ClassVar[int]
+    HISTORY_FIELD_NUMBER: _ClassVar[int]
+    HISTORY_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
     channel_id: int
     topic: str
     encoding: str
@@ -202,7 +208,9 @@ class Channel(_message.Message):
     qos: str
     max_rate_hz: float
     forward: bool
-    def __init__(self, channel_id: _Optional[int] = ..., topic: _Optional[str] = ..., encoding: _Optional[str] = ..., schema_name: _Optional[str] = ..., schema_encoding: _Optional[str] = ..., schema: _Optional[bytes] = ..., type_hash: _Optional[str] = ..., qos: _Optional[str] = ..., max_rate_hz: _Optional[float] = ..., forward: _Optional[bool] = ..., **kwargs) -> None: ...
+    history: bool
+    history_rate_hz: float
+    def __init__(self, channel_id: _Optional[int] = ..., topic: _Optional[str] = ..., encoding: _Optional[str] = ..., schema_name: _Optional[str] = ..., schema_encoding: _Optional[str] = ..., schema: _Optional[bytes] = ..., type_hash: _Optional[str] = ..., qos: _Optional[str] = ..., max_rate_hz: _Optional[float] = ..., forward: _Optional[bool] = ..., history: _Optional[bool] = ..., history_rate_hz: _Optional[float] = ..., **kwargs) -> None: ...
 
 class Series(_message.Message):
     __slots__ = ("series_id", "name", "topic", "field")
@@ -297,7 +305,7 @@ class TopicStatistics(_message.Message):
     def __init__(self, topics: _Optional[_Iterable[_Union[TopicRate, _Mapping]]] = ..., outbox_bytes: _Optional[int] = ..., outbox_samples: _Optional[int] = ..., malformed: _Optional[int] = ..., link: _Optional[_Union[LinkStatistics, _Mapping]] = ...) -> None: ...
 
 class LinkStatistics(_message.Message):
-    __slots__ = ("transport", "gateway", "budget_bytes_per_s", "sent_bytes_per_s", "reconnects", "classes", "disk_free_bytes", "clock_offset_ns")
+    __slots__ = ("transport", "gateway", "budget_bytes_per_s", "sent_bytes_per_s", "reconnects", "classes", "disk_free_bytes", "clock_offset_ns", "black_box")
     TRANSPORT_FIELD_NUMBER: _ClassVar[int]
     GATEWAY_FIELD_NUMBER: _ClassVar[int]
     BUDGET_BYTES_PER_S_FIELD_NUMBER: _ClassVar[int]
@@ -306,6 +314,7 @@ class LinkStatistics(_message.Message):
     CLASSES_FIELD_NUMBER: _ClassVar[int]
     DISK_FREE_BYTES_FIELD_NUMBER: _ClassVar[int]
     CLOCK_OFFSET_NS_FIELD_NUMBER: _ClassVar[int]
+    BLACK_BOX_FIELD_NUMBER: _ClassVar[int]
     transport: str
     gateway: str
     budget_bytes_per_s: int
@@ -314,7 +323,22 @@ class LinkStatistics(_message.Message):
     classes: _containers.RepeatedCompositeFieldContainer[ClassDepth]
     disk_free_bytes: int
     clock_offset_ns: int
-    def __init__(self, transport: _Optional[str] = ..., gateway: _Optional[str] = ..., budget_bytes_per_s: _Optional[int] = ..., sent_bytes_per_s: _Optional[float] = ..., reconnects: _Optional[int] = ..., classes: _Optional[_Iterable[_Union[ClassDepth, _Mapping]]] = ..., disk_free_bytes: _Optional[int] = ..., clock_offset_ns: _Optional[int] = ...) -> None: ...
+    black_box: BlackBox
+    def __init__(self, transport: _Optional[str] = ..., gateway: _Optional[str] = ..., budget_bytes_per_s: _Optional[int] = ..., sent_bytes_per_s: _Optional[float] = ..., reconnects: _Optional[int] = ..., classes: _Optional[_Iterable[_Union[ClassDepth, _Mapping]]] = ..., disk_free_bytes: _Optional[int] = ..., clock_offset_ns: _Optional[int] = ..., black_box: _Optional[_Union[BlackBox, _Mapping]] = ...) -> None: ...
+
+class BlackBox(_message.Message):
+    __slots__ = ("from_ns", "to_ns", "size_bytes", "quota_bytes", "lost")
+    FROM_NS_FIELD_NUMBER: _ClassVar[int]
+    TO_NS_FIELD_NUMBER: _ClassVar[int]
+    SIZE_BYTES_FIELD_NUMBER: _ClassVar[int]
+    QUOTA_BYTES_FIELD_NUMBER: _ClassVar[int]
+    LOST_FIELD_NUMBER: _ClassVar[int]
+    from_ns: int
+    to_ns: int
+    size_bytes: int
+    quota_bytes: int
+    lost: int
+    def __init__(self, from_ns: _Optional[int] = ..., to_ns: _Optional[int] = ..., size_bytes: _Optional[int] = ..., quota_bytes: _Optional[int] = ..., lost: _Optional[int] = ...) -> None: ...
 
 class ClassDepth(_message.Message):
     __slots__ = ("name", "fresh_bytes", "backfill_bytes", "samples", "lost", "disk_bytes", "quota_bytes")
@@ -371,7 +395,7 @@ class DemandEntry(_message.Message):
     def __init__(self, channel_id: _Optional[int] = ..., max_rate_hz: _Optional[float] = ...) -> None: ...
 
 class Command(_message.Message):
-    __slots__ = ("command_id", "timeout_ms", "lease_id", "publish", "call_service", "grant_lease", "release_lease", "set_uplink")
+    __slots__ = ("command_id", "timeout_ms", "lease_id", "publish", "call_service", "grant_lease", "release_lease", "set_uplink", "save_recording")
     COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
     TIMEOUT_MS_FIELD_NUMBER: _ClassVar[int]
     LEASE_ID_FIELD_NUMBER: _ClassVar[int]
@@ -380,6 +404,7 @@ class Command(_message.Message):
     GRANT_LEASE_FIELD_NUMBER: _ClassVar[int]
     RELEASE_LEASE_FIELD_NUMBER: _ClassVar[int]
     SET_UPLINK_FIELD_NUMBER: _ClassVar[int]
+    SAVE_RECORDING_FIELD_NUMBER: _ClassVar[int]
     command_id: bytes
     timeout_ms: int
     lease_id: str
@@ -388,7 +413,8 @@ class Command(_message.Message):
     grant_lease: GrantLease
     release_lease: ReleaseLease
     set_uplink: SetUplink
-    def __init__(self, command_id: _Optional[bytes] = ..., timeout_ms: _Optional[int] = ..., lease_id: _Optional[str] = ..., publish: _Optional[_Union[PublishMessage, _Mapping]] = ..., call_service: _Optional[_Union[CallService, _Mapping]] = ..., grant_lease: _Optional[_Union[GrantLease, _Mapping]] = ..., release_lease: _Optional[_Union[ReleaseLease, _Mapping]] = ..., set_uplink: _Optional[_Union[SetUplink, _Mapping]] = ...) -> None: ...
+    save_recording: SaveRecording
+    def __init__(self, command_id: _Optional[bytes] = ..., timeout_ms: _Optional[int] = ..., lease_id: _Optional[str] = ..., publish: _Optional[_Union[PublishMessage, _Mapping]] = ..., call_service: _Optional[_Union[CallService, _Mapping]] = ..., grant_lease: _Optional[_Union[GrantLease, _Mapping]] = ..., release_lease: _Optional[_Union[ReleaseLease, _Mapping]] = ..., set_uplink: _Optional[_Union[SetUplink, _Mapping]] = ..., save_recording: _Optional[_Union[SaveRecording, _Mapping]] = ...) -> None: ...
 
 class PublishMessage(_message.Message):
     __slots__ = ("topic", "type_name", "type_hash", "payload")
@@ -436,6 +462,20 @@ class SetUplink(_message.Message):
     bytes_per_s: int
     def __init__(self, bytes_per_s: _Optional[int] = ...) -> None: ...
 
+class SaveRecording(_message.Message):
+    __slots__ = ("recording_id", "from_ns", "to_ns", "topics", "last_ns")
+    RECORDING_ID_FIELD_NUMBER: _ClassVar[int]
+    FROM_NS_FIELD_NUMBER: _ClassVar[int]
+    TO_NS_FIELD_NUMBER: _ClassVar[int]
+    TOPICS_FIELD_NUMBER: _ClassVar[int]
+    LAST_NS_FIELD_NUMBER: _ClassVar[int]
+    recording_id: str
+    from_ns: int
+    to_ns: int
+    topics: _containers.RepeatedScalarFieldContainer[str]
+    last_ns: int
+    def __init__(self, recording_id: _Optional[str] = ..., from_ns: _Optional[int] = ..., to_ns: _Optional[int] = ..., topics: _Optional[_Iterable[str]] = ..., last_ns: _Optional[int] = ...) -> None: ...
+
 class CommandResult(_message.Message):
     __slots__ = ("command_id", "ok", "code", "message", "payload")
     COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
@@ -477,6 +517,40 @@ class Heartbeat(_message.Message):
     echo_ns: int
     held_ns: int
     def __init__(self, sent_ns: _Optional[int] = ..., echo_ns: _Optional[int] = ..., held_ns: _Optional[int] = ...) -> None: ...
+
+class RecordingPart(_message.Message):
+    __slots__ = ("recording_id", "offset", "data", "size_bytes", "sha256", "from_ns", "to_ns", "messages", "failed")
+    RECORDING_ID_FIELD_NUMBER: _ClassVar[int]
+    OFFSET_FIELD_NUMBER: _ClassVar[int]
+    DATA_FIELD_NUMBER: _ClassVar[int]
+    SIZE_BYTES_FIELD_NUMBER: _ClassVar[int]
+    SHA256_FIELD_NUMBER: _ClassVar[int]
+    FROM_NS_FIELD_NUMBER: _ClassVar[int]
+    TO_NS_FIELD_NUMBER: _ClassVar[int]
+    MESSAGES_FIELD_NUMBER: _ClassVar[int]
+    FAILED_FIELD_NUMBER: _ClassVar[int]
+    recording_id: str
+    offset: int
+    data: bytes
+    size_bytes: int
+    sha256: bytes
+    from_ns: int
+    to_ns: int
+    messages: int
+    failed: str
+    def __init__(self, recording_id: _Optional[str] = ..., offset: _Optional[int] = ..., data: _Optional[bytes] = ..., size_bytes: _Optional[int] = ..., sha256: _Optional[bytes] = ..., from_ns: _Optional[int] = ..., to_ns: _Optional[int] = ..., messages: _Optional[int] = ..., failed: _Optional[str] = ...) -> None: ...
+
+class RecordingWanted(_message.Message):
+    __slots__ = ("recording_id", "offset", "stored", "unwanted")
+    RECORDING_ID_FIELD_NUMBER: _ClassVar[int]
+    OFFSET_FIELD_NUMBER: _ClassVar[int]
+    STORED_FIELD_NUMBER: _ClassVar[int]
+    UNWANTED_FIELD_NUMBER: _ClassVar[int]
+    recording_id: str
+    offset: int
+    stored: bool
+    unwanted: bool
+    def __init__(self, recording_id: _Optional[str] = ..., offset: _Optional[int] = ..., stored: _Optional[bool] = ..., unwanted: _Optional[bool] = ...) -> None: ...
 
 class RetryLater(_message.Message):
     __slots__ = ("token", "retry_after_ms", "reason")

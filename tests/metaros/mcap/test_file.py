@@ -9,7 +9,7 @@ import pytest
 from mcap.reader import make_reader
 
 from metaros.errors import ConfigError
-from metaros.record.mcap_file import COMPRESSIONS, McapFile
+from metaros.mcap import COMPRESSIONS, McapFile
 from tests.support.bags import SmallDisk
 
 

@@ -1,0 +1,1 @@
+"""What a fleet sent, asked for by robot, topic and time."""
