@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from gateway.domain.channel import LIVE, Channel
+from gateway.domain.records import Record
 from gateway.domain.sample import Run
 from gateway.live.demand import merge_rates
-from gateway.live.records import Record
 from gateway.live.subscription import TopicSubscription
 from gateway.live.viewer import Viewer
 

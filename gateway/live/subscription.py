@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 from gateway.domain.channel import Channel
-from gateway.live.records import Record
+from gateway.domain.records import Record
 from metaros.idl.globs import Glob
 
 __all__ = ["TopicSubscription"]

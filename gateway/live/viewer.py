@@ -6,15 +6,14 @@ oldest. A drop is told to the client; replacing a waiting sample in mode "latest
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import orjson
 
 from gateway.domain.channel import Channel
+from gateway.domain.records import Record, introduction, record_parts
 from gateway.errors import InvalidRequestError, TooManyError
 from gateway.live.feeds import FleetSubscription, MetricSubscription
-from gateway.live.records import Record, record_parts
 from gateway.live.subscription import TopicSubscription
 from metaros.limits import LIMITS, Limits
 
@@ -148,16 +147,5 @@ class Viewer:
 
     def _introduce(self, channel: Channel) -> int:
         number = self._numbers[channel.identity] = len(self._numbers) + 1
-        introduction: Mapping[str, Any] = {
-            "op": "channel",
-            "channel": number,
-            "robot": channel.robot,
-            "topic": channel.topic,
-            "type": channel.schema_name,
-            "type_hash": channel.type_hash,
-            "encoding": channel.encoding,
-            "schema_encoding": channel.schema_encoding,
-            "schema": channel.schema.decode("utf-8", "replace"),
-        }
-        self._untold.append(dict(introduction))
+        self._untold.append(introduction(channel, number))
         return number

@@ -13,7 +13,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from gateway.live.records import split_records
+from gateway.domain.records import split_records
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.idl import message_class

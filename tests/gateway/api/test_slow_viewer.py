@@ -12,7 +12,7 @@ import psutil
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
-from gateway.live.records import split_records
+from gateway.domain.records import split_records
 from tests.gateway.harness import DATA, ScriptedAgent, channel, hear, hear_bytes, open_socket, running_gateway, say
 
 MIB = 1 << 20

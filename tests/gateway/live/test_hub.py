@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.domain.channel import Channel
+from gateway.domain.records import HEADER, Record, record_parts, split_records
 from gateway.domain.sample import Run
 from gateway.errors import InvalidRequestError, TooManyError
 from gateway.live.feeds import FleetSubscription, MetricSubscription
 from gateway.live.hub import Hub
-from gateway.live.records import HEADER, Record, record_parts, split_records
 from gateway.live.subscription import TopicSubscription
 from gateway.live.viewer import Viewer
 from metaros.errors import FrameError

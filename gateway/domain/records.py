@@ -1,14 +1,19 @@
-"""The binary record of the stream protocol: a 40-byte header, then a sample's bytes, padded to a multiple of 8."""
+"""How samples go to viewers, live or stored: a channel's introduction as JSON, then binary records of its samples.
+
+A record is a 40-byte header, then a sample's bytes, padded to a multiple of 8.
+"""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
+from gateway.domain.channel import Channel
 from metaros.errors import FrameError
 
-__all__ = ["HEADER", "Record", "record_bytes", "record_parts", "split_records"]
+__all__ = ["HEADER", "Record", "introduction", "record_bytes", "record_parts", "split_records"]
 
 # record_bytes, subscription, channel, payload_bytes, seq, stamp_ns, gateway_receive_ns
 HEADER = struct.Struct("<IIIIQqq")
@@ -28,6 +33,21 @@ class Record:
     def size_bytes(self) -> int:
         """What the record takes in a frame and counts in a queue."""
         return record_bytes(len(self.payload))
+
+
+def introduction(channel: Channel, number: int) -> dict[str, Any]:
+    """What a viewer is told of a channel before its first record, which carries `number`."""
+    return {
+        "op": "channel",
+        "channel": number,
+        "robot": channel.robot,
+        "topic": channel.topic,
+        "type": channel.schema_name,
+        "type_hash": channel.type_hash,
+        "encoding": channel.encoding,
+        "schema_encoding": channel.schema_encoding,
+        "schema": channel.schema.decode("utf-8", "replace"),
+    }
 
 
 def record_bytes(payload_bytes: int) -> int:
