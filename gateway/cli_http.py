@@ -1,0 +1,161 @@
+"""The command line as a client of a gateway: where it is, JSON requests, and files with a resume. Standard library."""
+
+from __future__ import annotations
+
+import http.client
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Annotated, Any
+from urllib.parse import quote, urlencode, urlsplit
+
+import typer
+
+from gateway.errors import GatewayError, RequestError
+from metaros.errors import ConfigError, PeerError, UnavailableError
+
+__all__ = ["Answer", "GatewayClient", "GatewayOption", "open_gateway", "path_part"]
+
+DEFAULT_URL = "http://127.0.0.1:8080"
+PIECE_BYTES = 256 * 1024
+
+GatewayOption = Annotated[
+    str,
+    typer.Option(
+        "--gateway",
+        metavar="URL",
+        envvar="METAROS_GATEWAY_URL",
+        show_envvar=False,
+        help=f"The gateway's address; default: that of the running `metaros up`, else {DEFAULT_URL}.",
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """An answer that is read piece by piece while it comes."""
+
+    status: int
+    headers: Mapping[str, str]
+    _response: http.client.HTTPResponse
+
+    @property
+    def size_bytes(self) -> int | None:
+        """How much will come; None where the gateway does not know yet."""
+        length = self._response.getheader("Content-Length")
+        return int(length) if length is not None and length.isdigit() else None
+
+    def pieces(self) -> Iterator[bytes]:
+        """The body; PeerError when the connection ends before it does."""
+        try:
+            while piece := self._response.read1(PIECE_BYTES):
+                yield piece
+            if self._response.length:
+                raise PeerError(f"the gateway ended the connection {self._response.length} bytes early")
+        except (OSError, http.client.HTTPException) as error:
+            raise PeerError(f"the connection to the gateway broke: {error}") from error
+
+
+class GatewayClient:
+    """Requests to one gateway, each on a connection of its own; proxies of the environment are not used."""
+
+    def __init__(self, url: str, *, timeout_s: float = 60.0) -> None:
+        """ConfigError when `url` is none of http or https with a host."""
+        parts = urlsplit(url if "://" in url else f"http://{url}")
+        try:
+            port = parts.port
+        except ValueError:
+            port = -1
+        if parts.scheme not in ("http", "https") or not parts.hostname or port == -1:
+            raise ConfigError(f"--gateway {url}: not the address of a gateway\nit looks like {DEFAULT_URL}")
+        self.url = f"{parts.scheme}://{parts.netloc}"
+        self._kind = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
+        self._host, self._port = parts.hostname, port
+        self._timeout_s = timeout_s
+
+    def get(self, path: str, **query: Any) -> Any:
+        """The JSON of a GET; a value of `query` may be a list, None leaves it out."""
+        with self.open("GET", path, query=query) as answer:
+            return _document(answer)
+
+    def post(self, path: str, body: Mapping[str, Any]) -> Any:
+        """The JSON that answers a POST."""
+        with self.open("POST", path, body=body) as answer:
+            return _document(answer)
+
+    def delete(self, path: str) -> Any:
+        """The JSON that answers a DELETE."""
+        with self.open("DELETE", path, body={}) as answer:
+            return _document(answer)
+
+    @contextmanager
+    def open(
+        self,
+        method: str,
+        path: str,
+        *,
+        query: Mapping[str, Any] | None = None,
+        body: Mapping[str, Any] | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> Iterator[Answer]:
+        """One request and its good answer.
+
+        Raises:
+            UnavailableError: nobody answers at the address.
+            RequestError: the gateway says that the request cannot be.
+            GatewayError: the gateway, or the robot, could not do it.
+        """
+        asked = urlencode({k: v for k, v in (query or {}).items() if v is not None}, doseq=True)
+        connection = self._kind(self._host, self._port, timeout=self._timeout_s)
+        try:
+            try:
+                connection.request(
+                    method,
+                    f"{path}?{asked}" if asked else path,
+                    body=None if body is None else json.dumps(body).encode(),
+                    headers={**({} if body is None else {"Content-Type": "application/json"}), **(headers or {})},
+                )
+                response = connection.getresponse()
+            except (OSError, http.client.HTTPException) as error:
+                fix = "`metaros status` shows what runs; --gateway URL names another one"
+                raise UnavailableError(f"no gateway answers at {self.url}: {error}\n{fix}") from error
+            answer = Answer(response.status, {k.lower(): v for k, v in response.getheaders()}, response)
+            if response.status >= 400:
+                raise _refusal(answer)
+            yield answer
+        finally:
+            connection.close()
+
+
+def open_gateway(url: str) -> GatewayClient:
+    """The gateway at `url`, or where that is empty, the one of this user's running `metaros up`."""
+    if not url:
+        from metaros.cli.instance import running_instances
+
+        url = next((found.url for found in running_instances() if found.url), DEFAULT_URL)
+    return GatewayClient(url)
+
+
+def path_part(text: str) -> str:
+    """A text as one part of a path."""
+    return quote(text, safe="")
+
+
+def _document(answer: Answer) -> Any:
+    raw = b"".join(answer.pieces())
+    try:
+        return json.loads(raw) if raw else None
+    except ValueError as error:
+        raise PeerError(f"what answers is no gateway: {raw[:80]!r}") from error
+
+
+def _refusal(answer: Answer) -> GatewayError:
+    """The gateway's problem document as an error."""
+    raw = b"".join(answer.pieces())
+    try:
+        document = json.loads(raw)
+        text = str(document.get("detail") or document.get("title"))
+    except (ValueError, AttributeError):
+        text = f"the gateway answered {answer.status}"
+    return RequestError(text) if answer.status < 500 else GatewayError(text)
