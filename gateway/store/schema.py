@@ -10,6 +10,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gateway.store.migrations.recordings import RECORDINGS
+from gateway.store.migrations.segments import SEGMENTS
+from gateway.store.migrations.series import SERIES
+
 __all__ = ["CHUNK_SAMPLES", "MIGRATIONS", "ROW_BYTES", "TABLES", "Dialect", "migration"]
 
 CHUNK_SAMPLES = 1000
@@ -122,6 +126,9 @@ MIGRATIONS: tuple[str, ...] = (
     CREATE INDEX gaps_age ON gaps (stored_ns);
     {extra}
     """,
+    SEGMENTS,
+    SERIES,
+    RECORDINGS,
 )
 
 ROW_BYTES = 100  # what a row of these occupies beside them, with its index entries
