@@ -57,6 +57,14 @@ class Limits:
     recorder_queue_bytes: int = 256 * MIB  # samples that wait for a recorder's disk
     recorder_ring_bytes: int = 512 * MIB  # samples that a recorder in ring mode keeps in memory
     recorder_publishers: int = 4096  # of one recorded topic, followed by sequence number at a time
+    recording_bytes: int = 1024 * MIB  # one clip of a robot's black box
+    recording_part_bytes: int = 256 * KIB  # a piece of it on the link
+    recording_window_bytes: int = 1 * MIB  # pieces sent past what the gateway has told to be on its disk
+    recordings_at_a_time: int = 4  # of one robot on their way to the gateway; further ones wait
+    recordings_unfinished: int = 16  # of one robot, asked for and not yet stored
+    recordings_queue_bytes: int = 64 * MIB  # pieces of all robots that wait for the gateway's disk
+    recording_reserve_bytes: int = 256 * MIB  # of the gateway's disk: recordings leave it free
+    recording_age_s: float = 86_400.0  # a recording of which nothing was heard for so long is given up
     broker_topics: int = 1024  # ZeroMQ topics that the broker bridges; messages of further ones are counted as dropped
     broker_prefixes: int = 4096  # different ZeroMQ subscriptions that the broker follows
     broker_queue_messages: int = 1000  # of one topic, waiting to be bridged in one direction

@@ -16,6 +16,7 @@ __all__ = [
     "GapDeclared",
     "Measured",
     "Online",
+    "RecordingArrived",
     "Reported",
     "Resulted",
     "RowsArrived",
@@ -96,10 +97,24 @@ class Reported:
 
 
 @dataclass(frozen=True, slots=True)
+class RecordingArrived:
+    """An offer of a recording, or a piece of one."""
+
+    part: link_pb2.RecordingPart
+
+
+@dataclass(frozen=True, slots=True)
 class Resulted:
     """A command's result."""
 
     result: link_pb2.CommandResult
+
+
+@dataclass(frozen=True, slots=True)
+class OverQuota:
+    """The robot sends more than it may: so many live samples were dropped; with 0, a lane was told to wait."""
+
+    dropped: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,8 +140,10 @@ Event = (
     | RowsArrived
     | GapDeclared
     | WriterKnown
+    | RecordingArrived
     | Reported
     | Resulted
+    | OverQuota
     | Measured
     | Closed
 )

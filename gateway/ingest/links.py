@@ -20,6 +20,7 @@ from gateway.ingest.events import (
     GapDeclared,
     Measured,
     Online,
+    RecordingArrived,
     Reported,
     Resulted,
     RowsArrived,
@@ -55,6 +56,7 @@ class LinkHooks:
     on_channels: Callable[[str], None]
     on_online: Callable[[str, bool], None]
     on_result: Callable[[str, link_pb2.CommandResult], None]
+    on_recording: Callable[[str, link_pb2.RecordingPart], None] = lambda robot, part: None
 
 
 @dataclass(slots=True)
@@ -124,12 +126,12 @@ class Links:
         if lane.live.outboxes.get(lane.number) is lane.outbox:
             self._apply(lane.live, lane.live.session.lane_ended())
 
-    def send(self, robot_id: str, frame: link_pb2.GatewayFrame) -> None:
-        """Put a frame on the robot's control lane; RobotOfflineError when it has none."""
+    def send(self, robot_id: str, frame: link_pb2.GatewayFrame, *, lane: int = LANES[0]) -> None:
+        """Put a frame on a lane of the robot's, by default control; RobotOfflineError when it has no link."""
         live = self._live.get(robot_id)
         if live is None or not live.session.online:
             raise RobotOfflineError(f"robot {robot_id} has no link now")
-        self._put(live, LANES[0], frame)
+        self._put(live, lane, frame)
 
     def committed(self, done: Committed) -> None:
         """A commit is done: move the stored watermarks and acknowledge them, one Ack a robot."""
@@ -257,6 +259,8 @@ class Links:
             self._hooks.on_channels(robot_id)
         elif isinstance(event, Reported):
             record.report(event.statistics)
+        elif isinstance(event, RecordingArrived):
+            self._hooks.on_recording(robot_id, event.part)
         elif isinstance(event, Resulted):
             self._hooks.on_result(robot_id, event.result)
         elif isinstance(event, Measured):

@@ -8,12 +8,14 @@ for `dead_after_s` is dead.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from gateway.domain.channel import LIVE, METRIC_STREAM, Channel, Series
+from gateway.domain.channel import LIVE, METRIC, METRIC_STREAM, Channel, Series
+from gateway.domain.recording import is_recording_id
 from gateway.domain.robot import Robot
 from gateway.domain.sample import Gap, Rows, Run
 from gateway.errors import ForkedError, LinkError, ProtocolError, UnsettledError
@@ -25,6 +27,7 @@ from gateway.ingest.events import (
     GapDeclared,
     Measured,
     Online,
+    RecordingArrived,
     Reported,
     Resulted,
     RowsArrived,
@@ -32,6 +35,7 @@ from gateway.ingest.events import (
     WriterKnown,
 )
 from gateway.ingest.hello import LANES, check_hello, read_channel, read_series
+from gateway.ingest.quota import Meter
 from gateway.ingest.streams import StreamTable
 from metaros._proto import link_pb2
 from metaros.errors import FrameError
@@ -51,6 +55,7 @@ class _Lane:
     heard_s: float
     pieces: Reassembler
     refusing: int = 0  # the token that ends it; durable frames are dropped until then
+    skipping: set[int] = field(default_factory=set)  # live streams of whose large sample the pieces are dropped
 
 
 class Session:
@@ -64,8 +69,9 @@ class Session:
         gateway_id: str,
         store_id: str,
         limits: Limits = LIMITS,
+        meter: Meter | None = None,
     ) -> None:
-        """Raises ProtocolError when the Hello is not acceptable; `streams` outlives the session."""
+        """Raises ProtocolError when the Hello is not acceptable; `streams` and `meter` outlive the session."""
         self.robot: Robot = check_hello(hello, limits=limits)
         self.session_id = hello.session_id
         self.number = int(hello.session_number)
@@ -75,6 +81,7 @@ class Session:
         self._gateway_id = gateway_id
         self._store_id = store_id
         self._limits = limits
+        self._meter = meter
         self._lanes: dict[int, _Lane] = {}
         self._closed = False
         self._beat_s = 0.0
@@ -89,6 +96,7 @@ class Session:
             "result": lambda lane, frame, now_s, wall_ns: [Resulted(frame.result)],
             "heartbeat": self._on_heartbeat,
             "resumed": self._on_resumed,
+            "recording": self._on_recording,
         }
         self._token = 0
 
@@ -157,16 +165,8 @@ class Session:
         if not self.online:
             return []
         self._streams.refuse()
-        events: list[Event] = []
-        for number, lane in self._lanes.items():
-            if lane.refusing:
-                continue
-            self._token += 1
-            lane.refusing = self._token
-            lane.pieces = Reassembler(limits=self._limits)
-            later = link_pb2.RetryLater(token=self._token, retry_after_ms=retry_after_ms, reason=reason)
-            events.append(Send(number, link_pb2.GatewayFrame(retry_later=later)))
-        return events
+        told = (self._put_off(number, reason, retry_after_ms) for number in self._lanes)
+        return [event for events in told for event in events]
 
     def touch(self, lane: int, *, now_s: float) -> None:
         """The shell was not reading this lane for a reason of its own: silence does not count."""
@@ -197,6 +197,16 @@ class Session:
     def lane_ended(self) -> list[Event]:
         """A lane's connection ended: the session ends with it, the agent reopens both."""
         return self.close("", "a lane's connection ended")
+
+    def _put_off(self, number: int, reason: str, retry_after_ms: int) -> list[Event]:
+        """Durable frames of a lane are dropped until its Resumed."""
+        lane = self._lanes[number]
+        if lane.refusing:
+            return []
+        self._token += 1
+        lane.refusing, lane.pieces = self._token, Reassembler(limits=self._limits)
+        later = link_pb2.RetryLater(token=self._token, retry_after_ms=retry_after_ms, reason=reason)
+        return [Send(number, link_pb2.GatewayFrame(retry_later=later))]
 
     def _welcome(self, hello: link_pb2.Hello) -> link_pb2.GatewayFrame:
         known = [
@@ -247,10 +257,32 @@ class Session:
                 raise ProtocolError(f"stream {batch.stream_id} was not announced")
             if self._lanes[lane].refusing and channel.delivery != LIVE:
                 continue
+            if over := self._over_quota(lane, batch, channel, now_s):
+                events += over
+                continue
             columns = self._lanes[lane].pieces.feed(expand(batch, limits=self._limits))
             if columns is not None:
                 events += self._samples(lane, channel, columns, wall_ns)
         return events
+
+    def _over_quota(self, lane: int, batch: link_pb2.Batch, channel: Channel, now_s: float) -> list[Event]:
+        """What a batch causes that is more than the robot may send; nothing where it may."""
+        if self._meter is None:
+            return []
+        skipping = self._lanes[lane].skipping
+        if batch.chunk_index and batch.stream_id in skipping:
+            return [OverQuota(0)]
+        skipping.discard(batch.stream_id)
+        wait_s = self._meter.batch(batch, channel.delivery, now_s)
+        if not wait_s:
+            return []
+        if channel.delivery != LIVE:
+            return self._wait(lane, wait_s)
+        skipping.add(batch.stream_id)
+        return [OverQuota(batch.count)]
+
+    def _wait(self, lane: int, wait_s: float) -> list[Event]:
+        return [OverQuota(0), *self._put_off(lane, "rate", math.ceil(wait_s * 1000))]
 
     def _samples(self, lane: int, channel: Channel, columns: SampleColumns, wall_ns: int) -> list[Event]:
         if channel.delivery == LIVE:
@@ -263,6 +295,10 @@ class Session:
     def _on_metrics(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
         if self._lanes[lane].refusing:
             return []
+        if self._meter is not None:
+            wait_s = self._meter.take(frame.metrics.count, frame.metrics.ByteSize(), METRIC, now_s)
+            if wait_s:
+                return self._wait(lane, wait_s)
         columns = unpack_metrics(frame.metrics, limits=self._limits)
         numbers, index = np.unique(columns.series_ids, return_inverse=True)
         unknown = [number for number in numbers.tolist() if number not in self._series]
@@ -302,6 +338,17 @@ class Session:
         if frame.resumed.token == self._lanes[lane].refusing:
             self._lanes[lane].refusing = 0
         return []
+
+    def _on_recording(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
+        """Its form alone: what it means is the business of whoever asked for the recording."""
+        part = frame.recording
+        if lane != BACKFILL:
+            raise ProtocolError("recordings travel on the back-fill lane")
+        if not is_recording_id(part.recording_id) or len(part.sha256) not in (0, 32):
+            raise ProtocolError("a part of a recording has a bad id or checksum")
+        if len(part.data) > self._limits.recording_part_bytes:
+            raise ProtocolError(f"a part of a recording has at most {self._limits.recording_part_bytes} bytes")
+        return [RecordingArrived(part)]
 
     def _on_heartbeat(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
         beat = frame.heartbeat
