@@ -17,6 +17,7 @@ from gateway.fleet.commands import CommandDesk
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.ingest.links import LinkHooks, Links
+from gateway.ingest.quota import Quota
 from gateway.ingest.registry import Registry, RobotRecord, SeriesState
 from gateway.live.demand import DemandBook
 from gateway.live.hub import Hub
@@ -56,7 +57,8 @@ class Gateway:
         self.leases = LeaseTable(valid_s=LIMITS.lease_s)
         beat_s = settings.heartbeat_s
         limits = replace(LIMITS, heartbeat_s=beat_s, dead_after_s=3 * beat_s)
-        self.links = Links(self.registry, self.store, self._hooks(), clock=clock, limits=limits)
+        quota = Quota(messages_per_s=settings.robot_messages_per_s, bytes_per_s=settings.robot_bytes_per_s)
+        self.links = Links(self.registry, self.store, self._hooks(), clock=clock, quota=quota, limits=limits)
         self.commands = CommandDesk(self.links.send)
         self.teleop = TeleopDesk(self.registry.get, self.commands, self.leases, self.links.send, clock=clock)
         self.fleet = FleetDesk(

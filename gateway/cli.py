@@ -35,6 +35,8 @@ EventRetentionDays = Annotated[float, typer.Option(min=0.01, help="How long even
 RetentionMib = Annotated[int, typer.Option(min=1, help="How large the store may grow before the oldest data goes.")]
 TickMs = Annotated[float, typer.Option(min=0.0, max=100.0, help="How long live samples wait to share one write.")]
 HeartbeatS = Annotated[float, typer.Option(min=0.2, max=60.0, help="A link silent for three of these is dead.")]
+RobotMessages = Annotated[int, typer.Option(min=0, help="Samples and rows a second from one robot; 0 = no limit.")]
+RobotBytes = Annotated[int, typer.Option(min=0, help="Bytes of them a second from one robot; 0 = no limit.")]
 StatusFile = Annotated[Path | None, typer.Option(metavar="FILE", help="Write this JSON file when ready.")]
 
 
@@ -59,6 +61,8 @@ def _gateway(
     retention_mib: RetentionMib = 4096,
     tick_ms: TickMs = 5.0,
     heartbeat_s: HeartbeatS = 5.0,
+    robot_messages_per_s: RobotMessages = 100_000,
+    robot_bytes_per_s: RobotBytes = 64 * MIB,
     status_file: StatusFile = None,
 ) -> None:
     """Run the gateway until Ctrl-C."""
@@ -79,5 +83,7 @@ def _gateway(
         retention_bytes=retention_mib * MIB,
         tick_s=tick_ms / 1000,
         heartbeat_s=heartbeat_s,
+        robot_messages_per_s=robot_messages_per_s,
+        robot_bytes_per_s=robot_bytes_per_s,
     )
     run(settings, status_file=status_file)

@@ -39,6 +39,8 @@ class Settings:
     tick_s: float = 0.005
     heartbeat_s: float = LIMITS.heartbeat_s  # a link that is silent for three of them is dead
     viewer_stall_s: float = LIMITS.viewer_stall_s
+    robot_messages_per_s: int = 100_000  # of one robot, samples and rows alike; 0 = no limit
+    robot_bytes_per_s: int = 64 * MIB
     actuator_topics: tuple[str, ...] = ("**/cmd_vel",)
     static_dir: Path = Path(__file__).parent / "static"
 
@@ -58,6 +60,8 @@ class Settings:
             )
         if not 0.0 <= self.tick_s <= 0.1:
             raise ConfigError("--tick-ms is 0 to 100")
+        if min(self.robot_messages_per_s, self.robot_bytes_per_s) < 0:
+            raise ConfigError("--robot-messages-per-s and --robot-bytes-per-s are 0 (no limit) or more")
         if not 0.2 <= self.heartbeat_s <= 60.0:
             raise ConfigError("--heartbeat-s is 0.2 to 60")
 

@@ -144,6 +144,10 @@ def running_gateway(folder: Path, *options: str) -> Iterator[tuple[psutil.Proces
         "0",
         "--grpc-port",
         "0",
+        "--robot-messages-per-s",
+        "0",
+        "--robot-bytes-per-s",
+        "0",
         "--status-file",
         str(status),
     ]

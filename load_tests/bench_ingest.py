@@ -110,6 +110,7 @@ def start_gateway(folder: Path) -> tuple[subprocess.Popen[bytes], str]:
     """A gateway process and where robots reach it."""
     status = folder / "status.json"
     command = [sys.executable, "-c", GATEWAY, "gateway", "--port", "0", "--grpc-port", "0"]
+    command += ["--robot-messages-per-s", "0", "--robot-bytes-per-s", "0"]
     process = subprocess.Popen(
         [*command, "--data-dir", str(folder / "data"), "--status-file", str(status)], stdout=subprocess.DEVNULL
     )

@@ -90,13 +90,19 @@ class Link(_Model):
 
 
 class Counts(_Model):
-    """What arrived since this gateway started; `lost` samples were declared by gaps."""
+    """What arrived since this gateway started; `lost` samples were declared by gaps.
+
+    Of a robot that sends more than its quota `over_quota` live samples were dropped; `put_off`: how often it was told
+    to send the others later.
+    """
 
     samples: int
     bytes: int
     duplicates: int
     gaps: int
     lost: int
+    over_quota: int
+    put_off: int
 
 
 class LeaseState(_Model):

@@ -45,6 +45,8 @@ def robot_view(record: RobotRecord, lease: Lease | None, *, now_s: float) -> dic
             "duplicates": counts.duplicates,
             "gaps": counts.gaps,
             "lost": counts.lost,
+            "over_quota": counts.over_quota,
+            "put_off": counts.put_off,
         },
         "lease": None
         if lease is None

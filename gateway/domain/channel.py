@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["CLASSES", "EVENT", "LIVE", "METRIC_STREAM", "Channel", "Series"]
+__all__ = ["CLASSES", "EVENT", "LIVE", "METRIC", "METRIC_STREAM", "Channel", "Series"]
 
 # The four delivery classes, by their number on the link.
 CLASSES: dict[int, str] = {1: "event", 2: "metric", 3: "bulk", 4: "live"}
 EVENT = "event"
 LIVE = "live"
+METRIC = "metric"
 METRIC_STREAM = 0  # the stream id of a robot's metric rows; every other stream id is a channel's
 
 

@@ -112,9 +112,10 @@ class Resulted:
 
 @dataclass(frozen=True, slots=True)
 class OverQuota:
-    """The robot sends more than it may: so many live samples were dropped; with 0, a lane was told to wait."""
+    """The robot sends more than it may: live samples were dropped, or a lane was told to send durable frames later."""
 
-    dropped: int
+    dropped: int = 0
+    put_off: bool = False
 
 
 @dataclass(frozen=True, slots=True)

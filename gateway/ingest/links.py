@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from gateway.domain.sample import Run
 from gateway.errors import FencedError, ForkedError, RobotOfflineError, StoreError, UnsettledError
@@ -20,6 +20,7 @@ from gateway.ingest.events import (
     GapDeclared,
     Measured,
     Online,
+    OverQuota,
     RecordingArrived,
     Reported,
     Resulted,
@@ -29,6 +30,7 @@ from gateway.ingest.events import (
 )
 from gateway.ingest.hello import LANES, check_hello
 from gateway.ingest.outbox import LaneOutbox
+from gateway.ingest.quota import Meter, Quota
 from gateway.ingest.registry import Registry, RobotRecord
 from gateway.ingest.session import Session
 from gateway.ingest.streams import StreamTable
@@ -44,6 +46,7 @@ log = logging.getLogger(__name__)
 OUTBOX_BYTES = 4 * LIMITS.frame_bytes
 SEEN_EVERY_S = 60.0
 FENCED_RETRY_MS = 5000
+QUOTA_SAID_S = 60.0
 RETRY_MS = 250  # how long agents keep durable frames while the store cannot take them
 
 
@@ -84,13 +87,22 @@ class Links:
     """All sessions of this gateway."""
 
     def __init__(
-        self, registry: Registry, store: Store, hooks: LinkHooks, *, clock: Clock, limits: Limits = LIMITS
+        self,
+        registry: Registry,
+        store: Store,
+        hooks: LinkHooks,
+        *,
+        clock: Clock,
+        quota: Quota | None = None,
+        limits: Limits = LIMITS,
     ) -> None:
+        """`quota` is each robot's; None lets them send what they like."""
+        self._quota = quota or Quota()
         self._registry = registry
         self._store = store
         self._hooks = hooks
         self._clock = clock
-        self._limits = limits
+        self._limits = replace(limits, window_bytes=self._quota.window_bytes(limits))
         self._live: dict[str, _Live] = {}
         self._joining = asyncio.Lock()
 
@@ -215,8 +227,14 @@ class Links:
                 raise FencedError(f"session {live.session.number} of {hello.robot_id} is alive and newer")
             fenced = live.session.close("fenced", "a newer session took over", retry_after_ms=FENCED_RETRY_MS)
             self._apply(live, fenced)
+        record.meter = record.meter or Meter(self._quota, limits=self._limits)
         session = Session(
-            hello, streams, gateway_id=self._store.gateway_id, store_id=self._store.store_id, limits=self._limits
+            hello,
+            streams,
+            gateway_id=self._store.gateway_id,
+            store_id=self._store.store_id,
+            limits=self._limits,
+            meter=record.meter,
         )
         record.begin(session.robot, session_id=session.session_id, session_number=session.number)
         live = self._live[hello.robot_id] = _Live(session, record, seen_s=self._clock.monotonic_s())
@@ -263,6 +281,8 @@ class Links:
             self._hooks.on_recording(robot_id, event.part)
         elif isinstance(event, Resulted):
             self._hooks.on_result(robot_id, event.result)
+        elif isinstance(event, OverQuota):
+            self._over_quota(record, event)
         elif isinstance(event, Measured):
             record.rtt_s = event.rtt_s
         elif isinstance(event, Online):
@@ -270,6 +290,18 @@ class Links:
             self._hooks.on_online(robot_id, True)
         elif isinstance(event, Closed):
             self._closed(live, event)
+
+    def _over_quota(self, record: RobotRecord, event: OverQuota) -> None:
+        """Count it, and say so once in a while."""
+        record.over_quota(event.dropped, put_off=event.put_off)
+        now_s = self._clock.monotonic_s()
+        if now_s - record.quota_said_s >= QUOTA_SAID_S:
+            record.quota_said_s = now_s
+            log.warning(
+                "robot %s sends more than --robot-messages-per-s or --robot-bytes-per-s allow: "
+                "it sends durable samples later, live ones are dropped",
+                record.robot.id,
+            )
 
     def _store_run(self, live: _Live, event: Arrived) -> None:
         columns = event.run.columns

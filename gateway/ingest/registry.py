@@ -13,6 +13,7 @@ from gateway.domain.channel import METRIC_STREAM, Channel, Series
 from gateway.domain.robot import Robot
 from gateway.domain.sample import Gap, Rows, Run
 from gateway.errors import UnknownRobotError
+from gateway.ingest.quota import Meter
 from gateway.ingest.streams import StreamTable
 from metaros._proto import link_pb2
 from metaros.link import CHANNEL_MASK
@@ -73,6 +74,8 @@ class Counts:
     duplicates: int = 0
     gaps: int = 0
     lost: int = 0
+    over_quota: int = 0  # live samples dropped because the robot sends more than it may
+    put_off: int = 0  # how often a lane was told to send durable frames later for that
 
 
 class RobotRecord:
@@ -91,6 +94,8 @@ class RobotRecord:
         self.channels: dict[int, ChannelState] = {}
         self.series: dict[str, SeriesState] = {}
         self.byte_rate = RateMeter()
+        self.meter: Meter | None = None
+        self.quota_said_s = -math.inf
         self.forks = 0  # how often a copy of the robot's outbox was found out
         self.revision = 1
         self._process = b""
@@ -178,6 +183,12 @@ class RobotRecord:
         state = self.channels.get(stream_id & CHANNEL_MASK)
         if stream_id & CHANNEL_MASK != METRIC_STREAM and state is not None:
             state.lost += gap.count
+        self.revision += 1
+
+    def over_quota(self, dropped: int, *, put_off: bool) -> None:
+        """The robot sent more than it may: live samples were dropped, or a lane was told to send later."""
+        self.counts.over_quota += dropped
+        self.counts.put_off += put_off
         self.revision += 1
 
     def report(self, statistics: link_pb2.TopicStatistics) -> None:

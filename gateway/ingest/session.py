@@ -27,6 +27,7 @@ from gateway.ingest.events import (
     GapDeclared,
     Measured,
     Online,
+    OverQuota,
     RecordingArrived,
     Reported,
     Resulted,
@@ -54,6 +55,7 @@ class _Lane:
 
     heard_s: float
     pieces: Reassembler
+    live_pieces: Reassembler  # these go on while durable frames are refused
     refusing: int = 0  # the token that ends it; durable frames are dropped until then
     skipping: set[int] = field(default_factory=set)  # live streams of whose large sample the pieces are dropped
 
@@ -120,7 +122,7 @@ class Session:
             raise ForkedError(f"another copy of the outbox of {self.robot.id} has spoken under its epoch")
         if self._streams.unsettled(hello):
             raise UnsettledError("what the writer before this one sent is being stored")
-        self._lanes[hello.lane] = _Lane(now_s, Reassembler(limits=self._limits))
+        self._lanes[hello.lane] = _Lane(now_s, *(Reassembler(limits=self._limits) for _ in range(2)))
         lost: list[Event] = []
         self._streams.begin(hello.streams)
         if writers := self._streams.written_by(hello):
@@ -260,7 +262,8 @@ class Session:
             if over := self._over_quota(lane, batch, channel, now_s):
                 events += over
                 continue
-            columns = self._lanes[lane].pieces.feed(expand(batch, limits=self._limits))
+            pieces = self._lanes[lane].live_pieces if channel.delivery == LIVE else self._lanes[lane].pieces
+            columns = pieces.feed(expand(batch, limits=self._limits))
             if columns is not None:
                 events += self._samples(lane, channel, columns, wall_ns)
         return events
@@ -271,7 +274,7 @@ class Session:
             return []
         skipping = self._lanes[lane].skipping
         if batch.chunk_index and batch.stream_id in skipping:
-            return [OverQuota(0)]
+            return [OverQuota()]  # counted with its first piece
         skipping.discard(batch.stream_id)
         wait_s = self._meter.batch(batch, channel.delivery, now_s)
         if not wait_s:
@@ -282,7 +285,7 @@ class Session:
         return [OverQuota(batch.count)]
 
     def _wait(self, lane: int, wait_s: float) -> list[Event]:
-        return [OverQuota(0), *self._put_off(lane, "rate", math.ceil(wait_s * 1000))]
+        return [OverQuota(put_off=True), *self._put_off(lane, "rate", math.ceil(wait_s * 1000))]
 
     def _samples(self, lane: int, channel: Channel, columns: SampleColumns, wall_ns: int) -> list[Event]:
         if channel.delivery == LIVE:

@@ -25,6 +25,7 @@ class GatewayConfig:
     host: str = "127.0.0.1"
     heartbeat_s: float = 5.0
     store_url: str = ""
+    robot_messages_per_s: int = 0  # no quota: a campaign's robot sends as fast as it can
 
 
 def run_gateway(config: GatewayConfig) -> None:
@@ -42,6 +43,8 @@ def run_gateway(config: GatewayConfig) -> None:
         "heartbeat_s": config.heartbeat_s,
         "store_url": config.store_url or None,
         "retention_bytes": 1 << 40,
+        "robot_messages_per_s": config.robot_messages_per_s,
+        "robot_bytes_per_s": 0,
     }
     values = {name: value for name, value in wanted.items() if name in known and value is not None}
     run(Settings(**values), status_file=config.folder / "gateway.json")  # type: ignore[arg-type]
