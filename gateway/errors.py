@@ -21,8 +21,14 @@
     │   ├── FencedError              a newer session of this robot is alive             fenced
     │   ├── ForkedError              another copy of the robot's outbox has spoken      forked
     │   └── UnsettledError           what its last process sent is still being stored   unsettled
-    └── StoreError                   the store cannot do it now                         store_unavailable
-        └── UnstorableError          these values can never be stored                   store_unavailable
+    ├── StoreError                   the store cannot do it now                         store_unavailable
+    │   ├── UnstorableError          these values can never be stored                   store_unavailable
+    │   └── PurgedError              what was found is not stored any more              purged
+    ├── ObjectStoreError             the object store cannot do it now                  objects_unavailable
+    │   └── ObjectRefusedError       it does not want us: secret, bucket, rights        objects_refused
+    └── DamagedError                 what was stored cannot be read any more            damaged
+        ├── ObjectMissingError       the object is not there                            object_missing
+        └── CorruptObjectError       the object holds something else                    object_corrupt
 
 The library's errors (`metaros.errors`) pass through with their own codes; the table below covers them too.
 """
@@ -39,6 +45,8 @@ __all__ = [
     "BodyTooLargeError",
     "CommandRefusedError",
     "CommandTimeoutError",
+    "CorruptObjectError",
+    "DamagedError",
     "ErrorRow",
     "FencedError",
     "ForkedError",
@@ -49,8 +57,12 @@ __all__ = [
     "LeaseTakenError",
     "LinkError",
     "MediaTypeError",
+    "ObjectMissingError",
+    "ObjectRefusedError",
+    "ObjectStoreError",
     "OriginError",
     "ProtocolError",
+    "PurgedError",
     "RequestError",
     "RobotError",
     "RobotOfflineError",
@@ -210,6 +222,42 @@ class UnstorableError(StoreError):
     code = "store_unavailable"
 
 
+class ObjectStoreError(GatewayError):
+    """The object store cannot do it now; the same may work later."""
+
+    code = "objects_unavailable"
+
+
+class ObjectRefusedError(ObjectStoreError):
+    """The object store refuses: a wrong secret, no such bucket, no right. It works once somebody has mended that."""
+
+    code = "objects_refused"
+
+
+class DamagedError(GatewayError):
+    """What was stored cannot be read any more; the message names it."""
+
+    code = "damaged"
+
+
+class ObjectMissingError(DamagedError):
+    """There is no object of that name, or it is shorter than it was."""
+
+    code = "object_missing"
+
+
+class CorruptObjectError(DamagedError):
+    """The bytes are not those that were meant: a checksum or a form does not hold."""
+
+    code = "object_corrupt"
+
+
+class PurgedError(StoreError):
+    """What was found a moment ago is not stored any more."""
+
+    code = "purged"
+
+
 @dataclass(frozen=True, slots=True)
 class ErrorRow:
     """What a code means to a client."""
@@ -243,12 +291,18 @@ ERRORS: tuple[ErrorRow, ...] = (
     ErrorRow("unsupported_media_type", 415, "INVALID_ARGUMENT", "Send application/json or application/cdr"),
     ErrorRow("busy", 429, "RESOURCE_EXHAUSTED", "The robot has too many commands under way"),
     ErrorRow("too_many", 429, "RESOURCE_EXHAUSTED", "A bounded table is full"),
+    ErrorRow("purged", 410, "NOT_FOUND", "It is not stored any more"),
     ErrorRow("internal", 500, "INTERNAL", "The gateway failed"),
     ErrorRow("unsupported", 501, "UNIMPLEMENTED", "The robot's agent cannot do that"),
     ErrorRow("command_refused", 502, "FAILED_PRECONDITION", "The robot refused or failed the command"),
     ErrorRow("robot_offline", 503, "UNAVAILABLE", "The robot is offline"),
     ErrorRow("unavailable", 503, "UNAVAILABLE", "Nobody on the robot answers that"),
     ErrorRow("store_unavailable", 503, "UNAVAILABLE", "The store cannot do it now"),
+    ErrorRow("objects_unavailable", 503, "UNAVAILABLE", "The object store cannot do it now"),
+    ErrorRow("objects_refused", 503, "UNAVAILABLE", "The object store refuses the gateway"),
+    ErrorRow("damaged", 500, "DATA_LOSS", "What was stored cannot be read"),
+    ErrorRow("object_missing", 500, "DATA_LOSS", "A stored object is not there"),
+    ErrorRow("object_corrupt", 500, "DATA_LOSS", "A stored object holds something else"),
     ErrorRow("not_ready", 503, "UNAVAILABLE", "The gateway is not ready"),
     ErrorRow("expired", 504, "DEADLINE_EXCEEDED", "The command came too late and was not executed"),
     ErrorRow("timeout", 504, "DEADLINE_EXCEEDED", "No answer in time"),

@@ -13,6 +13,8 @@ from typing import TypeVar
 
 from gateway.store.engine import StoreEngine
 from gateway.store.engines import open_engine
+from gateway.store.history import StoredTopic, TopicGap, find_runs, gaps_between, newest_candidates, stored_topics
+from gateway.store.load import RunLoader
 from gateway.store.query import (
     SeriesFacts,
     SeriesRange,
@@ -26,7 +28,7 @@ from gateway.store.query import (
     read_writers,
 )
 from gateway.store.retention import Retention
-from gateway.store.samples import SampleFilter, StoredBatch, read_samples
+from gateway.store.samples import SampleFilter, StoredBatch, StoredRun
 from gateway.store.writer import Pace, Writer
 from gateway.store.writes import Committed, StreamWrite, Write
 from metaros.clock import Clock
@@ -75,6 +77,7 @@ class Store:
             pace=pace,
             name=self.gateway_id,
         )
+        self._loader = RunLoader()
         self._local = threading.local()
         self._readers: list[StoreEngine] = []
         self._pool = ThreadPoolExecutor(max_workers=2, thread_name_prefix="gateway-read")
@@ -135,39 +138,78 @@ class Store:
 
     async def robots(self) -> list[StoredRobot]:
         """Every robot that ever connected."""
-        return await self._read(read_robots)
+        return await self.read(read_robots)
 
     async def streams(self, robot_id: str) -> dict[tuple[int, int], int]:
         """The robot's watermarks by (stream, epoch)."""
-        return await self._read(lambda engine: read_streams(engine, robot_id))
+        return await self.read(lambda engine: read_streams(engine, robot_id))
 
     async def writers(self, robot_id: str) -> dict[int, str]:
         """Who last wrote under each of the robot's epochs."""
-        return await self._read(lambda engine: read_writers(engine, robot_id))
+        return await self.read(lambda engine: read_writers(engine, robot_id))
 
     async def gaps(self, robot_id: str, *, limit: int) -> list[StoredGap]:
         """The robot's declared losses, the newest first."""
-        return await self._read(lambda engine: read_gaps(engine, robot_id, limit=limit))
+        return await self.read(lambda engine: read_gaps(engine, robot_id, limit=limit))
 
     async def samples(
         self, robot_id: str, wanted: SampleFilter | None = None, *, limit: int = 1000
     ) -> list[StoredBatch]:
         """At most `limit` batches of the robot's messages, by stream, epoch and number."""
-        return await self._read(lambda engine: read_samples(engine, robot_id, wanted or SampleFilter(), limit=limit))
+
+        def job(engine: StoreEngine) -> list[StoredBatch]:
+            runs = find_runs(engine, robot_id, wanted or SampleFilter(), limit=limit)
+            runs.sort(key=lambda run: (run.stream_id, run.epoch, run.first_seq))
+            return [self._loader.load(engine, run) for run in runs]
+
+        return await self.read(job)
+
+    async def runs(
+        self, robot_id: str, wanted: SampleFilter | None = None, *, limit: int = 1000, newest_first: bool = False
+    ) -> list[StoredRun]:
+        """At most `limit` runs of the robot's messages, of one moment: by lowest stamp, or by highest, descending."""
+        some = wanted or SampleFilter()
+        return await self.read(lambda engine: find_runs(engine, robot_id, some, limit=limit, newest_first=newest_first))
+
+    async def load(self, run: StoredRun) -> StoredBatch:
+        """A run's samples; PurgedError, DamagedError or StoreError when they cannot be had."""
+        return await self.read(lambda engine: self._loader.load(engine, run))
+
+    async def newest(self, robot_id: str, topic: str, t_ns: int, *, max_age_ns: int | None = None) -> StoredRun | None:
+        """The run that holds the topic's newest sample at or before `t_ns`, if that is no older than `max_age_ns`."""
+        return await self.read(
+            lambda engine: self._loader.newest(
+                engine, newest_candidates(engine, robot_id, topic, t_ns), t_ns, max_age_ns=max_age_ns
+            )
+        )
+
+    async def stored_topics(self, robot_id: str) -> list[StoredTopic]:
+        """Every topic of which messages of the robot are stored, by name."""
+        return await self.read(lambda engine: stored_topics(engine, robot_id))
+
+    async def gaps_between(self, robot_id: str, *, start_ns: int, end_ns: int, limit: int = 1000) -> list[TopicGap]:
+        """The robot's declared losses that touch the time between two stamps, the newest first."""
+        return await self.read(
+            lambda engine: gaps_between(engine, robot_id, start_ns=start_ns, end_ns=end_ns, limit=limit)
+        )
 
     async def series(self, robot_id: str) -> list[SeriesFacts]:
         """The robot's series with counts and newest rows."""
-        return await self._read(lambda engine: read_series(engine, robot_id))
+        return await self.read(lambda engine: read_series(engine, robot_id))
 
     async def range(
         self, robot_id: str, names: Sequence[str], *, start_ns: int, end_ns: int, points: int
     ) -> list[SeriesRange]:
         """Each named series between two stamps in at most `points` points."""
-        return await self._read(
+        return await self.read(
             lambda engine: read_range(engine, robot_id, names, start_ns=start_ns, end_ns=end_ns, points=points)
         )
 
-    async def _read(self, job: Callable[[StoreEngine], Result]) -> Result:
+    async def run(self, job: Callable[[StoreEngine], Result]) -> Result:
+        """Do `job` in one write transaction on the writer's thread; its error when nothing of it happened."""
+        return await asyncio.wrap_future(self._writer.run(job))
+
+    async def read(self, job: Callable[[StoreEngine], Result]) -> Result:
         """Run a query on a thread; StoreError when the database cannot be read now."""
         return await asyncio.get_running_loop().run_in_executor(self._pool, lambda: job(self._reader()))
 

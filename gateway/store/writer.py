@@ -1,7 +1,8 @@
 """The single writer: one thread that commits what all links have queued, then merges and purges when idle.
 
-A failed commit (full disk, I/O error) gives up what streams had queued: their robots still have it and are told to
-send it again later. What only the gateway knows (robots, writers) is kept. Until a commit works again `error` says why.
+A failed commit (full disk, I/O error, a mistake of ours) gives up what streams had queued: their robots still have it
+and are told to send it again later. What only the gateway knows (robots, writers) is kept. Until a commit works again
+`error` says why. Whatever else changes the database (compaction, recordings) is a job that runs here between commits.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ import queue
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 from gateway.errors import StoreError, UnstorableError
 from gateway.store.commit import Committer
@@ -24,6 +26,7 @@ from metaros.clock import Clock
 __all__ = ["Pace", "Writer"]
 
 log = logging.getLogger(__name__)
+Result = TypeVar("Result")
 _KEPT_WRITES = 4096
 
 
@@ -41,6 +44,36 @@ class Pace:
     merge_step_batches: int = 256
     purge_every_s: float = 60.0
     rescue_every_s: float = 5.0  # the same while commits fail: the disk may be full
+
+
+@dataclass(slots=True)
+class _Job:
+    """Something else to do in a transaction of its own."""
+
+    call: Callable[[StoreEngine], Any]
+    done: Future[Any] = field(default_factory=Future)
+
+    def run(self, engine: StoreEngine) -> None:
+        """Do it, whatever comes of it."""
+        if not self.done.set_running_or_notify_cancel():
+            return
+        try:
+            with engine.transaction(write=True):
+                result = self.call(engine)
+        except Exception as error:  # the writer outlives every job; whoever asked for it is told
+            self.done.set_exception(error)
+        else:
+            self.done.set_result(result)
+
+
+@dataclass(slots=True)
+class _Turn:
+    """What was taken from the queue at once."""
+
+    writes: list[Write] = field(default_factory=list)
+    waiting: list[Future[None]] = field(default_factory=list)
+    jobs: list[_Job] = field(default_factory=list)
+    ended: bool = False
 
 
 class Writer:
@@ -65,7 +98,7 @@ class Writer:
         self._retention = retention
         self._pace = pace if pace is not None else Pace()
         self._committer = Committer(engine, name=name)
-        self._queue: queue.SimpleQueue[Write | Future[None] | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[Write | Future[None] | _Job | None] = queue.SimpleQueue()
         self._stopped = threading.Event()
         self._error: str | None = None
         self._last_commit_s = -1e9
@@ -93,6 +126,15 @@ class Writer:
         self._queue.put(done)
         return done
 
+    def run(self, call: Callable[[StoreEngine], Result]) -> Future[Result]:
+        """Do `call` in one transaction between two commits; its result, or its error when nothing of it happened."""
+        job = _Job(call)
+        if self._stopped.is_set():
+            job.done.set_exception(StoreError("the store is closing"))
+        else:
+            self._queue.put(job)
+        return job.done
+
     def close(self, *, timeout_s: float = 2.0) -> None:
         """Commit what is queued, as far as the disk allows, and end the thread."""
         self._stopped.set()
@@ -104,30 +146,41 @@ class Writer:
 
     def _run(self) -> None:
         while not self._stopped.is_set():
-            self._turn()
-        writes, waiting, _ended = self._take(block=False)
-        self._finish(writes, waiting)
+            try:
+                self._turn()
+            except Exception:  # a mistake of ours must not end what acknowledges every robot's samples
+                log.exception("the store's writer failed; it goes on")
+                self._stopped.wait(self._pace.retry_every_s)
+        self._finish(self._take(block=False))
+        while not self._queue.empty():
+            left = self._queue.get_nowait()
+            if isinstance(left, _Job):
+                left.done.set_exception(StoreError("the store is closing"))
         self._engine.close()
 
     def _turn(self) -> None:
-        writes, waiting, ended = self._take(block=True)
-        if writes or waiting or self._error is not None:
-            self._finish(writes, waiting)
-        if not ended and self._error is None:
+        turn = self._take(block=True)
+        if turn.writes or turn.waiting or turn.jobs or self._error is not None:
+            self._finish(turn)
+        if not turn.ended and self._error is None:
             self._housekeeping()
 
-    def _finish(self, writes: list[Write], waiting: list[Future[None]]) -> None:
-        writes, self._kept = [*self._kept, *writes], []
+    def _finish(self, turn: _Turn) -> None:
+        writes, self._kept = [*self._kept, *turn.writes], []
         if (writes or self._error is not None) and not self._commit(writes):
             self._give_up(writes)
-            for future in waiting:
+            for future in turn.waiting:
                 future.cancel()
+            for job in turn.jobs:
+                job.done.set_exception(StoreError(f"the store cannot commit: {self._error}"))
             if self._clock.monotonic_s() - self._last_purge_s >= self._pace.rescue_every_s:
                 self._purge()
             self._stopped.wait(self._pace.retry_every_s)
             return
-        for future in waiting:
+        for future in turn.waiting:
             future.set_result(None)
+        for job in turn.jobs:
+            job.run(self._engine)
 
     def _give_up(self, writes: Sequence[Write]) -> None:
         """Streams' writes come again from their robots; what only the gateway knows is kept for the next commit."""
@@ -135,28 +188,31 @@ class Writer:
         self._kept = [*self._kept, *own][-_KEPT_WRITES:]
         self._on_refused([write for write in writes if isinstance(write, StreamWrite)])
 
-    def _take(self, *, block: bool) -> tuple[list[Write], list[Future[None]], bool]:
+    def _take(self, *, block: bool) -> _Turn:
         """Everything queued now, after waiting for the first and for the commit pace."""
-        writes: list[Write] = []
-        waiting: list[Future[None]] = []
+        turn = _Turn()
         first, size_bytes = True, 0
-        while len(writes) < self._pace.commit_writes and size_bytes < self._pace.commit_bytes:
+        while len(turn.writes) < self._pace.commit_writes and size_bytes < self._pace.commit_bytes:
             try:
                 wait_s = 1.0 if self._error is None else self._pace.retry_every_s
                 item = self._queue.get(timeout=wait_s) if block and first else self._queue.get_nowait()
             except queue.Empty:
                 break
             if item is None:
-                return writes, waiting, True
+                turn.ended = True
+                break
             if isinstance(item, Future):
-                waiting.append(item)
+                turn.waiting.append(item)
+            elif isinstance(item, _Job):
+                turn.jobs.append(item)
+                break  # what was submitted before it is committed before it
             else:
-                writes.append(item)
+                turn.writes.append(item)
                 size_bytes += item.size_bytes
             if block and first:
                 self._stopped.wait(self._last_commit_s + self._pace.commit_every_s - self._clock.monotonic_s())
             first = False
-        return writes, waiting, False
+        return turn
 
     def _commit(self, writes: list[Write]) -> bool:
         """Commit all or nothing; False when it did not work."""
@@ -165,10 +221,11 @@ class Writer:
         except UnstorableError as error:
             return self._commit_by_robot(writes, error)
         except StoreError as error:
+            return self._failed(error)
+        except Exception as error:  # a mistake of ours, in what one robot sends or in all of it
             if self._error is None:
-                log.error("the store cannot commit; robots keep their samples meanwhile: %s", error)
-            self._error = str(error)
-            return False
+                log.exception("a commit failed in a way that nobody foresaw")
+            return self._commit_by_robot(writes, error) if writes else self._failed(error)
         if self._error is not None:
             log.warning("the store commits again")
         self._error = None
@@ -176,7 +233,13 @@ class Writer:
         self._on_commit(done)
         return True
 
-    def _commit_by_robot(self, writes: Sequence[Write], error: UnstorableError) -> bool:
+    def _failed(self, error: Exception) -> bool:
+        if self._error is None:
+            log.error("the store cannot commit; robots keep their samples meanwhile: %s", error)
+        self._error = str(error) or type(error).__name__
+        return False
+
+    def _commit_by_robot(self, writes: Sequence[Write], error: Exception) -> bool:
         """Some robot's write cannot be stored whatever the disk does: the other robots must not wait for it."""
         robots: dict[str, list[Write]] = {}
         for write in writes:
@@ -208,6 +271,9 @@ class Writer:
                     break
         except StoreError as error:
             log.warning("the merge did not run: %s", error)
+        except Exception:
+            log.exception("the merge failed in a way that nobody foresaw")
+            self._last_look_s = self._clock.monotonic_s() + self._pace.merge_after_s
 
     def _purge(self) -> None:
         self._last_purge_s = self._clock.monotonic_s()

@@ -11,11 +11,25 @@ from gateway.domain.channel import Channel, Series
 from gateway.domain.sample import Gap, Rows, Run
 from gateway.store import StreamWrite
 from gateway.store.engine import StoreEngine
+from gateway.store.history import find_runs
+from gateway.store.load import RunLoader
 from gateway.store.query import read_gaps, read_range
-from gateway.store.samples import SampleFilter, read_samples
+from gateway.store.samples import SampleFilter, StoredBatch
 from metaros.link import SampleColumns
 
-__all__ = ["BATTERY", "CPU", "EPOCH", "channel", "content", "everything", "gap_write", "rows", "run_write", "write"]
+__all__ = [
+    "BATTERY",
+    "CPU",
+    "EPOCH",
+    "channel",
+    "content",
+    "everything",
+    "gap_write",
+    "read_samples",
+    "rows",
+    "run_write",
+    "write",
+]
 
 CPU, BATTERY = Series("host.cpu", "/host/cpu", "percent"), Series("battery", "/battery", "percentage")
 EPOCH = 2**64 - 3
@@ -87,6 +101,14 @@ def everything(engine: StoreEngine, name: str, points: int = 10_000) -> list[tup
     """All rows of a series of r1."""
     (piece,) = read_range(engine, "r1", [name], start_ns=-(2**60), end_ns=2**60, points=points)
     return list(zip(np.rint(piece.stamp_ms * 1e6).tolist(), piece.mean.tolist(), strict=True))
+
+
+def read_samples(
+    engine: StoreEngine, robot: str, wanted: SampleFilter, *, limit: int, loader: RunLoader | None = None
+) -> list[StoredBatch]:
+    """What is wanted of a robot's messages, by stream, epoch and number."""
+    batches = [(loader or RunLoader()).load(engine, run) for run in find_runs(engine, robot, wanted, limit=limit)]
+    return sorted(batches, key=lambda batch: (batch.stream_id, batch.epoch, batch.first_seq))
 
 
 def content(engine: StoreEngine, *, robot: str = "r1", stream_id: int = 7) -> tuple[dict[int, bytes], set[int]]:

@@ -18,9 +18,9 @@ from gateway.store.engine import StoreEngine
 from gateway.store.merge import merge_step, waiting_batches
 from gateway.store.query import read_gaps, read_range, read_series, read_streams
 from gateway.store.retention import Purge, Retention
-from gateway.store.samples import SampleFilter, read_samples
+from gateway.store.samples import SampleFilter
 from gateway.store.sqlite import SqliteEngine
-from tests.gateway.store.samples import BATTERY, CPU, EPOCH, everything, gap_write, run_write, write
+from tests.gateway.store.samples import BATTERY, CPU, EPOCH, everything, gap_write, read_samples, run_write, write
 
 Batches = list[list[tuple[bool, int]]]
 DAY_NS = 86400 * 10**9
@@ -217,6 +217,7 @@ def test_the_tables_of_both_are_the_same(tmp_path: Path, engine: StoreEngine) ->
         "metric_batches",
         "metric_chunks",
         "objects",
+        "recordings",
         "robots",
         "sample_batches",
         "segment_runs",
