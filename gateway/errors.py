@@ -5,6 +5,8 @@
     │   ├── InvalidRequestError      a parameter or body does not fit                   invalid_request
     │   ├── UnknownRobotError        no robot of that id has ever connected             unknown_robot
     │   ├── UnknownTopicError        the robot announces no such topic                  unknown_topic
+    │   ├── UnknownRecordingError    there is no such recording                         unknown_recording
+    │   ├── RecordingNotStoredError  its file is not here, or not yet                   recording_not_stored
     │   ├── HostError                the Host header is not one of ours                 host_not_allowed
     │   ├── OriginError              a page of another origin asked                     origin_not_allowed
     │   ├── MediaTypeError           a mutation without a JSON or CDR body              unsupported_media_type
@@ -63,11 +65,13 @@ __all__ = [
     "OriginError",
     "ProtocolError",
     "PurgedError",
+    "RecordingNotStoredError",
     "RequestError",
     "RobotError",
     "RobotOfflineError",
     "StoreError",
     "TooManyError",
+    "UnknownRecordingError",
     "UnknownRobotError",
     "UnknownTopicError",
     "UnsettledError",
@@ -104,6 +108,18 @@ class UnknownTopicError(RequestError):
     """The robot announces no such topic."""
 
     code = "unknown_topic"
+
+
+class UnknownRecordingError(RequestError):
+    """There is no such recording."""
+
+    code = "unknown_recording"
+
+
+class RecordingNotStoredError(RequestError):
+    """The recording has no file here: it is still on its way, or it failed."""
+
+    code = "recording_not_stored"
 
 
 class HostError(RequestError):
@@ -280,9 +296,11 @@ ERRORS: tuple[ErrorRow, ...] = (
     ErrorRow("out_of_scope", 403, "PERMISSION_DENIED", "The topic or service is not the robot's own"),
     ErrorRow("not_found", 404, "NOT_FOUND", "There is nothing at this path"),
     ErrorRow("unknown_robot", 404, "NOT_FOUND", "No such robot"),
+    ErrorRow("unknown_recording", 404, "NOT_FOUND", "No such recording"),
     ErrorRow("unknown_topic", 404, "NOT_FOUND", "No such topic"),
     ErrorRow("method_not_allowed", 405, "UNIMPLEMENTED", "This path does not take that method"),
     ErrorRow("duplicate", 409, "ALREADY_EXISTS", "The robot has seen this command before"),
+    ErrorRow("recording_not_stored", 409, "FAILED_PRECONDITION", "The recording has no file here, or not yet"),
     ErrorRow("lease_required", 409, "FAILED_PRECONDITION", "A valid teleop lease is required"),
     ErrorRow("lease_taken", 409, "FAILED_PRECONDITION", "Somebody else holds the teleop lease"),
     ErrorRow("type_hash_mismatch", 409, "FAILED_PRECONDITION", "The robot's type has the same name but other fields"),
