@@ -16,6 +16,7 @@ from gateway.domain.lease import LeaseTable
 from gateway.fleet.commands import CommandDesk
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.teleop import TeleopDesk
+from gateway.history.desk import HistoryDesk
 from gateway.ingest.links import LinkHooks, Links
 from gateway.ingest.quota import Quota
 from gateway.ingest.registry import Registry, RobotRecord, SeriesState
@@ -52,6 +53,7 @@ class Gateway:
             queue_bytes=settings.store_queue_bytes,
             url=settings.store_url,
         )
+        self.history = HistoryDesk(self.store)
         self.registry = Registry()
         self.hub = Hub()
         self.leases = LeaseTable(valid_s=LIMITS.lease_s)
@@ -78,6 +80,7 @@ class Gateway:
             registry=self.registry,
             links=self.links,
             store=self.store,
+            history=self.history,
             hub=self.hub,
             fleet=self.fleet,
             teleop=self.teleop,
@@ -108,6 +111,7 @@ class Gateway:
 
     async def stop(self) -> None:
         """Commit what is queued and close the store; the servers are down by now."""
+        self.history.close()
         await self.store.close()
 
     def describe(self, robot_id: str) -> dict[str, Any]:

@@ -27,6 +27,13 @@ class Limits:
     outbox_bulk_bytes: int = 2048 * MIB  # bulk; then the oldest is dropped
     outbox_segment_bytes: int = 16 * MIB  # one file of a log
     outbox_reserve_bytes: int = 16 * MIB  # kept free for events and for declaring losses on a full disk
+    black_box_bytes: int = 512 * MIB  # on the robot's disk: the last minutes of everything; the oldest goes
+    black_box_piece_bytes: int = 16 * MIB  # one file of it
+    black_box_queue_bytes: int = 64 * MIB  # samples that wait for the black box's disk; more are lost to it, and declared
+    recordings: int = 16  # clips on the robot's disk that wait for the gateway; more are refused
+    recordings_bytes: int = 1024 * MIB  # the same, in bytes
+    recording_part_bytes: int = 256 * KIB  # one piece of a clip on the link
+    recording_window_bytes: int = 1 * MIB  # of clips, sent and not yet on the gateway's disk
     live_bytes: int = 8 * MIB  # live samples that wait in the agent's memory; the oldest yields
     ingress_bytes: int = 64 * MIB  # samples taken from Zenoh but not yet handled by an executor or the agent
     uplink_least_bytes_per_s: int = 1000  # the smallest byte budget that a robot may be given
@@ -34,6 +41,11 @@ class Limits:
     dead_after_s: float = 15.0
     viewer_queue_bytes: int = 8 * MIB  # one stream connection's backlog
     viewer_stall_s: float = 10.0  # a viewer that takes nothing for so long is cut
+    history_page_bytes: int = 4 * MIB  # payloads of one page of stored messages; one message may be larger
+    history_decoded_bytes: int = 1 * MIB  # one stored message shown as JSON, which is several times as long
+    history_instant_bytes: int = 64 * MIB  # payloads of one answer about an instant
+    exports: int = 4  # MCAP exports that a gateway makes at a time
+    export_hold_bytes: int = 64 * MIB  # of one export, read from the store and not yet written
     ros_name_chars: int = 256
     key_chars: int = 512
     schema_bytes: int = 256 * KIB

@@ -9,7 +9,7 @@ from starlette.types import ASGIApp
 
 from gateway.api.guard import Guard
 from gateway.api.problem import install_problems
-from gateway.api.rest import commands, health, robots, uplink
+from gateway.api.rest import commands, export, health, history, robots, uplink
 from gateway.api.services import Services
 from gateway.api.static import Dashboard
 from gateway.api.ws import link, stream, teleop
@@ -21,6 +21,8 @@ ROUTERS: tuple[APIRouter, ...] = (
     robots.router,
     commands.router,
     uplink.router,
+    history.router,
+    export.router,
     stream.router,
     teleop.router,
     link.router,

@@ -11,6 +11,7 @@ from starlette.requests import HTTPConnection
 from gateway.domain.lease import LeaseTable
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.teleop import TeleopDesk
+from gateway.history.desk import HistoryDesk
 from gateway.ingest.links import Links
 from gateway.ingest.registry import Registry
 from gateway.live.hub import Hub
@@ -30,6 +31,7 @@ class Services:
     registry: Registry
     links: Links
     store: Store
+    history: HistoryDesk
     hub: Hub
     fleet: FleetDesk
     teleop: TeleopDesk

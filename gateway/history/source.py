@@ -1,0 +1,95 @@
+"""What the features here need of the store, asked from a thread of their own.
+
+Messages are merged, decoded and packed off the event loop, on threads; the store answers on its own. `StoreSource` is
+the bridge: each question goes to the event loop, and the thread waits for its answer, no longer than `WAIT_S`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+from collections.abc import Coroutine, Sequence
+from typing import Any, Protocol, TypeVar
+
+from gateway.errors import DamagedError, PurgedError, StoreError
+from gateway.history.losses import MAX_LOSSES, Loss
+from gateway.store import Store
+from gateway.store.history import StoredTopic, TopicGap
+from gateway.store.samples import SampleFilter, StoredBatch, StoredRun
+
+__all__ = ["WAIT_S", "Source", "StoreSource", "loss_reason"]
+
+Result = TypeVar("Result")
+WAIT_S = 60.0
+
+
+class Source(Protocol):
+    """Stored messages and losses. Every method may raise StoreError or ObjectStoreError."""
+
+    def topics(self, robot_id: str) -> Sequence[StoredTopic]:
+        """What is stored of each topic, by name."""
+
+    def runs(self, robot_id: str, wanted: SampleFilter, *, newest_first: bool, limit: int) -> Sequence[StoredRun]:
+        """Runs that hold anything wanted, of one moment: by lowest stamp, or by highest, descending."""
+
+    def load(self, run: StoredRun) -> StoredBatch:
+        """A run's samples; DamagedError or PurgedError when they cannot be had any more."""
+
+    def newest(self, robot_id: str, topic: str, t_ns: int) -> StoredRun | None:
+        """The run with the topic's newest sample at or before `t_ns`."""
+
+    def losses(self, robot_id: str, *, start_ns: int, end_ns: int) -> Sequence[Loss]:
+        """The newest losses that touch the range."""
+
+
+class StoreSource:
+    """The gateway's store; used from any thread but that of the event loop."""
+
+    def __init__(self, store: Store, loop: asyncio.AbstractEventLoop) -> None:
+        self._store = store
+        self._loop = loop
+
+    def topics(self, robot_id: str) -> Sequence[StoredTopic]:
+        """As in Source."""
+        return self._ask(self._store.stored_topics(robot_id))
+
+    def runs(self, robot_id: str, wanted: SampleFilter, *, newest_first: bool, limit: int) -> Sequence[StoredRun]:
+        """As in Source."""
+        return self._ask(self._store.runs(robot_id, wanted, limit=limit, newest_first=newest_first))
+
+    def load(self, run: StoredRun) -> StoredBatch:
+        """As in Source."""
+        return self._ask(self._store.load(run))
+
+    def newest(self, robot_id: str, topic: str, t_ns: int) -> StoredRun | None:
+        """As in Source."""
+        return self._ask(self._store.newest(robot_id, topic, t_ns))
+
+    def losses(self, robot_id: str, *, start_ns: int, end_ns: int) -> Sequence[Loss]:
+        """As in Source."""
+        found = self._ask(self._store.gaps_between(robot_id, start_ns=start_ns, end_ns=end_ns, limit=MAX_LOSSES))
+        return [_loss(item) for item in found]
+
+    def _ask(self, question: Coroutine[Any, Any, Result]) -> Result:
+        try:
+            future = asyncio.run_coroutine_threadsafe(question, self._loop)
+        except RuntimeError:
+            question.close()
+            raise StoreError("the gateway is going down") from None
+        try:
+            return future.result(WAIT_S)
+        except concurrent.futures.CancelledError:
+            raise StoreError("the gateway is going down") from None
+        except TimeoutError:
+            future.cancel()
+            raise StoreError(f"the store did not answer within {WAIT_S:.0f} s") from None
+
+
+def loss_reason(error: DamagedError | PurgedError) -> str:
+    """The reason under which what cannot be had any more is told."""
+    return "purged" if isinstance(error, PurgedError) else "damaged"
+
+
+def _loss(item: TopicGap) -> Loss:
+    gap = item.gap
+    return Loss(from_ns=gap.from_ns, to_ns=gap.to_ns, count=gap.count, reason=gap.reason, topic=item.topic or None)
