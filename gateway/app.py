@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +14,7 @@ from gateway.api.services import Services
 from gateway.api.views import robot_view
 from gateway.domain.channel import LIVE
 from gateway.domain.lease import LeaseTable
+from gateway.errors import RobotOfflineError
 from gateway.fleet.commands import CommandDesk
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.teleop import TeleopDesk
@@ -22,6 +24,8 @@ from gateway.ingest.quota import Quota
 from gateway.ingest.registry import Registry, RobotRecord, SeriesState
 from gateway.live.demand import DemandBook
 from gateway.live.hub import Hub
+from gateway.objects import open_objects
+from gateway.recordings.desk import RecordingDesk, RobotSide
 from gateway.settings import Settings
 from gateway.store import Store
 from gateway.store.retention import Retention
@@ -66,6 +70,10 @@ class Gateway:
         self.fleet = FleetDesk(
             self.registry.get, self.commands, self.leases, clock=clock, actuator_topics=settings.actuator_topics
         )
+        self.objects = open_objects("", settings.data_dir)
+        self.recordings = RecordingDesk(
+            self.store, self.objects, settings.data_dir / "incoming", self._robot_side(), clock=clock, limits=limits
+        )
         self._demand = DemandBook()
         self._demand_revision = 0
         self._stale: set[str] = set()
@@ -81,6 +89,7 @@ class Gateway:
             links=self.links,
             store=self.store,
             history=self.history,
+            recordings=self.recordings,
             hub=self.hub,
             fleet=self.fleet,
             teleop=self.teleop,
@@ -108,10 +117,12 @@ class Gateway:
         async with asyncio.TaskGroup() as group:
             group.create_task(self._tick())
             group.create_task(self._tell_demand())
+            group.create_task(self.recordings.run())
 
     async def stop(self) -> None:
         """Commit what is queued and close the store; the servers are down by now."""
         self.history.close()
+        await self.recordings.close()
         await self.store.close()
 
     def describe(self, robot_id: str) -> dict[str, Any]:
@@ -131,7 +142,24 @@ class Gateway:
             on_channels=self._on_channels,
             on_online=self._on_online,
             on_result=lambda robot, result: self.commands.on_result(robot, result),
+            on_recording=lambda robot, part: self.recordings.on_part(robot, part),
         )
+
+    def _robot_side(self) -> RobotSide:
+        def tell(robot_id: str, wanted: link_pb2.RecordingWanted) -> None:
+            with contextlib.suppress(RobotOfflineError):
+                frame = link_pb2.GatewayFrame(recording_wanted=wanted)
+                self.links.send(robot_id, frame, lane=link_pb2.LANE_BACKFILL)
+
+        def offset_ns(robot_id: str) -> int:
+            record = self.registry.find(robot_id)
+            return record.statistics.link.clock_offset_ns if record is not None else 0
+
+        def online(robot_id: str) -> bool:
+            record = self.registry.find(robot_id)
+            return record is not None and record.online
+
+        return RobotSide(command=self.commands.run, tell=tell, online=online, clock_offset_ns=offset_ns)
 
     def _on_channels(self, robot_id: str) -> None:
         self._stale.add(robot_id)
@@ -142,6 +170,7 @@ class Gateway:
         if not online:
             self.commands.on_offline(robot_id)
             self.teleop.on_offline(robot_id)
+        self.recordings.on_online(robot_id, online)
         self._on_channels(robot_id)
 
     def _on_subscriptions(self) -> None:

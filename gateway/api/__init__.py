@@ -9,7 +9,7 @@ from starlette.types import ASGIApp
 
 from gateway.api.guard import Guard
 from gateway.api.problem import install_problems
-from gateway.api.rest import commands, export, health, history, robots, uplink
+from gateway.api.rest import commands, export, health, history, recordings, robots, uplink
 from gateway.api.services import Services
 from gateway.api.static import Dashboard
 from gateway.api.ws import link, stream, teleop
@@ -23,6 +23,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     uplink.router,
     history.router,
     export.router,
+    recordings.router,
     stream.router,
     teleop.router,
     link.router,

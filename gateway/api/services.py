@@ -15,6 +15,7 @@ from gateway.history.desk import HistoryDesk
 from gateway.ingest.links import Links
 from gateway.ingest.registry import Registry
 from gateway.live.hub import Hub
+from gateway.recordings.desk import RecordingDesk
 from gateway.settings import Settings
 from gateway.store import Store
 from metaros.clock import Clock
@@ -32,6 +33,7 @@ class Services:
     links: Links
     store: Store
     history: HistoryDesk
+    recordings: RecordingDesk
     hub: Hub
     fleet: FleetDesk
     teleop: TeleopDesk

@@ -1,0 +1,161 @@
+"""Recordings: ask for a robot's last minutes, follow them on their way, fetch the file, delete it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+from starlette.requests import Request
+from starlette.responses import Response, StreamingResponse
+
+from gateway.api import models
+from gateway.api.models_recordings import Recording, RecordingList, RecordingRequest
+from gateway.api.problem import JsonResponse
+from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.rest.times import parse_time
+from gateway.api.services import services_of
+from gateway.api.views import rfc3339
+from gateway.domain import recording as domain
+from gateway.errors import InvalidRequestError
+
+__all__ = ["router"]
+
+MAX_LISTED = 1000
+MEDIA_TYPE = "application/mcap"
+_RANGE = re.compile(r"bytes=(\d{0,19})-(\d{0,19})")
+
+router = APIRouter(prefix="/api/v1", tags=["recordings"], default_response_class=JsonResponse)
+
+
+@router.post(
+    "/robots/{robot_id}/recordings",
+    status_code=202,
+    responses={202: {"model": Recording}, **PROBLEMS, 429: {"model": models.Problem}},
+    openapi_extra=body_document(RecordingRequest),
+)
+async def save_recording(request: Request, robot_id: str) -> Response:
+    """Ask for a clip of the robot's black box. The robot may be offline: it is asked when it comes."""
+    desk = services_of(request).recordings
+    body = await read_body(request, RecordingRequest)
+    if (body.last_s is None) == (not body.start):
+        raise InvalidRequestError("say either last_s, or start and end")
+    span_ns = None
+    if body.start:
+        now_ns = desk.robot_now_ns(robot_id)
+        span_ns = (parse_time(body.start, now_ns=now_ns), parse_time(body.end, now_ns=now_ns))
+    asked = await desk.request(robot_id, last_s=body.last_s, span_ns=span_ns, topics=tuple(body.topics))
+    headers = {"location": f"/api/v1/recordings/{asked.id}"}
+    return JsonResponse(recording_view(asked), status_code=202, headers=headers)
+
+
+@router.get("/recordings", responses={200: {"model": RecordingList}})
+async def list_recordings(
+    request: Request,
+    robot: Annotated[str, Query(description="only this robot's")] = "",
+    limit: Annotated[int, Query(ge=1, le=MAX_LISTED)] = 100,
+    before: Annotated[str, Query(description="the `next` of the page before")] = "",
+) -> Response:
+    """The newest recordings, newest first."""
+    desk = services_of(request).recordings
+    found = await desk.list(robot_id=robot or None, limit=limit + 1, before=before or None)
+    page = found[:limit]
+    following = page[-1].id if len(found) > limit else None
+    return JsonResponse({"recordings": [recording_view(item) for item in page], "next": following})
+
+
+@router.get("/recordings/{recording_id}", responses={200: {"model": Recording}, 404: {"model": models.Problem}})
+async def get_recording(request: Request, recording_id: str) -> Response:
+    """One recording, and how far it is."""
+    return JsonResponse(recording_view(await services_of(request).recordings.get(recording_id)))
+
+
+@router.delete("/recordings/{recording_id}", responses={200: {"model": models.Ok}, **PROBLEMS})
+async def delete_recording(request: Request, recording_id: str) -> Response:
+    """Delete a recording with its file; an unfinished one is given up, and its robot forgets it."""
+    await services_of(request).recordings.delete(recording_id)
+    return JsonResponse({"ok": True})
+
+
+@router.get(
+    "/recordings/{recording_id}/file.mcap",
+    responses={
+        200: {"content": {MEDIA_TYPE: {}}},
+        206: {"content": {MEDIA_TYPE: {}}},
+        304: {},
+        416: {},
+        404: {"model": models.Problem},
+        409: {"model": models.Problem},
+    },
+    response_class=StreamingResponse,
+)
+async def get_file(request: Request, recording_id: str) -> Response:
+    """The recording's MCAP file, streamed; one byte range may be asked for, so that a download goes on."""
+    desk = services_of(request).recordings
+    found = await desk.get(recording_id)
+    whole = desk.content(found)
+    etag = f'"{found.sha256}"'
+    headers = {
+        "etag": etag,
+        "accept-ranges": "bytes",
+        "cache-control": "private, max-age=31536000, immutable",
+        "content-disposition": f'attachment; filename="{file_name(found)}"',
+    }
+    if etag in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
+    span = _span(request, found.size_bytes, etag)
+    if span is None:
+        return _stream(whole, 200, found.size_bytes, headers)
+    start, end = span
+    if start >= end:
+        return Response(status_code=416, headers={**headers, "content-range": f"bytes */{found.size_bytes}"})
+    headers["content-range"] = f"bytes {start}-{end - 1}/{found.size_bytes}"
+    return _stream(desk.content(found, start=start, size_bytes=end - start), 206, end - start, headers)
+
+
+def recording_view(item: domain.Recording) -> dict[str, Any]:
+    """A recording as the API shows it."""
+    stored = item.state == domain.STORED
+    return {
+        "id": item.id,
+        "robot": item.robot,
+        "state": item.state,
+        "start": rfc3339(item.from_ns),
+        "end": rfc3339(item.to_ns),
+        "first": rfc3339(item.first_ns) if item.first_ns else None,
+        "last": rfc3339(item.last_ns) if item.last_ns else None,
+        "topics": list(item.topics),
+        "requested": rfc3339(item.requested_ns),
+        "size_bytes": item.size_bytes,
+        "received_bytes": item.received_bytes,
+        "messages": item.messages,
+        "sha256": item.sha256 or None,
+        "code": item.code,
+        "message": item.message,
+        "url": f"/api/v1/recordings/{item.id}/file.mcap" if stored else None,
+    }
+
+
+def file_name(item: domain.Recording) -> str:
+    """What a download is called: the robot and when the clip begins."""
+    moment = rfc3339(item.first_ns or item.from_ns)[:19].replace(":", "-")
+    return f"{item.robot}_{moment}Z.mcap"
+
+
+def _stream(content: Iterator[bytes], status: int, size_bytes: int, headers: dict[str, str]) -> Response:
+    """Read on a thread piece by piece, as fast as the client takes it."""
+    all_headers = {**headers, "content-length": str(size_bytes)}
+    return StreamingResponse(content, status_code=status, headers=all_headers, media_type=MEDIA_TYPE)
+
+
+def _span(request: Request, size_bytes: int, etag: str) -> tuple[int, int] | None:
+    """The asked byte range, its end exclusive; None: all of it. An empty one cannot be satisfied."""
+    match = _RANGE.fullmatch(request.headers.get("range", "").replace(" ", ""))
+    if match is None or request.headers.get("if-range", etag) != etag:
+        return None
+    first, last = match.groups()
+    if not first:
+        return (max(0, size_bytes - int(last)), size_bytes) if last else None
+    end = min(int(last) + 1, size_bytes) if last else size_bytes
+    return (int(first), end) if not last or int(last) >= int(first) else None

@@ -1,0 +1,233 @@
+"""Recordings as people and robots meet them: request, look, fetch, delete; and what the link has to tell."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Coroutine, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from gateway.domain.recording import (
+    FAILED,
+    REQUESTED,
+    STORED,
+    TRANSFERRING,
+    Recording,
+    is_recording_id,
+    new_recording_id,
+)
+from gateway.errors import InvalidRequestError, RecordingNotStoredError, StoreError, UnknownRecordingError
+from gateway.objects import ObjectStore, chunks
+from gateway.recordings.arrivals import Arrivals, TellRobot
+from gateway.recordings.asking import Asking, RunCommand
+from gateway.recordings.incoming import Incoming
+from gateway.recordings.rows import Database, Rows
+from gateway.recordings.shelf import Shelf
+from metaros._proto import link_pb2
+from metaros.clock import Clock
+from metaros.limits import LIMITS, Limits
+
+__all__ = ["RecordingDesk", "RobotSide"]
+
+log = logging.getLogger(__name__)
+
+LOOK_S = 5.0
+MAX_SPAN_NS = 86_400 * 10**9
+MAX_TOPICS = 64
+MAX_TOPIC_CHARS = 256
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotSide:
+    """What recordings need of the link; `app.py` connects it."""
+
+    command: RunCommand
+    tell: TellRobot
+    online: Callable[[str], bool]
+    clock_offset_ns: Callable[[str], int]  # the gateway's wall clock less the robot's, as its agent said last
+
+
+class RecordingDesk:
+    """Everything about recordings; all methods on the event loop."""
+
+    def __init__(
+        self,
+        database: Database,
+        objects: ObjectStore,
+        folder: Path,
+        robots: RobotSide,
+        *,
+        clock: Clock,
+        limits: Limits = LIMITS,
+    ) -> None:
+        self._rows = rows = Rows(database, clock=clock)
+        self._objects = objects
+        self._robots = robots
+        self._clock = clock
+        self._limits = limits
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._pool = ThreadPoolExecutor(max_workers=4, thread_name_prefix="gateway-recordings")
+        self._shelf = Shelf(rows, objects, on_thread=self._on_thread, clock=clock)
+        self._asking = Asking(rows, robots.command, online=robots.online, spawn=self._spawn, clock=clock)
+        self._arrivals = Arrivals(
+            rows,
+            self._shelf,
+            Incoming(folder, reserve_bytes=limits.recording_reserve_bytes),
+            tell=robots.tell,
+            spawn=self._spawn,
+            on_thread=self._on_thread,
+            clock=clock,
+            limits=limits,
+        )
+
+    async def request(
+        self,
+        robot_id: str,
+        *,
+        last_s: float | None = None,
+        span_ns: tuple[int, int] | None = None,
+        topics: tuple[str, ...] = (),
+    ) -> Recording:
+        """Ask for the robot's last seconds, or for a span by its clock; the robot need not be online.
+
+        Raises:
+            InvalidRequestError: no span, or one that cannot be.
+            UnknownRobotError: no such robot.
+            TooManyError: the robot has too many unfinished recordings.
+            StoreError: the request cannot be stored now.
+        """
+        now_ns = self._clock.wall_ns()
+        robot_now_ns = now_ns - self._robots.clock_offset_ns(robot_id)
+        if last_s is not None:
+            span_ns = (robot_now_ns - round(last_s * 1e9), robot_now_ns)
+        _check(span_ns, topics, now_ns=robot_now_ns)
+        assert span_ns is not None
+        recording = Recording(
+            id=new_recording_id(now_ns),
+            robot=robot_id,
+            state=REQUESTED,
+            from_ns=span_ns[0],
+            to_ns=span_ns[1],
+            topics=topics,
+            requested_ns=now_ns,
+            live_ns=now_ns,
+        )
+        await self._rows.add(recording, unfinished=self._limits.recordings_unfinished)
+        self._asking.ask(recording, last_ns=0 if last_s is None else round(last_s * 1e9))
+        return recording
+
+    def robot_now_ns(self, robot_id: str) -> int:
+        """What the robot's clock says now, as far as it is known."""
+        return self._clock.wall_ns() - self._robots.clock_offset_ns(robot_id)
+
+    async def list(self, *, robot_id: str | None = None, limit: int, before: str | None = None) -> list[Recording]:
+        """The newest recordings, newest first."""
+        found = await self._rows.newest(robot_id=robot_id, limit=limit, before=before)
+        return [self._shown(recording) for recording in found]
+
+    async def get(self, recording_id: str) -> Recording:
+        """One recording; UnknownRecordingError when there is none."""
+        found = await self._rows.get(recording_id) if is_recording_id(recording_id) else None
+        if found is None:
+            raise UnknownRecordingError(f"there is no recording {recording_id[:40]!r}")
+        return self._shown(found)
+
+    def content(self, recording: Recording, *, start: int = 0, size_bytes: int | None = None) -> Iterator[bytes]:
+        """A stored file's bytes, read while they are asked for, on the asker's thread.
+
+        Raises:
+            RecordingNotStoredError: its file is not here, or not yet.
+            ObjectStoreError, DamagedError: it cannot be read; while iterating.
+        """
+        if recording.state != STORED or recording.object is None:
+            why = recording.message or f"it is {recording.state}"
+            raise RecordingNotStoredError(f"recording {recording.id} has no file: {why}")
+        return chunks(self._objects, recording.object, start=start, size_bytes=size_bytes)
+
+    async def delete(self, recording_id: str) -> None:
+        """Delete a recording and its file, or give up an unfinished one; UnknownRecordingError when there is none."""
+        removed = await self._shelf.remove(recording_id) if is_recording_id(recording_id) else None
+        if removed is None:
+            raise UnknownRecordingError(f"there is no recording {recording_id[:40]!r}")
+        self._arrivals.stop(recording_id)
+
+    def on_online(self, robot_id: str, online: bool) -> None:
+        """The robot's link came or went."""
+        if online:
+            self._spawn(self._ask_all(robot_id))
+        else:
+            self._arrivals.robot_left(robot_id)
+
+    def on_part(self, robot_id: str, part: link_pb2.RecordingPart) -> None:
+        """An offer or a piece of a recording arrived."""
+        self._arrivals.part(robot_id, part)
+
+    async def run(self) -> None:
+        """Look again and again at what is unfinished, until cancelled."""
+        while True:
+            try:
+                await self.look()
+            except StoreError as error:
+                log.debug("recordings wait for the store: %s", error)
+            await asyncio.sleep(LOOK_S)
+
+    async def look(self) -> None:
+        """Ask again where nothing came, give up what is too old, and clear away what nobody waits for."""
+        unfinished = await self._arrivals.tidy()
+        before_ns = self._clock.wall_ns() - round(self._limits.recording_age_s * 1e9)
+        alive = []
+        for recording in unfinished:
+            moved_ns = recording.live_ns if recording.state == TRANSFERRING else recording.requested_ns
+            if moved_ns < before_ns:
+                await self._expire(recording)
+            else:
+                alive.append(recording)
+        self._asking.again(alive, arriving=self._arrivals.ids)
+
+    async def close(self) -> None:
+        """Stop; what is half here is continued by the next gateway on this data directory."""
+        self._shelf.close()
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    async def _ask_all(self, robot_id: str) -> None:
+        for recording in await self._rows.unfinished(robot_id):
+            self._asking.ask(recording)
+
+    async def _expire(self, recording: Recording) -> None:
+        hours = self._limits.recording_age_s / 3600
+        message = f"robot {recording.robot} did not deliver it within {hours:g} hours"
+        await self._rows.change(recording.id, state=FAILED, code="expired", message=message)
+
+    def _shown(self, recording: Recording) -> Recording:
+        """With what has come here a moment ago."""
+        received = self._arrivals.received(recording.id) if recording.unfinished else None
+        return recording if received is None else replace(recording, received_bytes=received)
+
+    async def _on_thread(self, job: Callable[..., Any], *args: Any) -> Any:
+        return await asyncio.get_running_loop().run_in_executor(self._pool, job, *args)
+
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.get_running_loop().create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._done)
+
+    def _done(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            level = logging.WARNING if isinstance(error, StoreError) else logging.ERROR
+            log.log(level, "recordings: %s", error, exc_info=None if isinstance(error, StoreError) else error)
+
+
+def _check(span_ns: tuple[int, int] | None, topics: tuple[str, ...], *, now_ns: int) -> None:
+    if span_ns is None or not span_ns[0] < span_ns[1] or span_ns[1] - span_ns[0] > MAX_SPAN_NS:
+        raise InvalidRequestError("a recording has a span: last_s, or start and a later end, at most a day apart")
+    if span_ns[0] >= now_ns:
+        raise InvalidRequestError("a recording is of the past: start must be earlier than now")
+    if len(topics) > MAX_TOPICS or any(not 1 <= len(topic) <= MAX_TOPIC_CHARS for topic in topics):
+        raise InvalidRequestError(f"topics: at most {MAX_TOPICS} patterns of 1 to {MAX_TOPIC_CHARS} characters")
