@@ -14,6 +14,7 @@ from tests.support.ports import free_port as _free_port
 
 if TYPE_CHECKING:
     from tests.support.postgres import PostgresServer
+    from tests.support.seaweed import SeaweedServer
 
 
 def pytest_configure() -> None:
@@ -61,6 +62,19 @@ def postgres() -> Iterator[PostgresServer]:
     if postgres_binaries() is None and not os.environ.get("CI"):
         pytest.skip("PostgreSQL is not installed (Debian: apt install postgresql)")
     server = PostgresServer()
+    try:
+        server.start()
+        yield server
+    finally:
+        server.close()
+
+
+@pytest.fixture(scope="session")
+def seaweed() -> Iterator[SeaweedServer]:
+    """This worker's S3 server."""
+    from tests.support.seaweed import SeaweedServer
+
+    server = SeaweedServer()
     try:
         server.start()
         yield server

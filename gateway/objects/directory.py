@@ -58,7 +58,7 @@ class DirectoryStore:
             return file.read(-1 if size_bytes is None else size_bytes)
 
     def names(self, prefix: str = "") -> Iterator[ObjectInfo]:
-        """Every object whose name begins with `prefix`, in order."""
+        """Every object whose name begins with `prefix`."""
         for path, status in self._files(self._root):
             name = path.relative_to(self._root).as_posix()
             if name.startswith(prefix) and not name.endswith(PARTIAL):
@@ -102,10 +102,10 @@ class DirectoryStore:
             _sync_folder(each.parent)
 
     def _files(self, folder: Path) -> Iterator[tuple[Path, os.stat_result]]:
-        """Every regular file below, in the order of the names; what vanishes meanwhile is left out."""
+        """Every regular file below; what vanishes meanwhile is left out."""
         with _errors(str(folder)):
             try:
-                entries = sorted(os.scandir(folder), key=_sort_key)
+                entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
             except FileNotFoundError:
                 return
         for entry in entries:
@@ -114,11 +114,6 @@ class DirectoryStore:
             elif entry.is_file(follow_symlinks=False):
                 with contextlib.suppress(FileNotFoundError):
                     yield Path(entry.path), entry.stat(follow_symlinks=False)
-
-
-def _sort_key(entry: os.DirEntry[str]) -> str:
-    """As S3 sorts: by the whole name, in which a folder goes on with a slash."""
-    return entry.name + "/" if entry.is_dir(follow_symlinks=False) else entry.name
 
 
 def _abandoned(path: Path, status: os.stat_result, before_ns: int) -> bool:

@@ -57,7 +57,7 @@ class ObjectStore(Protocol):
         """
 
     def names(self, prefix: str = "") -> Iterator[ObjectInfo]:
-        """Every object whose name begins with `prefix`, in order; each is fetched when it is asked for."""
+        """Every object whose name begins with `prefix`, in the store's own order, fetched little by little."""
 
     def delete(self, name: str) -> None:
         """The object is gone, whether it was there or not."""
