@@ -1,4 +1,8 @@
-"""The channels and series of a robot: what the tap saw, numbered, described for the gateway, and counted."""
+"""The channels and series of a robot: what the tap saw, numbered, described for the gateway, and counted.
+
+A live channel whose row has a `history_hz` has a second one beside it, its `copy`: bulk, at that rate, whether anybody
+watches or not. It is for the gateway's store alone; here and there people see one topic.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +22,8 @@ __all__ = ["METRIC_STREAM", "Channel", "Channels"]
 
 METRIC_STREAM = 0
 ANNOUNCE_BYTES = 1 << 20
+HISTORY = "history"  # the class of a copy in the file of numbers
+Name = tuple[str, str, str]  # topic, type, hash
 CLASS_NUMBERS: dict[Delivery, link_pb2.DeliveryClass] = {
     "event": link_pb2.DELIVERY_CLASS_EVENT,
     "bulk": link_pb2.DELIVERY_CLASS_BULK,
@@ -49,6 +55,8 @@ class Channel:
     publishers: int = 0
     subscribers: int = 0
     live_seq: int = 0
+    history: bool = False  # it is itself the copy of another
+    copy: Channel | None = None
     _last: tuple[int, int, int] = field(default=(0, 0, 0))  # monotonic ns, messages, bytes at the last statistics
 
     def describe(self) -> link_pb2.Channel:
@@ -65,6 +73,8 @@ class Channel:
             **{"class": CLASS_NUMBERS[self.delivery]},
             max_rate_hz=self.max_rate_hz,
             forward=self.rule.forward,
+            history=self.history,
+            history_rate_hz=self.copy.max_rate_hz if self.copy is not None else 0.0,
         )
 
     def rate(self, now_s: float) -> link_pb2.TopicRate:
@@ -93,7 +103,8 @@ class Channels:
         self._ids = ids
         self._namespace = namespace
         self._limits = limits
-        self._by_name: dict[tuple[str, str, str], Channel] = {}
+        self._by_name: dict[Name, Channel] = {}
+        self._copies: dict[Name, Channel] = {}
         self._by_id: dict[int, Channel] = {}
         self._series: list[tuple[int, link_pb2.Series]] = []
         self.revision = 0
@@ -105,7 +116,8 @@ class Channels:
         self.revision += 1
 
     def __iter__(self) -> Iterator[Channel]:
-        return iter(self._by_id.values())
+        """The topics' channels, without their copies."""
+        return (channel for channel in self._by_id.values() if not channel.history)
 
     def __len__(self) -> int:
         return len(self._by_id)
@@ -125,8 +137,10 @@ class Channels:
         elif keeps_all and channel.rule.delivery == "auto" and channel.delivery == "live":
             channel = self._lift(channel) or channel
         if qos and qos != channel.qos:
-            channel.qos = qos
-            self._changed(channel)
+            for each in (channel, channel.copy):
+                if each is not None:
+                    each.qos = qos
+                    self._changed(each)
         return channel
 
     def learn(self, channel: Channel, catalogue: Catalogue) -> None:
@@ -134,10 +148,12 @@ class Channels:
         schema = schema_text(channel.type_name, catalogue).encode()
         if len(schema) > self._limits.schema_bytes:
             return
-        channel.schema = schema
-        self._ids.describe(replace(self._ids.channels[channel.channel_id], schema=schema.decode()))
-        self._read_fields(channel, catalogue)
-        self._changed(channel)
+        for each in (channel, channel.copy):
+            if each is not None:
+                each.schema = schema
+                self._ids.describe(replace(self._ids.channels[each.channel_id], schema=schema.decode()))
+                self._read_fields(each, catalogue)
+                self._changed(each)
 
     def by_id(self, channel_id: int) -> Channel | None:
         """The channel of that id."""
@@ -146,7 +162,8 @@ class Channels:
     def demand(self, entries: Mapping[int, float]) -> None:
         """Give every channel its share of a Demand; empty = nobody watches."""
         for channel in self._by_id.values():
-            if channel.deadband is not None and channel.selector.demand_hz is None:
+            watched = channel.channel_id in entries
+            if channel.deadband is not None and watched and channel.selector.demand_hz is None:
                 channel.deadband.reset()  # who begins to watch sees where things stand
             channel.selector.demand(entries.get(channel.channel_id))
 
@@ -184,8 +201,45 @@ class Channels:
         self._by_name[topic, type_name, hash_text] = self._by_id[channel.channel_id] = channel
         if known:
             self._read_fields(channel, known)
+        if delivery == "live" and rule.history_hz > 0 and rule.forward:
+            channel.copy = self._copy(channel, known)
         self._changed(channel)
         return channel
+
+    def _copy(self, live: Channel, catalogue: Catalogue | None) -> Channel | None:
+        """The history channel of a live one: that of an earlier run, or a new one; None when the table is full."""
+        name = (live.topic, live.type_name, live.type_hash)
+        if (known := self._copies.get(name)) is not None:
+            known.qos = live.qos
+            return known
+        if len(self._by_id) >= self._limits.channels_per_robot:
+            self.refused += 1
+            return None
+        topic, type_name, type_hash = name
+        number = self._ids.channel(topic=topic, type_name=type_name, type_hash=type_hash, delivery=HISTORY)
+        return self._add_copy(self._ids.channels[number], live.rule, live.schema, catalogue)
+
+    def _add_copy(self, known: ChannelId, rule: TopicRule, schema: bytes, catalogue: Catalogue | None) -> Channel:
+        """A history channel with that number."""
+        rule = replace(rule, delivery="bulk", max_rate_hz=rule.history_hz, history_hz=0.0, latest_only=False)
+        copy = Channel(
+            channel_id=known.channel,
+            topic=known.topic,
+            type_name=known.type_name,
+            type_hash=known.type_hash,
+            rule=rule,
+            delivery="bulk",
+            max_rate_hz=rule.max_rate_hz,
+            selector=Selector(rule, "bulk", max_rate_hz=rule.max_rate_hz),
+            metrics=None,
+            schema=schema,
+            history=True,
+        )
+        self._by_id[copy.channel_id] = self._copies[known.topic, known.type_name, known.type_hash] = copy
+        if catalogue:
+            self._read_fields(copy, catalogue)
+        self._changed(copy)
+        return copy
 
     def _lift(self, live: Channel) -> Channel | None:
         """The bulk channel of a topic that was live until now; None when the table of channels is full."""
@@ -205,6 +259,10 @@ class Channels:
         rule = self._table.rule(known.topic)
         delivery, max_rate_hz = decide(rule, keeps_all=known.delivery == "bulk")
         catalogue = catalogue_of(known.type_name, known.type_hash)
+        schema = known.schema.encode() or (schema_text(known.type_name, catalogue).encode() if catalogue else b"")
+        if known.delivery == HISTORY:
+            self._add_copy(known, rule, schema, catalogue)
+            return
         same = delivery == known.delivery
         channel = Channel(
             channel_id=known.channel,
@@ -216,7 +274,7 @@ class Channels:
             max_rate_hz=max_rate_hz,
             selector=Selector(rule, delivery, max_rate_hz=max_rate_hz),
             metrics=None,
-            schema=known.schema.encode() or (schema_text(known.type_name, catalogue).encode() if catalogue else b""),
+            schema=schema,
         )
         self._by_id[channel.channel_id] = channel
         if same and catalogue:
@@ -229,7 +287,8 @@ class Channels:
         """Those of the row's fields that the type has are read from now on: as series, and for the dead-band."""
         rule, type_name = channel.rule, channel.type_name
         fields = [path for path in rule.fields if has_field(type_name, path, catalogue)]
-        channel.metrics = self._extractor(channel.topic, type_name, rule, fields, catalogue)
+        if not channel.history:
+            channel.metrics = self._extractor(channel.topic, type_name, rule, fields, catalogue)
         if rule.deadband > 0 and fields:
             reader = field_reader(type_name, fields, catalogue)
             channel.deadband = SampleDeadband(reader, rule.deadband, max_s=rule.deadband_max_s)

@@ -24,6 +24,8 @@ class Arrival(NamedTuple):
     size_bytes: int
     stamp_ns: int
     arrived_s: float
+    gid: bytes = b""  # whose sample it is,
+    sequence: int = 0  # and as its how-manieth
 
 
 class Pipeline:
@@ -66,6 +68,8 @@ class Pipeline:
         metrics = channel.metrics
         if metrics is not None and metrics.due(arrival.arrived_s):
             self._rows(channel, arrival)
+        if channel.copy is not None and channel.copy.selector.admit(arrival.arrived_s):
+            self._sample(channel.copy, arrival)
         return self._sample(channel, arrival) if channel.selector.admit(arrival.arrived_s) else 0
 
     def _rows(self, channel: Channel, arrival: Arrival) -> None:

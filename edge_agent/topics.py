@@ -28,6 +28,7 @@ class TopicRule:
     metrics_rate_hz: float = 2.0
     deadband: float = 0.0  # a sample, or a series' value, goes on only when a field moved by more; 0 = always
     deadband_max_s: float = 60.0  # and at the latest after so long; 0 = never without a move
+    history_hz: float = 0.0  # of a live topic so many samples a second are kept, watched or not; 0 = none
     latest_only: bool = False  # bulk: while its class is behind only the newest sample waits
 
 
@@ -35,10 +36,18 @@ DEFAULT_TOPICS: tuple[TopicRule, ...] = (
     TopicRule(
         match="**/odom",
         max_rate_hz=20.0,
+        history_hz=2.0,
         fields=("pose.pose.position.x", "pose.pose.position.y", "twist.twist.linear.x", "twist.twist.angular.z"),
     ),
-    TopicRule(match="**/battery_state", max_rate_hz=2.0, fields=("percentage", "voltage", "current", "temperature")),
-    TopicRule(match="**/imu", max_rate_hz=20.0, fields=("angular_velocity.z", "linear_acceleration.x")),
+    TopicRule(match="**/scan", max_rate_hz=10.0, history_hz=1.0),
+    TopicRule(
+        match="**/battery_state",
+        max_rate_hz=2.0,
+        history_hz=1.0,
+        fields=("percentage", "voltage", "current", "temperature"),
+    ),
+    TopicRule(match="**/imu", max_rate_hz=20.0, history_hz=1.0, fields=("angular_velocity.z", "linear_acceleration.x")),
+    TopicRule(match="**/compressed", max_rate_hz=10.0, history_hz=0.2),
     TopicRule(match="**/motor_temperature", max_rate_hz=2.0, fields=("temperature",)),
     TopicRule(match="**/host/cpu", max_rate_hz=2.0, fields=("percent", "load_1m")),
     TopicRule(match="**/host/memory", max_rate_hz=2.0, fields=("percent",)),

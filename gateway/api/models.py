@@ -166,6 +166,7 @@ class Topic(_Model):
     lost: int
     last_stamp_ms: float | None
     demand_hz: float | None
+    history_hz: float
 
 
 class TopicList(_Model):

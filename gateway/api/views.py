@@ -10,7 +10,8 @@ from typing import Any
 from gateway.domain.channel import METRIC_STREAM
 from gateway.domain.lease import Lease
 from gateway.ingest.registry import ChannelState, RobotRecord
-from gateway.store.query import SeriesFacts, SeriesRange, StoredGap
+from gateway.store.query import SeriesFacts, StoredGap
+from gateway.store.series import SeriesRange
 from metaros.link import BACKFILL_BIT, CHANNEL_MASK
 
 __all__ = ["gap_view", "range_view", "rfc3339", "robot_view", "series_view", "topic_view", "uplink_view"]
@@ -38,7 +39,7 @@ def robot_view(record: RobotRecord, lease: Lease | None, *, now_s: float) -> dic
         "agent_version": record.robot.agent_version,
         "labels": dict(record.robot.labels),
         "link": link_view(record, now_s=now_s),
-        "channels": len(record.channels),
+        "channels": record.listed(),
         "counts": {
             "samples": counts.samples,
             "bytes": counts.bytes,
@@ -128,6 +129,7 @@ def topic_view(state: ChannelState, demand: Mapping[str, float]) -> dict[str, An
         "lost": state.lost,
         "last_stamp_ms": None if state.last_stamp_ns is None else state.last_stamp_ns / 1e6,
         "demand_hz": demand.get(channel.topic),
+        "history_hz": channel.history_rate_hz,
     }
 
 

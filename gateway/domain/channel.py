@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-__all__ = ["CLASSES", "EVENT", "LIVE", "METRIC", "METRIC_STREAM", "Channel", "Series"]
+__all__ = ["BULK", "CLASSES", "EVENT", "LIVE", "METRIC", "METRIC_STREAM", "Channel", "Series"]
 
 # The four delivery classes, by their number on the link.
 CLASSES: dict[int, str] = {1: "event", 2: "metric", 3: "bulk", 4: "live"}
+BULK = "bulk"
 EVENT = "event"
 LIVE = "live"
 METRIC = "metric"
@@ -16,7 +17,11 @@ METRIC_STREAM = 0  # the stream id of a robot's metric rows; every other stream 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Channel:
-    """One announced topic. `delivery` is one of `CLASSES`; `max_rate_hz` 0 means no limit."""
+    """One announced topic. `delivery` is one of `CLASSES`; `max_rate_hz` 0 means no limit.
+
+    A `history` channel carries copies of a live topic's samples for the store alone: nobody watches it, and no list
+    of topics has it. Its live channel says at which rate it takes them, `history_rate_hz`.
+    """
 
     robot: str
     channel_id: int
@@ -30,6 +35,8 @@ class Channel:
     delivery: str = LIVE
     max_rate_hz: float = 0.0
     forward: bool = True
+    history: bool = False
+    history_rate_hz: float = 0.0
 
     @property
     def identity(self) -> tuple[str, str, str, str, str, bytes]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from gateway.domain.channel import CLASSES, Channel, Series
+from gateway.domain.channel import BULK, CLASSES, Channel, Series
 from gateway.domain.robot import Robot, is_robot_id
 from gateway.errors import ProtocolError
 from metaros._proto import link_pb2
@@ -76,6 +76,10 @@ def read_channel(robot: str, channel: link_pb2.Channel, *, limits: Limits) -> Ch
         raise ProtocolError(f"channel {channel.channel_id}: no such delivery class")
     if not 0 <= channel.max_rate_hz < math.inf:
         raise ProtocolError(f"channel {channel.channel_id}: max_rate_hz is no rate")
+    if not 0 <= channel.history_rate_hz < math.inf:
+        raise ProtocolError(f"channel {channel.channel_id}: history_rate_hz is no rate")
+    if channel.history and CLASSES[getattr(channel, "class")] != BULK:
+        raise ProtocolError(f"channel {channel.channel_id}: a history channel is of class bulk")
     return Channel(
         robot=robot,
         channel_id=channel.channel_id,
@@ -89,6 +93,8 @@ def read_channel(robot: str, channel: link_pb2.Channel, *, limits: Limits) -> Ch
         delivery=CLASSES[getattr(channel, "class")],
         max_rate_hz=channel.max_rate_hz,
         forward=channel.forward,
+        history=channel.history,
+        history_rate_hz=channel.history_rate_hz,
     )
 
 

@@ -258,7 +258,7 @@ class Links:
         wall_ns, now_s = self._clock.wall_ns(), self._clock.monotonic_s()
         if isinstance(event, Arrived):
             record.count_run(event.run, event.duplicates, now_s=now_s, fresh=event.fresh)
-            if event.run.count and event.fresh:
+            if event.run.count and event.fresh and not event.run.channel.history:
                 self._hooks.on_samples(event.run)
             if event.durable:
                 self._store_run(live, event)

@@ -99,7 +99,7 @@ class RobotRecord:
         self.forks = 0  # how often a copy of the robot's outbox was found out
         self.revision = 1
         self._process = b""
-        self._former: dict[str, ChannelState] = {}
+        self._former: dict[tuple[str, bool], ChannelState] = {}
         self._newest: dict[tuple[str, str, str], ChannelState] = {}
 
     @property
@@ -113,7 +113,7 @@ class RobotRecord:
         self.session_number = session_number
         if session_id != self._process:
             self._process = session_id
-            self._former = {state.channel.topic: state for state in self.channels.values()}
+            self._former = {(state.channel.topic, state.channel.history): state for state in self.channels.values()}
             self.channels, self._newest = {}, {}
             self.statistics = link_pb2.TopicStatistics()
         self.revision += 1
@@ -132,12 +132,16 @@ class RobotRecord:
         for channel in channels:
             state = self.channels.get(channel.channel_id)
             if state is None:
-                former = self._former.pop(channel.topic, None) or self._newest.get(kind(channel))
+                former = self._former.pop((channel.topic, channel.history), None)
+                if former is None and not channel.history:
+                    former = self._newest.get(kind(channel))
                 state = self.channels[channel.channel_id] = ChannelState(channel)
                 if former is not None:
                     state.received, state.received_bytes = former.received, former.received_bytes
                     state.lost, state.last_stamp_ns = former.lost, former.last_stamp_ns
             state.channel = channel
+            if channel.history:
+                continue
             newest = self._newest.setdefault(kind(channel), state)
             if newest.channel.channel_id < channel.channel_id:
                 self._newest[kind(channel)] = state
@@ -183,6 +187,8 @@ class RobotRecord:
         state = self.channels.get(stream_id & CHANNEL_MASK)
         if stream_id & CHANNEL_MASK != METRIC_STREAM and state is not None:
             state.lost += gap.count
+            if state.channel.history and (topic := self._newest.get(kind(state.channel))) is not None:
+                topic.lost += gap.count
         self.revision += 1
 
     def over_quota(self, dropped: int, *, put_off: bool) -> None:
@@ -208,6 +214,10 @@ class RobotRecord:
     def channel_of(self, topic: str) -> Channel | None:
         """The announced channel of a topic."""
         return next((state.channel for state in self._newest.values() if state.channel.topic == topic), None)
+
+    def listed(self) -> int:
+        """How many channels people are shown."""
+        return sum(not state.channel.history for state in self.channels.values())
 
     def topics(self) -> list[ChannelState]:
         """The newest channel of each topic and type, by topic: one whose class changed has another than before."""

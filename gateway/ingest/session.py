@@ -122,7 +122,7 @@ class Session:
             raise ForkedError(f"another copy of the outbox of {self.robot.id} has spoken under its epoch")
         if self._streams.unsettled(hello):
             raise UnsettledError("what the writer before this one sent is being stored")
-        self._lanes[hello.lane] = _Lane(now_s, *(Reassembler(limits=self._limits) for _ in range(2)))
+        self._lanes[hello.lane] = _Lane(now_s, Reassembler(limits=self._limits), Reassembler(limits=self._limits))
         lost: list[Event] = []
         self._streams.begin(hello.streams)
         if writers := self._streams.written_by(hello):
@@ -240,7 +240,7 @@ class Session:
         channels = [read_channel(self.robot.id, c, limits=self._limits) for c in frame.announce.channels]
         for channel in channels:
             known = self.channels.get(channel.channel_id)
-            if known is not None and (known.topic, known.schema_name) != (channel.topic, channel.schema_name):
+            if known is not None and meaning(known) != meaning(channel):
                 raise ProtocolError(f"channel {channel.channel_id} was {known.topic}, it cannot become {channel.topic}")
             self.channels[channel.channel_id] = channel
         series = {s.series_id: read_series(s) for s in frame.announce.series}
@@ -371,3 +371,8 @@ class Session:
         while len(self._beats) > REMEMBERED_BEATS:
             del self._beats[next(iter(self._beats))]
         return [Send(CONTROL, link_pb2.GatewayFrame(heartbeat=beat))]
+
+
+def meaning(channel: Channel) -> tuple[str, str, bool]:
+    """What a channel's number stands for, once and for all."""
+    return channel.topic, channel.schema_name, channel.history

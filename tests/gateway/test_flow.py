@@ -96,6 +96,25 @@ async def test_live_topics_leave_the_robot_only_on_demand(tmp_path: Path) -> Non
         assert not (await agent.next("demand")).demand.entries
 
 
+async def test_history_is_stored_and_neither_listed_nor_watched(tmp_path: Path) -> None:
+    live, history = (channel(n, "/sim_1/odom", "std_msgs/msg/String", delivery=d) for n, d in ((3, 4), (4, 3)))
+    live.history_rate_hz, history.history = 2.0, True
+    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
+        await agent.announce(live, history)
+        async with open_socket(ready, "/api/v1/stream") as socket:
+            await say(socket, op="subscribe", id=1, robots="*", topics="**/odom")
+            assert [entry.channel_id for entry in (await agent.next("demand")).demand.entries] == [3]
+            await agent.samples(4, 1, [b"kept", b"kept, too"])
+            ack = (await agent.next("ack", DATA)).ack.watermarks[0]
+            assert (ack.stream_id, ack.seq) == (4, 2)
+            await agent.samples(3, 500, [b"live"])
+            assert [record.payload for _, _, record in split_records(await hear_bytes(socket))] == [b"live"]
+        (topic,) = (await http.get("/api/v1/robots/sim_1/topics")).json()["topics"]
+        assert (topic["channel"], topic["class"], topic["history_hz"], topic["received"]) == (3, "live", 2.0, 1)
+        robot = (await http.get("/api/v1/robots/sim_1")).json()
+        assert (robot["channels"], robot["counts"]["samples"]) == (1, 3)
+
+
 async def test_metrics_are_stored_acknowledged_and_streamed(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
         await agent.announce(series=[BATTERY])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -118,3 +120,22 @@ async def test_an_outbox_keeps_order_and_only_the_newest_teleop() -> None:
     outbox.close()
     assert not outbox.put(beat)
     assert (await outbox.next(), await outbox.next()) == (beat, None)
+
+
+def make_history(number: int, topic: str) -> Channel:
+    return replace(make_channel(number, topic), delivery="bulk", history=True)
+
+
+def test_a_history_channel_is_counted_and_not_listed() -> None:
+    record = RobotRecord(Robot("r"), seen_ns=0)
+    record.begin(Robot("r"), session_id=b"a", session_number=1)
+    record.announce([make_history(9, "/scan"), make_channel(2, "/scan")], [])
+    record.count_run(make_run(make_history(9, "/scan"), 5), 0, now_s=0.0)
+    record.count_gap(9, Gap(6, 8, "outbox_full", 0, 0))
+    (topic,) = record.topics()
+    assert (topic.channel.channel_id, topic.received, topic.lost, record.listed()) == (2, 0, 3, 1)
+    assert (record.counts.samples, record.channels[9].received) == (5, 5)
+    assert record.channel_of("/scan") == topic.channel
+    record.begin(Robot("r"), session_id=b"b", session_number=2)
+    record.announce([make_channel(3, "/scan"), make_history(10, "/scan")], [])
+    assert (record.channels[3].received, record.channels[10].received) == (0, 5), "each goes on with its own counts"

@@ -388,3 +388,20 @@ def test_announced_event_carries_what_was_declared() -> None:
     (event,) = Rig().receive(announce=announce(5, 1))
     assert isinstance(event, Announced)
     assert (event.channels[0].delivery, event.series[0].name) == ("event", "t5.x")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"history": True, "class": 4}, {"history_rate_hz": -1.0, "class": 4}, {"history_rate_hz": 1e400, "class": 4}],
+)
+def test_a_history_channel_that_cannot_be_ends_the_session(changes: dict[str, Any]) -> None:
+    rig = Rig()
+    channel = link_pb2.Channel(channel_id=5, topic="/r1/a", schema_name="std_msgs/msg/String", **changes)
+    assert closed(rig.receive(announce=link_pb2.Announce(channels=[channel]))) == "protocol"
+
+
+def test_a_number_stays_history_or_not() -> None:
+    rig = Rig()
+    channel = link_pb2.Channel(channel_id=1, topic="/r1/t1", schema_name="std_msgs/msg/String", history=True)
+    setattr(channel, "class", 3)
+    assert closed(rig.receive(announce=link_pb2.Announce(channels=[channel]))) == "protocol"
