@@ -76,7 +76,7 @@ class Export:
                 yield self._output.take()
         if self._stopped.is_set():
             return
-        file.finish(lambda: [(GAPS, self._losses())], lambda notes: None)
+        file.finish(lambda: [(GAPS, self._accounts(file.counts()))], lambda notes: None)
         yield self._output.take()
 
     def _walk(self, robot_id: str) -> Walk:
@@ -115,22 +115,22 @@ class Export:
         """A topic's name in the file: no two robots share one."""
         return f"/{robot_id}{topic}" if topic in self._shared else topic
 
-    def _losses(self) -> dict[str, str]:
-        """What the file lacks, by topic and robot; those without a loss are in it, too: that is the proof."""
+    def _accounts(self, counts: Mapping[int, int]) -> dict[str, str]:
+        """What the file has and lacks, by topic and robot; those without a loss are in it, too: that is the proof."""
         request = self._request
-        found: dict[str, list[Loss]] = {}
+        found: dict[tuple[str, str], list[Loss]] = {}
         for walk in self._walks:
             robot_id = walk.robot_id
-            found.update((f"{self._name(robot_id, topic)} {robot_id}", []) for topic in walk.topics)
+            found.update(((self._name(robot_id, topic), robot_id), []) for topic in walk.topics)
             declared = self._source.losses(robot_id, start_ns=request.start_ns, end_ns=request.end_ns)
             for loss in [*declared, *walk.losses]:
                 if loss.topic is None or loss.topic in walk.topics:
                     name = self._name(robot_id, loss.topic) if loss.topic else _NO_TOPIC
-                    found.setdefault(f"{name} {robot_id}", []).append(loss)
-        return {
-            key: orjson.dumps({"losses": [loss_view(loss) for loss in folded(losses)]}).decode()
-            for key, losses in sorted(found.items())
-        }
+                    found.setdefault((name, robot_id), []).append(loss)
+        received: Counter[tuple[str, str]] = Counter()
+        for identity, number in self._channels.items():
+            received[self._name(identity[0], identity[1]), identity[0]] += counts[number]
+        return {" ".join(key): _account(received[key], losses) for key, losses in sorted(found.items())}
 
 
 class _Pieces(io.BytesIO):
@@ -151,6 +151,13 @@ class _Pieces(io.BytesIO):
         self.truncate()
         self.size_bytes = 0
         return data
+
+
+def _account(received: int, losses: Sequence[Loss]) -> str:
+    """In the words of a recorder's account of a publisher; messages are counted, as numbers start anew now and then."""
+    lost = sum(loss.count for loss in losses)
+    facts = {"first": 1, "last": received + lost, "received": received}
+    return orjson.dumps({**facts, "losses": [loss_view(loss) for loss in folded(losses)]}).decode()
 
 
 def _metadata(channel: Channel) -> dict[str, str]:

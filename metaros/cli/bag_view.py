@@ -77,6 +77,9 @@ def _missing(accounts: Iterable[Mapping[str, Any]]) -> dict[str, dict[str, int]]
             for first, last in account.get(reason, ()):
                 row = found.setdefault(account["topic"], {})
                 row[reason] = row.get(reason, 0) + last - first + 1
+        for loss in account.get("losses", ()):  # of a file that a gateway made of its history
+            row = found.setdefault(account["topic"], {})
+            row[loss["reason"]] = row.get(loss["reason"], 0) + loss["count"]
     return found
 
 
@@ -108,7 +111,7 @@ def missing_text(missing: Mapping[str, Mapping[str, int]]) -> str:
             reasons[reason] = reasons.get(reason, 0) + count
     if not reasons:
         return ""
-    parts = ", ".join(f"{count} {_WORDS[reason]}" for reason, count in reasons.items())
+    parts = ", ".join(f"{count} {_WORDS.get(reason, reason)}" for reason, count in reasons.items())
     return f"{sum(reasons.values())} on {counted(len(missing), 'topic')}: {parts}"
 
 
@@ -144,7 +147,7 @@ def _print_verbose(out: Output, facts: Mapping[str, Any]) -> None:
             account["file"],
             f"{account['first']}..{account['last']}",
             str(account["received"]),
-            " ".join(f"{reason} {_ranges(account[reason])}" for reason in _WORDS if reason in account) or "-",
+            _account_text(account),
         )
         for account in facts["publishers"]
     ]
@@ -152,6 +155,12 @@ def _print_verbose(out: Output, facts: Mapping[str, Any]) -> None:
     out.line()
     files = [(f["path"], str(f["messages"]), str(f["chunks"]), human_bytes(f["size_bytes"])) for f in facts["files"]]
     out.table(("File", "Messages", "Chunks", "Size"), files, right=(1, 2, 3))
+
+
+def _account_text(account: Mapping[str, Any]) -> str:
+    parts = [f"{reason} {_ranges(account[reason])}" for reason in _WORDS if reason in account]
+    parts += [f"{loss['reason']} {loss['count']}" for loss in account.get("losses", ())[:5]]
+    return " ".join(parts) or "-"
 
 
 def _ranges(pairs: list[list[int]]) -> str:

@@ -1,0 +1,113 @@
+"""The walk over a store that changes under it: nothing is passed over, nothing comes twice."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pytest
+
+from gateway.errors import DamagedError, InvalidRequestError, PurgedError
+from gateway.history import walk as walks
+from gateway.history.walk import Walk
+from gateway.store.commit import Committer
+from gateway.store.engine import StoreEngine
+from gateway.store.samples import SampleFilter, StoredBatch, StoredRun
+from tests.gateway.history.source import EngineSource
+from tests.gateway.store.samples import run_write
+
+ALL = {"robot_id": "r1", "topics": ("/events",), "start_ns": 0, "end_ns": 1 << 60}
+
+
+def fill(engine: StoreEngine, *, batches: int = 9, size: int = 5) -> list[int]:
+    """Batches of one stream; the numbers of their messages, which are their stamps less 1000."""
+    writes = [run_write(1 + size * n, [f"{1 + size * n + i}".encode() for i in range(size)]) for n in range(batches)]
+    Committer(engine).commit(writes, now_ns=1)
+    return list(range(1, batches * size + 1))
+
+
+class Compacting(EngineSource):
+    """Before each window, two neighbouring batches of the middle become one, as compaction makes it."""
+
+    def runs(self, robot_id: str, wanted: SampleFilter, *, newest_first: bool, limit: int) -> Sequence[StoredRun]:
+        found = super().runs(robot_id, wanted, newest_first=newest_first, limit=limit)
+        with self.engine.transaction(write=True):
+            rows = self.engine.fetch(
+                "SELECT batch, count, last_ns, stamps, lengths, payload FROM sample_batches ORDER BY first_seq"
+            )
+            for one, two in zip(rows[::3], rows[1::3], strict=False):
+                self.engine.execute("DELETE FROM sample_batches WHERE batch = ?", two[0])
+                self.engine.execute(
+                    "UPDATE sample_batches SET count = ?, last_ns = ?, stamps = ?, lengths = ?, payload = ?"
+                    " WHERE batch = ?",
+                    *(one[1] + two[1], two[2], *(bytes(one[n]) + bytes(two[n]) for n in (3, 4, 5)), one[0]),
+                )
+        return found
+
+    def load(self, run: StoredRun) -> StoredBatch:
+        """As the store's loader does it: what was moved is found where it is now."""
+        wanted = SampleFilter(topics=("/events",))
+        for now in super().runs("r1", wanted, newest_first=False, limit=1000):
+            if now.first_seq <= run.first_seq and run.last_seq <= now.last_seq:
+                return super().load(now).cut(run.first_seq, run.count)
+        raise AssertionError(f"{run} is gone")
+
+
+@pytest.mark.parametrize("newest_first", [False, True])
+@pytest.mark.parametrize("window_runs", [1, 2, 256])
+def test_every_message_comes_once_in_order(engine: StoreEngine, newest_first: bool, window_runs: int) -> None:
+    numbers = fill(engine)
+    walk = Walk(source=EngineSource(engine), newest_first=newest_first, window_runs=window_runs, **ALL)
+    assert [message.seq for message in walk.messages()] == (numbers[::-1] if newest_first else numbers)
+
+
+@pytest.mark.parametrize("newest_first", [False, True])
+def test_compaction_between_windows_changes_nothing(engine: StoreEngine, newest_first: bool) -> None:
+    numbers = fill(engine, batches=20)
+    walk = Walk(source=Compacting(engine), newest_first=newest_first, window_runs=3, **ALL)
+    assert [message.seq for message in walk.messages()] == (numbers[::-1] if newest_first else numbers)
+    assert [int(message.payload) for message in walk.messages()] == (numbers[::-1] if newest_first else numbers)
+
+
+@pytest.mark.parametrize("newest_first", [False, True])
+def test_stamps_that_stand_still(engine: StoreEngine, newest_first: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Batches with one and the same stamp do not fit a window, which grows; beyond a bound it is an error."""
+    writes = [run_write(n, [b"x"], stamp_ns=5000 - n) for n in range(1, 8)]
+    Committer(engine).commit(writes, now_ns=1)
+    walk = Walk(source=EngineSource(engine), newest_first=newest_first, window_runs=2, **ALL)
+    assert sorted(message.seq for message in walk.messages()) == list(range(1, 8))
+    monkeypatch.setattr(walks, "MOST_RUNS", 4)
+    with pytest.raises(InvalidRequestError, match="5000"):
+        list(walk.messages())
+
+
+@pytest.mark.parametrize(("error", "reason"), [(DamagedError, "damaged"), (PurgedError, "purged")])
+def test_what_cannot_be_read_is_a_loss_and_the_rest_goes_on(
+    engine: StoreEngine, error: type[Exception], reason: str
+) -> None:
+    fill(engine)
+
+    class Holed(EngineSource):
+        def load(self, run: StoredRun) -> StoredBatch:
+            if run.first_seq in (6, 11, 31):
+                raise error("gone")
+            return super().load(run)
+
+    walk = Walk(source=Holed(engine), window_runs=2, **ALL)
+    found = [message.seq for message in walk.messages()]
+    assert found == [n for n in range(1, 46) if not (6 <= n <= 15 or 31 <= n <= 35)]
+    assert [(loss.count, loss.reason, loss.topic) for loss in walk.losses] == [(15, reason, "/events")]
+
+
+def test_a_stopped_walk_ends(engine: StoreEngine) -> None:
+    fill(engine)
+    seen: list[int] = []
+    walk = Walk(source=EngineSource(engine), window_runs=2, stopped=lambda: len(seen) >= 7, **ALL)
+    for message in walk.messages():
+        seen += [message.seq]
+    assert 7 <= len(seen) <= 15
+
+
+def test_no_topic_is_no_message(engine: StoreEngine) -> None:
+    fill(engine)
+    walk = Walk(source=EngineSource(engine), robot_id="r1", topics=(), start_ns=0, end_ns=1 << 60)
+    assert list(walk.messages()) == []
