@@ -28,7 +28,7 @@ from gateway.objects import open_objects
 from gateway.recordings.desk import RecordingDesk, RobotSide
 from gateway.settings import Settings
 from gateway.store import Store
-from gateway.store.retention import Retention
+from gateway.store.retention import Retention, class_limits
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS
@@ -49,13 +49,16 @@ class Gateway:
             age_s=settings.retention_days * 86400,
             event_age_s=settings.event_retention_days * 86400,
             size_bytes=settings.retention_bytes,
+            classes=class_limits(settings.retention_rules),
         )
+        self.objects = open_objects(settings.objects_url, settings.data_dir)
         self.store = Store(
             settings.data_dir,
             clock=clock,
             retention=retention,
             queue_bytes=settings.store_queue_bytes,
             url=settings.store_url,
+            objects=self.objects,
         )
         self.history = HistoryDesk(self.store)
         self.registry = Registry()
@@ -70,7 +73,6 @@ class Gateway:
         self.fleet = FleetDesk(
             self.registry.get, self.commands, self.leases, clock=clock, actuator_topics=settings.actuator_topics
         )
-        self.objects = open_objects("", settings.data_dir)
         self.recordings = RecordingDesk(
             self.store, self.objects, settings.data_dir / "incoming", self._robot_side(), clock=clock, limits=limits
         )
@@ -124,6 +126,7 @@ class Gateway:
         self.history.close()
         await self.recordings.close()
         await self.store.close()
+        await asyncio.to_thread(self.objects.close)
 
     def describe(self, robot_id: str) -> dict[str, Any]:
         """A robot as the API shows it."""

@@ -28,11 +28,29 @@ StoreUrl = Annotated[
         help="postgresql://user@host/database instead of a file in the data directory.",
     ),
 ]
+ObjectsUrl = Annotated[
+    str,
+    typer.Option(
+        "--objects",
+        metavar="URL",
+        envvar="METAROS_OBJECTS",
+        show_envvar=False,
+        help="s3://bucket/prefix or file:///folder instead of a directory in the data directory.",
+    ),
+]
 AllowHost = Annotated[list[str] | None, typer.Option(help="Another name browsers may call this gateway by.")]
 AllowOrigin = Annotated[list[str] | None, typer.Option(help="Origin of another page that may use this gateway.")]
 RetentionDays = Annotated[float, typer.Option(min=0.01, help="How long series and messages are kept.")]
 EventRetentionDays = Annotated[float, typer.Option(min=0.01, help="How long events and the record of losses are kept.")]
 RetentionMib = Annotated[int, typer.Option(min=1, help="How large the store may grow before the oldest data goes.")]
+RetentionRules = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--retention",
+        metavar="CLASS=AGE,SIZE",
+        help="Bounds of metric, bulk, event or recording: bulk=3d,20GiB or metric=30d; repeat it for more.",
+    ),
+]
 TickMs = Annotated[float, typer.Option(min=0.0, max=100.0, help="How long live samples wait to share one write.")]
 HeartbeatS = Annotated[float, typer.Option(min=0.2, max=60.0, help="A link silent for three of these is dead.")]
 RobotMessages = Annotated[int, typer.Option(min=0, help="Samples and rows a second from one robot; 0 = no limit.")]
@@ -54,11 +72,13 @@ def _gateway(
     grpc_port: RobotsPort = None,
     data_dir: DataDir = None,
     store: StoreUrl = "",
+    objects: ObjectsUrl = "",
     allow_host: AllowHost = None,
     allow_origin: AllowOrigin = None,
     retention_days: RetentionDays = 7.0,
     event_retention_days: EventRetentionDays = 90.0,
     retention_mib: RetentionMib = 4096,
+    retention: RetentionRules = None,
     tick_ms: TickMs = 5.0,
     heartbeat_s: HeartbeatS = 5.0,
     robot_messages_per_s: RobotMessages = 100_000,
@@ -78,9 +98,11 @@ def _gateway(
         allow_hosts=tuple(allow_host or ()),
         allow_origins=tuple(allow_origin or ()),
         store_url=store,
+        objects_url=objects,
         retention_days=retention_days,
         event_retention_days=event_retention_days,
         retention_bytes=retention_mib * MIB,
+        retention_rules=tuple(retention or ()),
         tick_s=tick_ms / 1000,
         heartbeat_s=heartbeat_s,
         robot_messages_per_s=robot_messages_per_s,

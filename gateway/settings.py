@@ -30,11 +30,13 @@ class Settings:
     grpc_port: int | None = None
     data_dir: Path = field(default_factory=default_data_dir)
     store_url: str = field(default="", repr=False)  # PostgreSQL; "": a file in the data directory
+    objects_url: str = ""  # "": a directory in the data directory
     allow_hosts: tuple[str, ...] = ()
     allow_origins: tuple[str, ...] = ()
     retention_days: float = 7.0
     event_retention_days: float = 90.0
     retention_bytes: int = 4096 * MIB
+    retention_rules: tuple[str, ...] = ()  # CLASS=AGE,SIZE
     store_queue_bytes: int = 256 * MIB
     tick_s: float = 0.005
     heartbeat_s: float = LIMITS.heartbeat_s  # a link that is silent for three of them is dead
@@ -51,9 +53,13 @@ class Settings:
                 f"--host {self.host}: loopback only until the identity step\n"
                 "Use 127.0.0.1, and reach it from elsewhere through an SSH tunnel."
             )
-        from gateway.store.engines import check_url  # heavy: a page of help needs none of it
+        from gateway.objects import check_objects_url  # heavy: a page of help needs none of it
+        from gateway.store.engines import check_url
+        from gateway.store.retention import class_limits
 
         check_url(self.store_url)
+        check_objects_url(self.objects_url)
+        class_limits(self.retention_rules)
         if min(self.retention_days, self.event_retention_days) <= 0 or self.retention_bytes < MIB:
             raise ConfigError(
                 "--retention-days and --event-retention-days are more than 0, and --retention-mib at least 1"

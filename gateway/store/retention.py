@@ -1,101 +1,174 @@
-"""What is deleted, and when: by age, and by the store's size, the oldest first, a slice at a time.
+"""What is to be deleted, and why: by age and size of a class, and by the size of all, the oldest first. Pure.
 
-Events and the record of what was lost are kept longest. Watermarks are kept for ever: without its watermark a stream
-would be stored a second time.
+Classes are `metric` (rows of series), `bulk` and `event` (messages, as batches or whole segments), `recording`. The
+purge and its dry run ask the same plan.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import heapq
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import chain
 
-from gateway.store.engine import StoreEngine
-from gateway.store.schema import ROW_BYTES, TABLES
+from metaros.errors import ConfigError
 
-__all__ = ["Purge", "Retention"]
+__all__ = ["CLASSES", "ClassLimit", "Going", "Holding", "Reason", "Retention", "Usage", "class_limits", "plan"]
 
-_SLICE = 500  # rows deleted in one transaction, so that commits never wait long
+EVENT, RECORDING = "event", "recording"
+CLASSES = ("metric", "bulk", EVENT, RECORDING)
+# Who yields first when the whole store is too large: within a group the oldest.
+GROUPS = (("metric", "bulk"), (RECORDING,), (EVENT,))
+Reason = str  # "age", "class_size" or "store_size"
+
+_UNITS_S = {"s": 1, "m": 60, "h": 3600, "d": 86400}
+_UNITS_BYTES = {"KiB": 1 << 10, "MiB": 1 << 20, "GiB": 1 << 30, "TiB": 1 << 40}
+_RULE = re.compile(
+    r"(?P<class>[a-z]+)=(?:(?P<age>\d+(?:\.\d+)?)(?P<age_unit>[smhd]))?"
+    r"(?:,(?P<size>\d+(?:\.\d+)?)(?P<size_unit>KiB|MiB|GiB|TiB))?"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClassLimit:
+    """The bounds of one class; None is none."""
+
+    age_s: float | None = None
+    size_bytes: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Retention:
-    """The bounds of the store: how old data, and events, may get, and how much all of it may be."""
+    """The bounds of the store: how old data, and events, may get, and how much all of it may be; `classes` beside."""
 
     age_s: float
     size_bytes: int
-    event_age_s: float | None = None  # None: as everything else
+    event_age_s: float | None = None  # of events, recordings and the record of losses; None: as everything else
+    classes: Mapping[str, ClassLimit] = field(default_factory=dict)
 
-    def before_ns(self, *, now_ns: int, events: bool) -> int:
-        """What was stored before this time is too old."""
-        age_s = self.event_age_s if events and self.event_age_s is not None else self.age_s
-        return now_ns - round(age_s * 1e9)
+    def limit(self, name: str) -> ClassLimit:
+        """The bounds of a class."""
+        own = self.classes.get(name, ClassLimit())
+        longest = name in (EVENT, RECORDING) and self.event_age_s is not None
+        age_s = own.age_s if own.age_s is not None else self.event_age_s if longest else self.age_s
+        return ClassLimit(age_s=age_s, size_bytes=own.size_bytes)
 
+    def before_ns(self, name: str, *, now_ns: int) -> int:
+        """What of a class was stored before this time is too old."""
+        age_s = self.limit(name).age_s
+        return now_ns - round((age_s if age_s is not None else self.age_s) * 1e9)
 
-class Purge:
-    """One purge, slice by slice."""
-
-    def __init__(self, engine: StoreEngine, retention: Retention, *, now_ns: int) -> None:
-        self._engine = engine
-        self._retention = retention
-        self._now_ns = now_ns
-        self._excess: int | None = None
-
-    def step(self) -> int:
-        """Delete one slice of what is too old, then of what is too much; how many rows went (0: it is done)."""
-        deleted = _by_age(self._engine, self._retention, self._now_ns)
-        if not deleted:
-            if self._excess is None:
-                self._excess = self._engine.used_bytes() - self._retention.size_bytes
-            if self._excess > 0:
-                deleted, size_bytes = _by_size(self._engine, self._excess)
-                self._excess -= size_bytes
-        if deleted and self._engine.vacuum:
-            self._engine.fetch(self._engine.vacuum)
-        return deleted
+    def gaps_before_ns(self, *, now_ns: int) -> int:
+        """The record of losses from before this time goes: it is kept as long as anything that could show the loss."""
+        return min(self.before_ns(name, now_ns=now_ns) for name in ("metric", "bulk", EVENT))
 
 
-def _by_age(engine: StoreEngine, retention: Retention, now_ns: int) -> int:
-    data_ns = retention.before_ns(now_ns=now_ns, events=False)
-    event_ns = retention.before_ns(now_ns=now_ns, events=True)
-    with engine.transaction(write=True):
-        return (
-            _delete(engine, "metric_chunks", "chunk", "stored_ns < ?", data_ns)
-            + _delete(engine, "sample_batches", "batch", "event = 0 AND stored_ns < ?", data_ns)
-            + _delete(engine, "sample_batches", "batch", "event = 1 AND stored_ns < ?", event_ns)
-            + engine.execute("DELETE FROM gaps WHERE stored_ns < ?", event_ns)
-        )
+@dataclass(frozen=True, slots=True)
+class Holding:
+    """Something that can be deleted by itself; `table` and `key` name its row, `object` its object."""
+
+    kind: str
+    table: str
+    key: int | str
+    stored_ns: int
+    size_bytes: int
+    object: str = ""
 
 
-def _delete(engine: StoreEngine, table: str, key: str, condition: str, value: int) -> int:
-    oldest = f"SELECT {key} FROM {table} WHERE {condition} ORDER BY stored_ns LIMIT {_SLICE}"
-    return engine.execute(f"DELETE FROM {table} WHERE {key} IN ({oldest})", value)
+@dataclass(frozen=True, slots=True)
+class Going:
+    """A holding that is to be deleted, and why."""
+
+    holding: Holding
+    why: Reason
 
 
-def _by_size(engine: StoreEngine, excess: int) -> tuple[int, int]:
-    """The oldest slice of samples and series together, as much as is too much; events when nothing else is left.
+@dataclass(frozen=True, slots=True)
+class Usage:
+    """What there is: bytes of all, and of the classes that have a bound of their own."""
 
-    Returns how many rows went, and their bytes.
+    total_bytes: int
+    classes: Mapping[str, int] = field(default_factory=dict)
+
+
+def class_limits(rules: Sequence[str]) -> dict[str, ClassLimit]:
+    """The rules `CLASS=AGE,SIZE` as a table.
+
+    Raises:
+        ConfigError: one of them is none; the message says how they look.
     """
+    found: dict[str, ClassLimit] = {}
+    for rule in rules:
+        match = _RULE.fullmatch(rule)
+        if match is None or match["class"] not in CLASSES or not (match["age"] or match["size"]):
+            raise ConfigError(
+                f"--retention {rule}: CLASS=AGE,SIZE like bulk=3d,20GiB, metric=30d or event=,1GiB\n"
+                f"Classes are {', '.join(CLASSES)}; units s, m, h, d and KiB, MiB, GiB, TiB."
+            )
+        age_s = float(match["age"]) * _UNITS_S[match["age_unit"]] if match["age"] else None
+        size_bytes = round(float(match["size"]) * _UNITS_BYTES[match["size_unit"]]) if match["size"] else None
+        if age_s == 0 or match["class"] in found:
+            raise ConfigError(f"--retention {rule}: an age is more than 0, and a class is named once")
+        found[match["class"]] = ClassLimit(age_s=age_s, size_bytes=size_bytes)
+    return found
+
+
+def plan(
+    retention: Retention, usage: Usage, oldest: Callable[[str], Iterator[Holding]], *, now_ns: int
+) -> Iterator[Going]:
+    """What is to go, one after the other; `oldest` gives a class's holdings by the time they were stored.
+
+    It is read only as far as something goes, so whoever stops early has read little.
+    """
+    queues = {name: _Queue(oldest(name), usage.classes.get(name, 0)) for name in CLASSES}
     freed = 0
-    listing = " UNION ALL ".join(
-        f"SELECT * FROM (SELECT '{table}' AS name, {key} AS number, stored_ns, {TABLES[table]} AS size FROM {table}"
-        f" WHERE {condition} ORDER BY stored_ns LIMIT {_SLICE}) AS {alias}"
-        for alias, table, key, condition in (
-            ("a", "metric_chunks", "chunk", "1 = 1"),
-            ("b", "sample_batches", "batch", "event = 0"),
-        )
-    )
-    events = (
-        f"SELECT 'sample_batches', batch, stored_ns, {TABLES['sample_batches']} FROM sample_batches"
-        f" WHERE event = 1 ORDER BY stored_ns LIMIT {_SLICE}"
-    )
-    with engine.transaction(write=True):
-        rows = engine.fetch(f"{listing} ORDER BY stored_ns") or engine.fetch(events)
-        going: dict[str, list[tuple[int]]] = {"metric_chunks": [], "sample_batches": []}
-        for table, number, _, size in rows:
-            if freed >= excess:
-                break
-            going[table].append((number,))
-            freed += size + ROW_BYTES
-        engine.many("DELETE FROM metric_chunks WHERE chunk = ?", going["metric_chunks"])
-        engine.many("DELETE FROM sample_batches WHERE batch = ?", going["sample_batches"])
-    return sum(map(len, going.values())), freed
+    for name, queue in queues.items():
+        for holding in queue.before(retention.before_ns(name, now_ns=now_ns)):
+            freed += holding.size_bytes
+            yield Going(holding, "age")
+        most_bytes = retention.limit(name).size_bytes
+        for holding in queue.over(most_bytes) if most_bytes is not None else ():
+            freed += holding.size_bytes
+            yield Going(holding, "class_size")
+    excess = usage.total_bytes - freed - retention.size_bytes
+    rest = (heapq.merge(*(queues[name].rest() for name in group), key=lambda item: item.stored_ns) for group in GROUPS)
+    for holding in chain.from_iterable(rest):
+        if excess <= 0:
+            return
+        excess -= holding.size_bytes
+        yield Going(holding, "store_size")
+
+
+class _Queue:
+    """A class's holdings, oldest first, and how many bytes are left of it."""
+
+    def __init__(self, holdings: Iterator[Holding], left_bytes: int) -> None:
+        self._holdings = holdings
+        self._left_bytes = left_bytes
+        self._next: Holding | None = None
+
+    def before(self, before_ns: int) -> Iterator[Holding]:
+        """Those that were stored before."""
+        while (holding := self._peek()) is not None and holding.stored_ns < before_ns:
+            yield self._taken(holding)
+
+    def over(self, most_bytes: int) -> Iterator[Holding]:
+        """As many as are too much."""
+        while self._left_bytes > most_bytes and (holding := self._peek()) is not None:
+            yield self._taken(holding)
+
+    def rest(self) -> Iterator[Holding]:
+        """All that are left."""
+        while (holding := self._peek()) is not None:
+            yield self._taken(holding)
+
+    def _taken(self, holding: Holding) -> Holding:
+        self._next = None
+        self._left_bytes -= holding.size_bytes
+        return holding
+
+    def _peek(self) -> Holding | None:
+        if self._next is None:
+            self._next = next(self._holdings, None)
+        return self._next

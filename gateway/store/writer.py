@@ -19,7 +19,8 @@ from gateway.errors import StoreError, UnstorableError
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
 from gateway.store.merge import merge_step, waiting_batches
-from gateway.store.retention import Purge, Retention
+from gateway.store.purge import Purge
+from gateway.store.retention import Retention
 from gateway.store.writes import Committed, RobotWrite, StreamWrite, Write
 from metaros.clock import Clock
 

@@ -17,7 +17,8 @@ from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
 from gateway.store.merge import merge_step, waiting_batches
 from gateway.store.query import read_gaps, read_range, read_series, read_streams
-from gateway.store.retention import Purge, Retention
+from gateway.store.purge import Purge
+from gateway.store.retention import Retention
 from gateway.store.samples import SampleFilter
 from gateway.store.sqlite import SqliteEngine
 from tests.gateway.store.samples import BATTERY, CPU, EPOCH, everything, gap_write, read_samples, run_write, write
