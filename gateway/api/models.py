@@ -55,6 +55,7 @@ class Ready(_Model):
 
     status: Literal["ready", "not ready"]
     checks: dict[str, str]
+    notes: dict[str, str]  # what fails without harm to who connects
 
 
 class ClassDepth(_Model):

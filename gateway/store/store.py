@@ -11,17 +11,19 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TypeVar
 
+from gateway.domain.sample import Gap
+from gateway.objects import ObjectStore
+from gateway.store.compact import CompactPace
+from gateway.store.compactor import Compactor
 from gateway.store.engine import StoreEngine
 from gateway.store.engines import open_engine
 from gateway.store.history import StoredTopic, TopicGap, find_runs, gaps_between, newest_candidates, stored_topics
 from gateway.store.load import RunLoader
 from gateway.store.query import (
     SeriesFacts,
-    SeriesRange,
     StoredGap,
     StoredRobot,
     read_gaps,
-    read_range,
     read_robots,
     read_series,
     read_streams,
@@ -29,6 +31,7 @@ from gateway.store.query import (
 )
 from gateway.store.retention import Retention
 from gateway.store.samples import SampleFilter, StoredBatch, StoredRun
+from gateway.store.series import Method, SeriesRange, read_metric_gaps, read_range
 from gateway.store.writer import Pace, Writer
 from gateway.store.writes import Committed, StreamWrite, Write
 from metaros.clock import Clock
@@ -52,6 +55,8 @@ class Store:
         queue_bytes: int,
         url: str = "",
         pace: Pace | None = None,
+        objects: ObjectStore | None = None,
+        compact: CompactPace | None = None,
     ) -> None:
         data_dir.mkdir(parents=True, exist_ok=True)
         self._lock = _lock(data_dir)
@@ -77,10 +82,23 @@ class Store:
             pace=pace,
             name=self.gateway_id,
         )
-        self._loader = RunLoader()
+        self._loader = RunLoader(objects)
+        self._compactor: Compactor | None = None
+        if objects is not None:
+            self._compactor = Compactor(
+                self._writer,
+                self._engine.reader,
+                objects,
+                clock=clock,
+                name=self.gateway_id,
+                pace=compact,
+                shared=self._engine.shared,
+            )
         self._local = threading.local()
         self._readers: list[StoreEngine] = []
         self._pool = ThreadPoolExecutor(max_workers=2, thread_name_prefix="gateway-read")
+        # Loading may wait for a network: the pages of everybody else must not wait behind it.
+        self._loads = ThreadPoolExecutor(max_workers=4, thread_name_prefix="gateway-load")
 
     @property
     def shared(self) -> bool:
@@ -91,6 +109,11 @@ class Store:
     def error(self) -> str | None:
         """Why commits fail now; None while they work."""
         return self._writer.error
+
+    @property
+    def objects_error(self) -> str | None:
+        """Why messages cannot be moved to the object store now; None while they can, or there is none."""
+        return self._compactor.error if self._compactor is not None else None
 
     def start(
         self,
@@ -104,6 +127,8 @@ class Store:
         self._listener = listener
         self._refused_listener = refused
         self._writer.start()
+        if self._compactor is not None:
+            self._compactor.start()
 
     def submit(self, write: Write) -> None:
         """Queue a write from the event loop's thread. Callers of much wait for `room()` first."""
@@ -129,8 +154,10 @@ class Store:
 
     async def close(self) -> None:
         """Commit what is queued and close every connection."""
+        if self._compactor is not None:
+            await asyncio.to_thread(self._compactor.close, timeout_s=CLOSE_S)
         await asyncio.to_thread(self._writer.close, timeout_s=CLOSE_S)
-        ending = asyncio.create_task(asyncio.to_thread(self._pool.shutdown, cancel_futures=True))
+        ending = asyncio.create_task(asyncio.to_thread(self._end_reading))
         await asyncio.wait({ending}, timeout=CLOSE_S)
         if ending.done():
             await asyncio.to_thread(self._close_readers)
@@ -155,14 +182,14 @@ class Store:
     async def samples(
         self, robot_id: str, wanted: SampleFilter | None = None, *, limit: int = 1000
     ) -> list[StoredBatch]:
-        """At most `limit` batches of the robot's messages, by stream, epoch and number."""
+        """At most `limit` runs of the robot's messages with what they hold, by stream, epoch and number."""
 
         def job(engine: StoreEngine) -> list[StoredBatch]:
             runs = find_runs(engine, robot_id, wanted or SampleFilter(), limit=limit)
             runs.sort(key=lambda run: (run.stream_id, run.epoch, run.first_seq))
             return [self._loader.load(engine, run) for run in runs]
 
-        return await self.read(job)
+        return await self._load(job)
 
     async def runs(
         self, robot_id: str, wanted: SampleFilter | None = None, *, limit: int = 1000, newest_first: bool = False
@@ -173,11 +200,11 @@ class Store:
 
     async def load(self, run: StoredRun) -> StoredBatch:
         """A run's samples; PurgedError, DamagedError or StoreError when they cannot be had."""
-        return await self.read(lambda engine: self._loader.load(engine, run))
+        return await self._load(lambda engine: self._loader.load(engine, run))
 
     async def newest(self, robot_id: str, topic: str, t_ns: int, *, max_age_ns: int | None = None) -> StoredRun | None:
         """The run that holds the topic's newest sample at or before `t_ns`, if that is no older than `max_age_ns`."""
-        return await self.read(
+        return await self._load(
             lambda engine: self._loader.newest(
                 engine, newest_candidates(engine, robot_id, topic, t_ns), t_ns, max_age_ns=max_age_ns
             )
@@ -198,12 +225,23 @@ class Store:
         return await self.read(lambda engine: read_series(engine, robot_id))
 
     async def range(
-        self, robot_id: str, names: Sequence[str], *, start_ns: int, end_ns: int, points: int
+        self,
+        robot_id: str,
+        names: Sequence[str],
+        *,
+        start_ns: int,
+        end_ns: int,
+        points: int,
+        method: Method = "buckets",
     ) -> list[SeriesRange]:
         """Each named series between two stamps in at most `points` points."""
-        return await self.read(
-            lambda engine: read_range(engine, robot_id, names, start_ns=start_ns, end_ns=end_ns, points=points)
-        )
+        span = {"start_ns": start_ns, "end_ns": end_ns, "points": points}
+        return await self.read(lambda engine: read_range(engine, robot_id, names, **span, method=method))
+
+    async def metric_gaps(self, robot_id: str, *, start_ns: int, end_ns: int, limit: int) -> list[Gap]:
+        """The declared losses of the robot's metric rows that touch the time between two stamps."""
+        span = {"start_ns": start_ns, "end_ns": end_ns, "limit": limit}
+        return await self.read(lambda engine: read_metric_gaps(engine, robot_id, **span))
 
     async def run(self, job: Callable[[StoreEngine], Result]) -> Result:
         """Do `job` in one write transaction on the writer's thread; its error when nothing of it happened."""
@@ -213,12 +251,20 @@ class Store:
         """Run a query on a thread; StoreError when the database cannot be read now."""
         return await asyncio.get_running_loop().run_in_executor(self._pool, lambda: job(self._reader()))
 
+    async def _load(self, job: Callable[[StoreEngine], Result]) -> Result:
+        """The same for what may ask the object store, on threads of its own."""
+        return await asyncio.get_running_loop().run_in_executor(self._loads, lambda: job(self._reader()))
+
     def _reader(self) -> StoreEngine:
         reader: StoreEngine | None = getattr(self._local, "reader", None)
         if reader is None:
             reader = self._local.reader = self._engine.reader()
             self._readers.append(reader)
         return reader
+
+    def _end_reading(self) -> None:
+        self._loads.shutdown(cancel_futures=True)
+        self._pool.shutdown(cancel_futures=True)
 
     def _close_readers(self) -> None:
         for reader in self._readers:

@@ -54,6 +54,11 @@ class _Job:
     call: Callable[[StoreEngine], Any]
     done: Future[Any] = field(default_factory=Future)
 
+    def refuse(self, reason: str) -> None:
+        """It will not be done."""
+        if self.done.set_running_or_notify_cancel():
+            self.done.set_exception(StoreError(reason))
+
     def run(self, engine: StoreEngine) -> None:
         """Do it, whatever comes of it."""
         if not self.done.set_running_or_notify_cancel():
@@ -131,7 +136,7 @@ class Writer:
         """Do `call` in one transaction between two commits; its result, or its error when nothing of it happened."""
         job = _Job(call)
         if self._stopped.is_set():
-            job.done.set_exception(StoreError("the store is closing"))
+            job.refuse("the store is closing")
         else:
             self._queue.put(job)
         return job.done
@@ -152,12 +157,22 @@ class Writer:
             except Exception:  # a mistake of ours must not end what acknowledges every robot's samples
                 log.exception("the store's writer failed; it goes on")
                 self._stopped.wait(self._pace.retry_every_s)
-        self._finish(self._take(block=False))
+        try:
+            self._end()
+        finally:
+            self._engine.close()
+
+    def _end(self) -> None:
+        """What was queued before the end, as far as commits work."""
+        ended = False
+        while not ended and self._error is None:
+            turn = self._take(block=False)
+            ended = turn.ended or self._queue.empty()
+            self._finish(turn)
         while not self._queue.empty():
             left = self._queue.get_nowait()
             if isinstance(left, _Job):
-                left.done.set_exception(StoreError("the store is closing"))
-        self._engine.close()
+                left.refuse("the store is closing")
 
     def _turn(self) -> None:
         turn = self._take(block=True)
@@ -173,13 +188,14 @@ class Writer:
             for future in turn.waiting:
                 future.cancel()
             for job in turn.jobs:
-                job.done.set_exception(StoreError(f"the store cannot commit: {self._error}"))
+                job.refuse(f"the store cannot commit: {self._error}")
             if self._clock.monotonic_s() - self._last_purge_s >= self._pace.rescue_every_s:
                 self._purge()
             self._stopped.wait(self._pace.retry_every_s)
             return
         for future in turn.waiting:
-            future.set_result(None)
+            if future.set_running_or_notify_cancel():
+                future.set_result(None)
         for job in turn.jobs:
             job.run(self._engine)
 

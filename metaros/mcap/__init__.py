@@ -1,7 +1,8 @@
-"""MCAP files as Meta-ROS writes them: bags of a recorder, segments of the gateway's history, clips of a black box."""
+"""MCAP files as this project writes them: recordings of a robot, its black box, segments of a history, exports."""
 
 from __future__ import annotations
 
+from metaros.mcap.chunk import MalformedChunkError, read_chunk, read_messages
 from metaros.mcap.file import COMPRESSIONS, McapFile
 
-__all__ = ["COMPRESSIONS", "McapFile"]
+__all__ = ["COMPRESSIONS", "MalformedChunkError", "McapFile", "read_chunk", "read_messages"]

@@ -133,6 +133,12 @@ class McapFile(Generic[T]):
         if chunk.size_bytes >= self._chunk_bytes:
             self.flush()
 
+    @property
+    def last_chunk(self) -> tuple[int, int]:
+        """(start, bytes) of the chunk that was written last, without its message indexes."""
+        index = self._chunks[-1]
+        return index.chunk_start_offset, index.chunk_length
+
     def flush(self) -> None:
         """Write the open chunk, if it has a message; after that a `kill -9` does not lose it."""
         chunk = self._chunk

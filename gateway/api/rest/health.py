@@ -25,8 +25,11 @@ async def healthz() -> Response:
     "/readyz", responses={200: {"model": models.Ready}, 503: {"model": models.Ready}}, response_class=JsonResponse
 )
 async def readyz(request: Request) -> Response:
-    """200 when every check is ok, else 503 with what is wrong."""
-    checks = services_of(request).checks()
+    """200 when every check is ok, else 503 with what is wrong; notes say what else is, without harm to who connects."""
+    services = services_of(request)
+    checks = services.checks()
     ready = all(state == "ok" for state in checks.values())
-    body = {"status": "ready" if ready else "not ready", "checks": checks}
+    objects = services.store.objects_error
+    notes = {"objects": objects} if objects is not None else {}
+    body = {"status": "ready" if ready else "not ready", "checks": checks, "notes": notes}
     return JsonResponse(body, status_code=200 if ready else 503)

@@ -13,8 +13,9 @@ from gateway.store import StreamWrite
 from gateway.store.engine import StoreEngine
 from gateway.store.history import find_runs
 from gateway.store.load import RunLoader
-from gateway.store.query import read_gaps, read_range
+from gateway.store.query import read_gaps
 from gateway.store.samples import SampleFilter, StoredBatch
+from gateway.store.series import read_range
 from metaros.link import SampleColumns
 
 __all__ = [
@@ -111,10 +112,12 @@ def read_samples(
     return sorted(batches, key=lambda batch: (batch.stream_id, batch.epoch, batch.first_seq))
 
 
-def content(engine: StoreEngine, *, robot: str = "r1", stream_id: int = 7) -> tuple[dict[int, bytes], set[int]]:
+def content(
+    engine: StoreEngine, *, robot: str = "r1", stream_id: int = 7, loader: RunLoader | None = None
+) -> tuple[dict[int, bytes], set[int]]:
     """A stream's messages by number, and the numbers that were declared lost; a number stored twice is an error."""
     found: dict[int, bytes] = {}
-    for batch in read_samples(engine, robot, SampleFilter(stream_id=stream_id), limit=100_000):
+    for batch in read_samples(engine, robot, SampleFilter(stream_id=stream_id), limit=100_000, loader=loader):
         for seq, _, payload in batch.samples():
             assert seq not in found, f"{seq} is stored twice"
             found[seq] = payload
