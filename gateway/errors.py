@@ -200,6 +200,7 @@ class LinkError(GatewayError):
     """An agent broke the rules of the link; the code goes into its Goodbye."""
 
     code = "protocol"
+    retry_after_ms = 1000  # how long the agent stays away
 
 
 class ProtocolError(LinkError):
@@ -224,6 +225,7 @@ class UnsettledError(LinkError):
     """What the agent's last process sent is still being stored: it may come back in a moment."""
 
     code = "unsettled"
+    retry_after_ms = 50  # about a commit
 
 
 class StoreError(GatewayError):

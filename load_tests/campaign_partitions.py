@@ -83,7 +83,7 @@ KINDS: dict[str, Callable[[Wire, LoadStack, Random], None]] = {
 }
 
 
-def run_inside(kind: str, cycles: int, seed: int) -> int:
+def run_inside(kind: str, cycles: int, seed: int, *, explain_s: float) -> int:
     """One kind, in the namespaces of this process; the last line printed is the result."""
     rng, times = Random(seed), []
     with tempfile.TemporaryDirectory(prefix="campaign-partitions-") as folder, Wire() as wire:
@@ -105,6 +105,8 @@ def run_inside(kind: str, cycles: int, seed: int) -> int:
                         f"no acknowledgement after fault {len(times) + 1}\n{stack.tail('robot')}{stack.tail('gateway')}"
                     )
                     raise
+                if times[-1] > explain_s:
+                    print(f"fault {len(times)}: back after {times[-1]:.2f} s\n{stack.tail('robot')[-1200:]}")
             sessions = stack.counters["sessions"]
             verdict = stack.check()
     return result(verdict, times=times, sessions=sessions)
@@ -134,18 +136,19 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--kinds", default=",".join(KINDS))
     parser.add_argument("--cycles", type=int, default=50)
     parser.add_argument("--seed", type=int, default=None)
+    parser.add_argument("--explain", type=float, default=RESUME_S, help="show the robot's log where it took longer, s")
     parser.add_argument("--parallel", type=int, default=3, help="kinds at a time")
     parser.add_argument("--inside", choices=KINDS, help=argparse.SUPPRESS)
     options = parser.parse_args(argv)
     seed = options.seed if options.seed is not None else system_rng().randrange(2**32)
     if options.inside:
-        return run_inside(options.inside, options.cycles, seed)
+        return run_inside(options.inside, options.cycles, seed, explain_s=options.explain)
     if reason := why_not():
         print(f"partitions cannot run here: {reason}")
         return 0
     print(f"partitions: {options.cycles} cycles each, seed {seed}; goal: back within {RESUME_S:g} s of the healing")
     print(HEAD, flush=True)
-    own = ["--cycles", str(options.cycles), "--seed", str(seed)]
+    own = ["--cycles", str(options.cycles), "--seed", str(seed), "--explain", str(options.explain)]
     module = "load_tests.campaign_partitions"
     return run_parts(module, options.kinds.split(","), own, parallel=options.parallel, show=show)
 

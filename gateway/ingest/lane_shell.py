@@ -15,7 +15,6 @@ __all__ = ["serve_lane"]
 log = logging.getLogger(__name__)
 
 HELLO_S = 10.0
-REFUSED_RETRY_MS = 1000
 LAST_WORDS_S = 1.0  # how long a closed lane may take to write its Goodbye
 
 Read = Callable[[], Awaitable[link_pb2.AgentFrame | None]]
@@ -37,7 +36,7 @@ async def serve_lane(links: Links, read: Read, write: Write) -> bool:
         lane = await links.join(first.hello)
     except LinkError as error:
         log.warning("a link was refused: %s", error)
-        goodbye = link_pb2.Goodbye(code=error.code, message=str(error)[:1024], retry_after_ms=REFUSED_RETRY_MS)
+        goodbye = link_pb2.Goodbye(code=error.code, message=str(error)[:1024], retry_after_ms=error.retry_after_ms)
         return await _in_time(write(link_pb2.GatewayFrame(goodbye=goodbye)))
     except TimeoutError:
         return False
