@@ -46,11 +46,16 @@ class Asking:
         self._spawn = spawn
         self._clock = clock
         self._under_way: set[str] = set()
+        self._repeat: set[str] = set()
         self._asked_s: dict[str, float] = {}  # when the last answer came
 
     def ask(self, recording: Recording, *, last_ns: int = 0) -> None:
         """Have the span cut if the robot is here; `last_ns` only while the span ends now."""
-        if recording.id not in self._under_way and self._online(recording.robot):
+        if not self._online(recording.robot):
+            return
+        if recording.id in self._under_way:
+            self._repeat.add(recording.id)  # the one under way may have been for a link that is gone
+        else:
             self._under_way.add(recording.id)
             self._spawn(self._ask(recording, last_ns))
 
@@ -62,8 +67,11 @@ class Asking:
             if recording.id not in arriving and now_s - self._asked_s.get(recording.id, -AGAIN_S) >= AGAIN_S:
                 self.ask(recording)
 
-    async def _ask(self, recording: Recording, last_ns: int) -> None:
+    async def _ask(self, asked: Recording, last_ns: int) -> None:
         try:
+            recording = await self._rows.get(asked.id)
+            if recording is None or not recording.unfinished:
+                return
             if recording.state == REQUESTED and not await self._move(recording, (REQUESTED,), CUTTING):
                 return
             save = link_pb2.SaveRecording(
@@ -75,10 +83,13 @@ class Asking:
             )
             await self._order(recording, link_pb2.Command(save_recording=save))
         except StoreError as error:
-            log.warning("recording %s: %s; asked again later", recording.id, error)
+            log.warning("recording %s: %s; asked again later", asked.id, error)
         finally:
-            self._under_way.discard(recording.id)
-            self._asked_s[recording.id] = self._clock.monotonic_s()
+            self._under_way.discard(asked.id)
+            self._asked_s[asked.id] = self._clock.monotonic_s()
+            if asked.id in self._repeat:
+                self._repeat.discard(asked.id)
+                self.ask(asked)
 
     async def _order(self, recording: Recording, command: link_pb2.Command) -> None:
         try:

@@ -68,6 +68,7 @@ class RecordingDesk:
         self._robots = robots
         self._clock = clock
         self._limits = limits
+        self._closed = False
         self._tasks: set[asyncio.Task[None]] = set()
         self._pool = ThreadPoolExecutor(max_workers=4, thread_name_prefix="gateway-recordings")
         self._shelf = Shelf(rows, objects, on_thread=self._on_thread, clock=clock)
@@ -189,6 +190,7 @@ class RecordingDesk:
 
     async def close(self) -> None:
         """Stop; what is half here is continued by the next gateway on this data directory."""
+        self._closed = True
         self._shelf.close()
         for task in self._tasks:
             task.cancel()
@@ -213,6 +215,9 @@ class RecordingDesk:
         return await asyncio.get_running_loop().run_in_executor(self._pool, job, *args)
 
     def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
+        if self._closed:
+            work.close()
+            return
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._done)

@@ -1,0 +1,277 @@
+"""Recordings from the request to the file, over a real link: states, resume, ranges, and what may go wrong."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from metaros._proto import link_pb2
+from metaros.clock import SystemClock
+from tests.gateway.harness import BACKFILL, client, running_gateway
+from tests.gateway.recordings.robot import PART, RecordingRobot, content
+
+BLOB = content(3 * 1024 * 1024 + 17)
+
+
+async def save(http: httpx.AsyncClient, **body: Any) -> dict[str, Any]:
+    """Ask for a recording of sim_1."""
+    answer = await http.post("/api/v1/robots/sim_1/recordings", json=body or {"last_s": 60})
+    assert answer.status_code == 202, answer.text
+    return dict(answer.json())
+
+
+async def when(http: httpx.AsyncClient, recording_id: str, good: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    """The recording once it is so."""
+    async with asyncio.timeout(60):
+        while True:
+            shown = dict((await http.get(f"/api/v1/recordings/{recording_id}")).json())
+            if good(shown):
+                return shown
+
+
+def in_state(state: str) -> Callable[[dict[str, Any]], bool]:
+    """A condition for `when`."""
+    return lambda shown: bool(shown["state"] == state)
+
+
+async def test_the_last_minute_of_an_online_robot(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
+        asked = await save(http, last_s=60, topics=["/sim_1/**"])
+        command = await robot.asked()
+        saving = command.save_recording
+        assert (saving.recording_id, saving.last_ns, list(saving.topics)) == (asked["id"], 60 * 10**9, ["/sim_1/**"])
+        assert saving.to_ns - saving.from_ns == 60 * 10**9
+        assert abs(saving.to_ns - SystemClock().wall_ns()) < 60 * 10**9
+        await when(http, asked["id"], in_state("cutting"))
+        await robot.answer(command)
+        await robot.offer(asked["id"], BLOB)
+        shown = await when(http, asked["id"], in_state("transferring"))
+        assert (shown["size_bytes"], shown["messages"]) == (len(BLOB), 42)
+        assert (shown["first"], shown["last"]) == ("1970-01-01T00:00:05.000Z", "1970-01-01T00:01:05.000Z")
+        early = await http.get(f"/api/v1/recordings/{asked['id']}/file.mcap")
+        assert (early.status_code, early.json()["code"]) == (409, "recording_not_stored")
+        assert (await robot.deliver(asked["id"], BLOB)).stored
+        shown = await when(http, asked["id"], in_state("stored"))
+        assert shown["received_bytes"] == len(BLOB)
+        answer = await http.get(shown["url"])
+        assert answer.content == BLOB
+        assert answer.headers["content-type"] == "application/mcap"
+        assert 'filename="sim_1_1970-01-01T00-00-05Z.mcap"' in answer.headers["content-disposition"]
+        assert list((tmp_path / "data" / "incoming").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("headers", "status", "start", "end"),
+    [
+        ({"Range": "bytes=0-0"}, 206, 0, 1),
+        ({"Range": "bytes=1048570-1048590"}, 206, 1048570, 1048591),
+        ({"Range": "bytes=3145000-"}, 206, 3145000, len(BLOB)),
+        ({"Range": "bytes=-5"}, 206, len(BLOB) - 5, len(BLOB)),
+        ({"Range": "bytes=0-99999999999"}, 206, 0, len(BLOB)),
+        ({"Range": "bytes=0-1,5-6"}, 200, 0, len(BLOB)),
+        ({"Range": "bytes=9-3"}, 200, 0, len(BLOB)),
+        ({"Range": "bytes=99999999-"}, 416, 0, 0),
+        ({"Range": "bytes=0-5", "If-Range": '"other"'}, 200, 0, len(BLOB)),
+        ({"If-None-Match": "ETAG"}, 304, 0, 0),
+    ],
+)
+async def test_ranges_of_a_file(tmp_path: Path, headers: dict[str, str], status: int, start: int, end: int) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
+        asked = await save(http)
+        await robot.offer(asked["id"], BLOB)
+        await robot.deliver(asked["id"], BLOB)
+        path = f"/api/v1/recordings/{asked['id']}/file.mcap"
+        etag = (await http.get(path)).headers["etag"]
+        answer = await http.get(path, headers={name: value.replace("ETAG", etag) for name, value in headers.items()})
+        assert answer.status_code == status
+        assert answer.content == BLOB[start:end]
+        if status == 206:
+            assert answer.headers["content-range"] == f"bytes {start}-{end - 1}/{len(BLOB)}"
+
+
+async def test_asked_while_the_robot_is_away(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http:
+        async with RecordingRobot(ready) as robot:
+            await when(http, "x", lambda shown: shown["code"] == "unknown_recording")
+        asked = await save(http)
+        assert asked["state"] == "requested"
+        async with RecordingRobot(ready, number=2) as robot:
+            command = await robot.asked()
+            first = command.save_recording
+            assert (first.recording_id, first.last_ns) == (asked["id"], 0)
+        # It left without an answer, and is asked for the very same span when it comes back.
+        async with RecordingRobot(ready, number=3) as robot:
+            again = (await robot.asked()).save_recording
+            assert again == first
+            await robot.offer(asked["id"], BLOB)
+            assert (await robot.deliver(asked["id"], BLOB)).stored
+
+
+async def test_a_lost_link_goes_on_where_it_was(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http:
+        async with RecordingRobot(ready) as robot:
+            asked = await save(http)
+            await robot.offer(asked["id"], BLOB)
+            assert (await robot.wanted()).offset == 0
+            await robot.part(asked["id"], BLOB, 0)
+            await robot.part(asked["id"], BLOB, PART)
+            while (await robot.wanted()).offset < 2 * PART:
+                continue
+        assert (await when(http, asked["id"], in_state("transferring")))["received_bytes"] == 2 * PART
+        async with RecordingRobot(ready, number=2) as robot:
+            await robot.offer(asked["id"], BLOB)
+            assert (await robot.wanted()).offset == 2 * PART
+            await robot.offer(asked["id"], BLOB)
+            assert (await robot.deliver(asked["id"], BLOB)).stored
+
+
+async def test_the_gateway_restarts_in_the_middle(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
+        asked = await save(http)
+        await robot.offer(asked["id"], BLOB)
+        assert (await robot.wanted()).offset == 0
+        await robot.part(asked["id"], BLOB, 0)
+        while (await robot.wanted()).offset < PART:
+            continue
+    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
+        assert (await robot.asked()).save_recording.recording_id == asked["id"]
+        await robot.offer(asked["id"], BLOB)
+        assert (await robot.wanted()).offset == PART
+        await robot.offer(asked["id"], BLOB)
+        assert (await robot.deliver(asked["id"], BLOB)).stored
+        assert (await http.get(f"/api/v1/recordings/{asked['id']}/file.mcap")).content == BLOB
+    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
+        await robot.offer(asked["id"], BLOB)  # it had not heard that it was stored
+        assert (await robot.wanted()).stored
+        assert (await http.get(f"/api/v1/recordings/{asked['id']}/file.mcap")).content == BLOB
+
+
+@pytest.mark.parametrize("code", ["nothing_there", "black_box_off", "Strange Words!"])
+async def test_a_robot_that_has_nothing(tmp_path: Path, code: str) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
+        asked = await save(http)
+        await robot.answer(await robot.asked(), code=code)
+        shown = await when(http, asked["id"], in_state("failed"))
+        assert shown["code"] == (code if code.islower() else "failed")
+        assert shown["message"]
+
+
+async def test_a_cut_found_broken_later(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
+        asked = await save(http)
+        await robot.answer(await robot.asked())
+        await robot.send(BACKFILL, recording=link_pb2.RecordingPart(recording_id=asked["id"], failed="damaged"))
+        assert (await robot.wanted()).unwanted
+        assert (await when(http, asked["id"], in_state("failed")))["code"] == "damaged"
+
+
+async def test_what_nobody_asked_for_is_not_taken(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http:
+        async with RecordingRobot(ready) as robot, RecordingRobot(ready, "sim_2", session=b"2" * 16) as other:
+            await robot.offer("01ARZ3NDEKTSV4RRFFQ69G5FAV", BLOB)
+            assert (await robot.wanted()).unwanted
+            asked = await save(http)
+            await other.offer(asked["id"], BLOB)  # another robot's
+            assert (await other.wanted()).unwanted
+            await robot.offer(asked["id"], BLOB, size_bytes=2**40)
+            assert (await robot.wanted()).unwanted
+            assert (await when(http, asked["id"], in_state("failed")))["code"] == "too_large"
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        {"recording_id": "../../etc/passwd"},
+        {"recording_id": "01ARZ3NDEKTSV4RRFFQ69G5FAV", "sha256": b"short"},
+        {"recording_id": "01ARZ3NDEKTSV4RRFFQ69G5FAV", "data": b"x" * (PART + 1)},
+    ],
+)
+async def test_a_part_without_form_ends_the_session(tmp_path: Path, part: dict[str, Any]) -> None:
+    async with running_gateway(tmp_path) as ready, RecordingRobot(ready) as robot:
+        await robot.send(BACKFILL, recording=link_pb2.RecordingPart(**part))
+        assert (await robot.next("goodbye", BACKFILL)).goodbye.code == "protocol"
+
+
+async def test_deleting(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
+        asked = await save(http)
+        await robot.offer(asked["id"], BLOB)
+        assert (await robot.wanted()).offset == 0
+        await robot.part(asked["id"], BLOB, 0)
+        json = {"Content-Type": "application/json"}
+        path = f"/api/v1/recordings/{asked['id']}"
+        assert (await http.delete(path, headers=json)).json() == {"ok": True}
+        while not (await robot.wanted()).unwanted:
+            continue
+        async with asyncio.timeout(60):
+            while list((tmp_path / "data" / "incoming").iterdir()):
+                await http.get("/healthz")
+        assert (await http.get(path)).status_code == 404
+        assert (await http.delete(path, headers=json)).status_code == 404
+        kept = await save(http)
+        await robot.offer(kept["id"], BLOB)
+        await robot.deliver(kept["id"], BLOB)
+        assert (await http.delete(f"/api/v1/recordings/{kept['id']}", headers=json)).status_code == 200
+        assert (await http.get(f"/api/v1/recordings/{kept['id']}/file.mcap")).status_code == 404
+        await robot.offer(kept["id"], BLOB)
+        assert (await robot.wanted()).unwanted
+
+
+async def test_four_at_a_time_and_sixteen_in_all(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
+        ids = [(await save(http))["id"] for _ in range(16)]
+        refused = await http.post("/api/v1/robots/sim_1/recordings", json={"last_s": 1})
+        assert (refused.status_code, refused.json()["code"]) == (429, "too_many")
+        blobs = {name: content(100_000, salt=number) for number, name in enumerate(ids)}
+        for name in ids:
+            await robot.offer(name, blobs[name])
+        begun = [(await robot.wanted()).recording_id for _ in range(4)]
+        assert len(set(begun)) == 4
+        done: set[str] = set()
+        waiting = list(begun)
+        while len(done) < 16:
+            name = waiting.pop(0)
+            await robot.part(name, blobs[name], 0)
+            while name not in done:
+                wanted = await robot.wanted()
+                if wanted.stored:
+                    done.add(wanted.recording_id)
+                elif wanted.recording_id not in waiting:
+                    waiting.append(wanted.recording_id)
+                assert len(waiting) <= 5
+        listed = (await http.get("/api/v1/recordings?robot=sim_1&limit=10")).json()
+        rest = (await http.get(f"/api/v1/recordings?limit=10&before={listed['next']}")).json()
+        assert [item["id"] for item in listed["recordings"] + rest["recordings"]] == sorted(ids, reverse=True)
+        assert rest["next"] is None
+        assert (await http.get("/api/v1/recordings?robot=nobody")).json()["recordings"] == []
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {},
+        {"last_s": 0},
+        {"last_s": 60, "start": "-60s"},
+        {"start": "-10s", "end": "-20s"},
+        {"start": "2100-01-01T00:00:00Z", "end": "2100-01-01T00:01:00Z"},
+        {"last_s": 60, "topics": [""]},
+        {"last_s": 60, "topics": ["/a"] * 65},
+        {"last_s": 60, "what": 1},
+    ],
+)
+async def test_requests_that_cannot_be(tmp_path: Path, body: dict[str, Any]) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready):
+        answer = await http.post("/api/v1/robots/sim_1/recordings", json=body)
+        assert (answer.status_code, answer.json()["code"]) == (400, "invalid_request")
+        assert (await http.get("/api/v1/recordings")).json() == {"recordings": [], "next": None}
+
+
+async def test_an_unknown_robot(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http:
+        answer = await http.post("/api/v1/robots/nobody/recordings", json={"last_s": 60})
+        assert (answer.status_code, answer.json()["code"]) == (404, "unknown_robot")
