@@ -23,6 +23,7 @@ _MOST_BYTES = 1024 * 1024  # of an answer
 _LABEL = 9
 _TEXTS = ("name", "namespace", "version", "directory", "transport", "gateway", "store_id")
 _NUMBERS = ("fresh_bytes", "backfill_bytes", "samples", "lost", "disk_bytes", "quota_bytes")
+_BOX = ("from_ns", "to_ns", "size_bytes", "quota_bytes", "lost")
 Report = dict[str, Any]
 
 
@@ -103,7 +104,10 @@ def rows_of(answers: Iterable[bytes]) -> Iterable[Report]:
                 }
                 for row in said["classes"][:8]
             ]
-        except (ValueError, TypeError, KeyError, OverflowError):
+            box, waiting = said.get("black_box") or {}, said.get("recordings") or {}
+            report["black_box"] = {name: int(box.get(name, 0)) for name in _BOX}
+            report["recordings"] = {name: int(waiting.get(name, 0)) for name in ("count", "size_bytes")}
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
             continue
         yield report
 
@@ -166,12 +170,29 @@ def show(out: Output, report: Report) -> None:
         ("Store", report.get("store_id") or "none yet: no gateway has taken it"),
         ("Epoch", ", ".join(map(str, epochs[-4:])) or "–"),
         ("State", f"{report['directory']}, {human_bytes(report['disk_free_bytes'])} free"),
+        ("Black box", box_line(report.get("black_box") or {}, report["running"])),
     )
     for label, value in rows:
         out.line(f"  {out.style(label.ljust(_LABEL), '2')} {value}")
+    if (waiting := report.get("recordings") or {}).get("count"):
+        size = human_bytes(waiting["size_bytes"])
+        out.line(f"  {out.style('Clips'.ljust(_LABEL), '2')} {waiting['count']} wait for the gateway, {size}")
     out.line()
     out.table(_COLUMNS, lines(report["classes"]), right=range(1, len(_COLUMNS)))
     out.line()
+
+
+def box_line(box: Report, running: bool) -> str:
+    """The black box in words."""
+    from metaros.cli.output import human_bytes, human_seconds
+
+    if not box.get("size_bytes") or not box["to_ns"]:
+        return "empty" if box.get("quota_bytes") else "off" if running else "empty"
+    if not box["from_ns"]:
+        return f"{human_bytes(box['size_bytes'])}, until {age(box['to_ns'])}"
+    span = human_seconds(max(0, box["to_ns"] - box["from_ns"]) / 1e9)
+    lost = f", {box['lost']:,} lost" if box["lost"] else ""
+    return f"the last {span}, {human_bytes(box['size_bytes'])} of {human_bytes(box['quota_bytes'])}{lost}"
 
 
 def held(report: Report) -> bool:

@@ -1,4 +1,4 @@
-"""Commands from the gateway: publish, call a service, leases, the byte budget.
+"""Commands from the gateway: publish, call a service, leases, the byte budget, recordings.
 
 At most once each, also over restarts; within their time; answered always.
 """
@@ -10,6 +10,7 @@ import contextlib
 import logging
 from collections.abc import Callable, Coroutine
 
+from edge_agent.blackbox.saver import Saver
 from edge_agent.command_log import CommandLog
 from edge_agent.errors import BusyError, DuplicateError, ExpiredError, ScopeError, UnsupportedError
 from edge_agent.scope import Scope
@@ -32,11 +33,19 @@ Answer = Callable[[link_pb2.CommandResult], None]
 class Commands:
     """Runs commands. Leases change at once; the others wait until their ids are on disk, and keep their order.
 
-    A service call, and a limit that is to be kept, take their time in tasks of their own.
+    A service call, a limit that is to be kept, and a recording take their time in tasks of their own.
     """
 
     def __init__(
-        self, node: Node, teleop: Teleop, scope: Scope, clock: Clock, *, log: CommandLog, limit: UplinkLimit
+        self,
+        node: Node,
+        teleop: Teleop,
+        scope: Scope,
+        clock: Clock,
+        *,
+        log: CommandLog,
+        limit: UplinkLimit,
+        saver: Saver,
     ) -> None:
         self._node = node
         self._teleop = teleop
@@ -44,6 +53,7 @@ class Commands:
         self._clock = clock
         self._log = log
         self._limit = limit
+        self._saver = saver
         self._calls = 0
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -58,7 +68,7 @@ class Commands:
                     self._teleop.grant(command.grant_lease.lease_id, command.grant_lease.valid_ms / 1000)
                 case "release_lease":
                     self._teleop.release(command.release_lease.lease_id)
-                case "publish" | "call_service" | "set_uplink" as action:
+                case "publish" | "call_service" | "set_uplink" | "save_recording" as action:
                     self._calls += action == "call_service"
                     self._spawn(self._later(event, result, answer))
                     return
@@ -79,6 +89,7 @@ class Commands:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+        await self._saver.close()
         await self._log.close()
 
     def _admit(self, event: CommandArrived) -> None:
@@ -118,6 +129,8 @@ class Commands:
                     result.payload = await self._call(command.call_service, remaining_s)
                 case "set_uplink":
                     await self._limit.set(command.set_uplink.bytes_per_s)
+                case "save_recording":
+                    await self._saver.save(command.save_recording)
             result.ok = True
         except MetarosError as error:
             result.code, result.message = error.code, str(error)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, get_args
 
+from edge_agent.blackbox.settings import BlackBoxSettings, black_box_settings
 from edge_agent.drive_guard import DEFAULT_ACTUATORS
 from edge_agent.outbox import CLASSES, ClassPolicy
 from edge_agent.topics import DEFAULT_TOPICS, Delivery, TopicRule
@@ -33,6 +34,7 @@ RULE_KEYS = {
     "metrics_rate_hz": float,
     "deadband": float,
     "deadband_max_s": float,
+    "history_hz": float,
     "latest_only": bool,
 }
 
@@ -82,6 +84,7 @@ class Settings:
     labels: Mapping[str, str] = field(default_factory=dict)
     topics: tuple[TopicRule, ...] = DEFAULT_TOPICS
     outbox: OutboxSettings = OutboxSettings()
+    black_box: BlackBoxSettings = field(default_factory=BlackBoxSettings)
 
     def addresses(self) -> list[GatewayAddress]:
         """The gateways to try, in order. Raises ConfigError."""
@@ -161,6 +164,8 @@ def convert(key: str, value: Any, where: str) -> Any:
             return {name: expect(text, str, f"labels.{name}", where) for name, text in table.items()}
         case "outbox":
             return outbox_settings(expect(value, dict, key, where), where)
+        case "black_box":
+            return black_box_settings(expect(value, dict, key, where), where)
         case "status_file" | "state_dir":
             return Path(value)
         case _:
@@ -198,7 +203,7 @@ def topic_rule(row: dict[str, Any], key: str, where: str) -> TopicRule:
     delivery = row.pop("class", "auto")
     if delivery not in get_args(Delivery):
         raise ConfigError(f"{where}: {key}.class must be one of {', '.join(get_args(Delivery))}, not {delivery!r}")
-    for name in ("max_rate_hz", "metrics_rate_hz", "deadband_max_s"):
+    for name in ("max_rate_hz", "metrics_rate_hz", "deadband_max_s", "history_hz"):
         if not 0 <= row.get(name, 0.0) <= 1e6:
             raise ConfigError(f"{where}: {key}.{name} must be 0 to 1000000, not {row[name]}")
     row["fields"] = tuple(expect(path, str, f"{key}.fields", where) for path in row.get("fields", ()))
@@ -207,7 +212,7 @@ def topic_rule(row: dict[str, Any], key: str, where: str) -> TopicRule:
 
 
 def check_reduction(row: dict[str, Any], delivery: str, key: str, where: str) -> None:
-    """A row's dead-band and its latest_only."""
+    """A row's dead-band, its latest_only and its history_hz."""
     deadband = row.get("deadband", 0.0)
     if not 0 <= deadband < math.inf:
         raise ConfigError(f"{where}: {key}.deadband must be 0 or more, not {deadband}")
@@ -215,6 +220,10 @@ def check_reduction(row: dict[str, Any], delivery: str, key: str, where: str) ->
         raise ConfigError(f"{where}: {key}.deadband needs {key}.fields: what is to move")
     if row.get("latest_only") and delivery == "event":
         raise ConfigError(f"{where}: {key}.latest_only cannot be with class event: every event is kept")
+    if row.get("history_hz") and delivery in ("event", "bulk"):
+        raise ConfigError(f"{where}: {key}.history_hz cannot be with class {delivery}: all of its samples are kept")
+    if row.get("history_hz") and not row.get("forward", True):
+        raise ConfigError(f"{where}: {key}.history_hz cannot be with forward = false: nothing leaves the robot")
 
 
 def outbox_settings(table: dict[str, Any], where: str) -> OutboxSettings:

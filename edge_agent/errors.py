@@ -7,6 +7,9 @@ MetarosError (metaros.errors)
 │       ├── DuplicateError    its id was executed before                           duplicate
 │       ├── LeaseError        an actuator without the current lease                lease_required
 │       ├── BusyError         too many commands at once                            busy
+│       ├── BlackBoxOffError  there is no black box to cut from                    black_box_off
+│       ├── NothingRecordedError  the black box holds nothing of that time         nothing_there
+│       ├── ManyRecordingsError   too many of them wait for the gateway            too_many_recordings
 │       └── UnsupportedError  a command this agent does not know                   unsupported
 ├── PeerError
 │   └── LinkError             the link ended
@@ -24,6 +27,7 @@ from metaros.errors import MetarosError, PeerError, UsageError
 
 __all__ = [
     "BehindError",
+    "BlackBoxOffError",
     "BusyError",
     "CommandError",
     "CorruptError",
@@ -34,6 +38,8 @@ __all__ = [
     "LeaseError",
     "LinkDeadError",
     "LinkError",
+    "ManyRecordingsError",
+    "NothingRecordedError",
     "RefusedError",
     "ScopeError",
     "UnsupportedError",
@@ -74,6 +80,24 @@ class BusyError(CommandError):
     """More commands are under way than the agent runs at once."""
 
     code = "busy"
+
+
+class BlackBoxOffError(CommandError):
+    """There is no black box to cut a recording from: it is off, or its disk does not work."""
+
+    code = "black_box_off"
+
+
+class NothingRecordedError(CommandError):
+    """The black box holds nothing of the time and the topics that were asked for."""
+
+    code = "nothing_there"
+
+
+class ManyRecordingsError(CommandError):
+    """As many recordings as the robot keeps wait for the gateway already."""
+
+    code = "too_many_recordings"
 
 
 class UnsupportedError(CommandError):

@@ -37,7 +37,10 @@ class Ingress:
         clock: Clock,
         *,
         max_bytes: int = LIMITS.ingress_bytes,
+        record: Callable[[list[Arrival]], None] | None = None,
     ) -> None:
+        """`record` is given everything on the draining thread, also what the loop has no room for."""
+        self._record = record
         self._route = route
         self._take = take
         self._wake = wake
@@ -72,6 +75,8 @@ class Ingress:
             now_s = self._clock.monotonic_s()
             arrivals = [arrival for sample in samples if (arrival := self._read(sample, now_s)) is not None]
             if arrivals:
+                if self._record is not None:
+                    self._record(arrivals)
                 self._offer(arrivals)
 
     def _read(self, sample: Any, now_s: float) -> Arrival | None:
@@ -86,7 +91,8 @@ class Ingress:
         channel = self._route(key, attachment.gid)
         if channel is None:
             return None
-        return Arrival(channel, sample.payload, len(sample.payload), attachment.source_ns, now_s)
+        payload = sample.payload
+        return Arrival(channel, payload, len(payload), attachment.source_ns, now_s, attachment.gid, attachment.seq)
 
     def _offer(self, arrivals: list[Arrival]) -> None:
         """Put arrivals where the loop finds them; wake it unless it is awake already."""

@@ -10,6 +10,8 @@ from importlib.metadata import PackageNotFoundError, version
 
 from edge_agent.answering import answering
 from edge_agent.batch import Linger
+from edge_agent.blackbox.saver import Saver
+from edge_agent.blackbox.setup import open_box, open_shelf
 from edge_agent.channels import Channels
 from edge_agent.commands import Commands
 from edge_agent.config import Settings
@@ -85,17 +87,20 @@ async def run_host(settings: Settings, context: Context, channels: Channels, clo
 async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Clock) -> None:
     """Build the parts on their node and run them; what was gathered when they end is flushed last."""
     outbox, scope = state.outbox, Scope(settings.namespace, settings.exclude)
+    box = open_box(settings.black_box, state.directory, state.disk, clock)
     queues = Queues(
         Channels(TopicTable(settings.topics), outbox.ids, namespace=settings.namespace),
         outbox,
         LiveQueue(max_bytes=settings.outbox.live_bytes),
         Linger(),
         Budget(limit_bytes_per_s=state.limit_bytes_per_s, now_s=clock.monotonic_s()),
+        open_shelf(state.directory),
     )
     publishers = Publishers(node)
     teleop = Teleop(DriveGuard(clock, settings.actuators), publishers, scope)
     limit = UplinkLimit(state.disk, queues.budget, clock)
-    commands = Commands(node, teleop, scope, clock, log=state.command_log, limit=limit)
+    saver = Saver(box, queues.shelf, clock, robot_id=settings.name, free=state.disk.free, changed=lambda: uplink.wake())
+    commands = Commands(node, teleop, scope, clock, log=state.command_log, limit=limit, saver=saver)
     who = identity(settings)
     keeper = SessionKeeper(
         who,
@@ -111,7 +116,9 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
     uplink = Uplink(settings.addresses(), keeper, Backoff(system_rng()), clock)
     writer = OutboxWriter(outbox, state.outbox_disk, on_flushed=uplink.wake)
     pipeline = Pipeline(outbox, queues.live, queues.linger, wake_writer=writer.wake, wake_uplink=uplink.wake)
-    tap = Tap(node, queues.channels, scope, pipeline.take, uplink.wake, clock)
+    keeper.facts.black_box = box.describe if box is not None else None
+    record = box.take if box is not None else None
+    tap = Tap(node, queues.channels, scope, pipeline.take, uplink.wake, clock, record=record)
     writing = asyncio.create_task(writer.run())
     try:
         with (
@@ -127,6 +134,8 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
     finally:
         tap.close()
         await commands.close()
+        if box is not None:
+            await asyncio.to_thread(box.close)
         publishers.close()
         writing.cancel()  # it flushes what came until now
         await asyncio.wait({writing})

@@ -11,6 +11,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, cast
 
+from edge_agent.blackbox.setup import BOX_FOLDER, RECORDINGS_FOLDER
+from edge_agent.blackbox.shelf import Shelf
 from edge_agent.errors import CorruptError
 from edge_agent.outbox import CLASSES, LOGS, Disk, Outbox
 from edge_agent.outbox.reader import Segment
@@ -72,6 +74,8 @@ def running_report(
         "disk_free_bytes": outbox.free_bytes,
         "epochs": [f"{epoch:016x}" for epoch in outbox.state.epochs.values()],
         "classes": [*classes, _class_row(depth, None)],
+        "black_box": _box_row(facts.black_box() if facts.black_box is not None else link_pb2.BlackBox()),
+        "recordings": _shelf_row(queues.shelf),
     }
 
 
@@ -103,6 +107,8 @@ def held_report(directory: Path) -> Report:
         "disk_free_bytes": shutil.disk_usage(directory).free,
         "epochs": [f"{epoch:016x}" for epoch in state.epochs.values()] if state is not None else [],
         "classes": rows,
+        "black_box": _left_box(directory / BOX_FOLDER),
+        "recordings": _left_recordings(directory / RECORDINGS_FOLDER),
     }
 
 
@@ -161,6 +167,28 @@ def _oldest(segment: Segment, acked: Mapping[int, int]) -> int | None:
         return None
     waiting = [frame for frame in frames if frame.last_seq > acked.get(frame.stream_id, 0)]
     return (waiting or frames)[0 if waiting else -1].wall_ns if frames else None
+
+
+def _box_row(box: link_pb2.BlackBox) -> Report:
+    return {name: getattr(box, name) for name in ("from_ns", "to_ns", "size_bytes", "quota_bytes", "lost")}
+
+
+def _shelf_row(shelf: Shelf | None) -> Report:
+    return {"count": len(shelf) if shelf else 0, "size_bytes": shelf.size_bytes if shelf else 0}
+
+
+def _left_box(folder: Path) -> Report:
+    """The ring of an agent that does not run, by its files alone."""
+    facts = [path.stat() for path in sorted(folder.glob("[0-9]*.mcap"))]
+    box = link_pb2.BlackBox(size_bytes=sum(fact.st_size for fact in facts))
+    if facts:
+        box.to_ns = max(fact.st_mtime_ns for fact in facts)
+    return _box_row(box)
+
+
+def _left_recordings(folder: Path) -> Report:
+    sizes = [path.stat().st_size for path in folder.glob("*.mcap")]
+    return {"count": len(sizes), "size_bytes": sum(sizes)}
 
 
 def _class_row(depth: link_pb2.ClassDepth, oldest: int | None) -> Report:

@@ -28,6 +28,7 @@ RETRY_S = 1.0
 class AgentState:
     """What outlives the process, as it now is."""
 
+    directory: Path
     disk: Disk
     outbox_disk: Disk
     outbox: Outbox
@@ -76,6 +77,7 @@ def read_state(settings: Settings, directory: Path, clock: Clock) -> AgentState:
         reserve_bytes=settings.outbox.reserve_bytes,
     )
     return AgentState(
+        directory=directory,
         disk=disk,
         outbox_disk=outbox_disk,
         outbox=outbox,

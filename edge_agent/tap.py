@@ -46,7 +46,10 @@ class Tap:
         take: Callable[[list[Arrival], float], None],
         changed: Callable[[], None],
         clock: Clock,
+        *,
+        record: Callable[[list[Arrival]], None] | None = None,
     ) -> None:
+        """`record` is told of every sample, on the draining thread, before any selection."""
         self._node = node
         self._channels = channels
         self._scope = scope
@@ -60,7 +63,7 @@ class Tap:
         self._due: asyncio.TimerHandle | None = None
         self._closed = False
         self._learner = Learner(node, self._learned)
-        self.ingress = Ingress(self.route, take, self._loop.call_soon_threadsafe, clock)
+        self.ingress = Ingress(self.route, take, self._loop.call_soon_threadsafe, clock, record=record)
         node.graph.on_change(self._on_change)
         self.reconcile()
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, Literal
 from edge_agent.batch import sample_batches
 from edge_agent.outbox import Kind, Taken
 from edge_agent.uplink.budget import Use
+from edge_agent.uplink.parts import PartSender
 from edge_agent.uplink.window import Window
 from metaros._proto import link_pb2
 from metaros.clock import Clock
@@ -56,6 +57,10 @@ class LaneSender:
         self._blocked: Use | None = None  # what the budget held back at the last gathering
         self._batches: list[bytes] = []
         self._batches_bytes = 0
+        self.parts: PartSender | None = None
+        if lane == BACKFILL and queues.shelf is not None:
+            self.parts = PartSender(queues.shelf, queues.budget, limits=limits)
+        self._parts_first = False
 
     def welcome(self, welcome: link_pb2.Welcome) -> None:
         """The gateway opened the lane."""
@@ -119,12 +124,30 @@ class LaneSender:
             self.put(link_pb2.AgentFrame(resumed=link_pb2.Resumed(token=self._paused.token)))
             self._paused = None
         room, first, *rest = FRAME_BYTES, *LANE_LOGS[self.lane]
+        self._parts_first = not self._parts_first  # in turns with what piled up
+        if self._parts_first:
+            self._part(0, now_s)
         room -= self._durable(first, room, now_s)
         if self.lane == DATA:
             room -= self._live(max(room, 1), now_s)
         for name in rest:
             room -= self._durable(name, max(room, 1), now_s)
         self._close_frame()
+        if not self._parts_first:
+            self._part(FRAME_BYTES - room, now_s)
+
+    def _part(self, moved: int, now_s: float) -> None:
+        """Offer new recordings, and send one part if the budget has room beyond what just moved."""
+        if self.parts is None:
+            return
+        for offer in self.parts.offers():
+            self.put(link_pb2.AgentFrame(recording=offer))
+        if not self.parts.ready():
+            return
+        if self._queues.budget.room(Use.BACKFILL, now_s) <= moved:
+            self._blocked = Use.BACKFILL
+        elif (part := self.parts.next(now_s)) is not None:
+            self.put(link_pb2.AgentFrame(recording=part))
 
     def _durable(self, name: str, room: int, now_s: float) -> int:
         """Move what fits from a log into the queue; bytes moved."""

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from edge_agent.batch import Linger
+from edge_agent.blackbox.shelf import Shelf
 from edge_agent.channels import Channels
 from edge_agent.errors import LinkDeadError, RefusedError
 from edge_agent.live import LiveQueue
@@ -66,6 +67,7 @@ class Queues:
     live: LiveQueue
     linger: Linger
     budget: Budget
+    shelf: Shelf | None = None  # recordings that wait
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,6 +175,9 @@ class AgentSession:
             case "ack":
                 if self.established:  # else it is of an earlier session, and the marks will say so
                     self._acknowledged(frame.ack)
+            case "recording_wanted":
+                if sender.parts is not None:
+                    sender.parts.wanted(frame.recording_wanted, self._heard_s)
             case "retry_later" if sender.welcomed:
                 sender.pause(frame.retry_later, self._heard_s)
             case "heartbeat":

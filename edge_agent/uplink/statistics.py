@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,7 @@ class LinkFacts:
     transport: str = ""
     gateway: str = ""
     reconnects: int = 0
+    black_box: Callable[[], link_pb2.BlackBox] | None = None
 
 
 def statistics(
@@ -47,6 +49,7 @@ def statistics(
         classes=[*depths, live],
         disk_free_bytes=queues.outbox.free_bytes,
         clock_offset_ns=min(max(offset.offset_ns() or 0, -MOST_NS), MOST_NS),
+        black_box=facts.black_box() if facts.black_box is not None else None,
     )
     return link_pb2.TopicStatistics(
         topics=[channel.rate(now_s) for channel in queues.channels],

@@ -1,0 +1,248 @@
+"""The black box at work: a queue bounded in bytes between the tap's thread and one thread that writes the ring.
+
+The tap's thread pays one put a batch; payloads are copied, packed and compressed by the writer. What finds the queue
+full is lost to the black box alone, and noted with its publisher, so that every clip declares it.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any, Final, NamedTuple, TypeVar
+
+from edge_agent.blackbox.ring import Piece, Ring
+from edge_agent.blackbox.settings import BlackBoxSettings
+from edge_agent.blackbox.source import Source
+from edge_agent.errors import BlackBoxOffError
+from edge_agent.pipeline import Arrival
+from metaros._proto import link_pb2
+from metaros.clock import Clock
+from metaros.idl.globs import Glob
+from metaros.limits import LIMITS
+from metaros.record.ledger import Publisher
+
+__all__ = ["BlackBox", "Held"]
+
+T = TypeVar("T")
+LOG = logging.getLogger("metaros.agent.black_box")
+TICK_S: Final = 1.0
+OVERHEAD_BYTES: Final = 512  # what a waiting sample weighs beside its payload
+_MOST_SOURCES: Final = 65_000  # publishers; an MCAP file knows no more channels
+
+
+class Held(NamedTuple):
+    """The ring's files, held for a reader; the publishers know what is missing in them."""
+
+    pieces: Sequence[Piece]
+    latched: Path  # the path of the file with latched samples that left the ring
+    publishers: dict[tuple[str, bytes], Publisher]  # by topic and GID
+
+
+class _Batch(NamedTuple):
+    arrivals: Sequence[Arrival]
+    log_ns: int
+    size_bytes: int
+
+
+class _Call(NamedTuple):
+    call: Callable[[Ring], Any]
+    future: Future[Any]
+
+    def run(self, ring: Ring) -> None:
+        try:
+            self.future.set_result(self.call(ring))
+        except Exception as error:
+            self.future.set_exception(error)
+
+
+_NOTHING: Final = _Batch((), 0, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Facts:
+    """What the writer last said of the ring."""
+
+    first_ns: int = 0
+    last_ns: int = 0
+    size_bytes: int = 0
+    lost: int = 0
+    trouble: str = ""
+
+
+class BlackBox:
+    """Owns the writer's thread from `start` to `close`. `open_ring` is called on it, and reads what is there."""
+
+    def __init__(
+        self,
+        settings: BlackBoxSettings,
+        open_ring: Callable[[], Ring],
+        clock: Clock,
+        *,
+        queue_bytes: int = LIMITS.black_box_queue_bytes,
+    ) -> None:
+        self._settings = settings
+        self._open_ring = open_ring
+        self._clock = clock
+        self._queue_bytes = queue_bytes
+        self._wanted = [Glob(pattern) for pattern in settings.topics]
+        self._unwanted = [Glob(pattern) for pattern in settings.exclude]
+        self._takes: dict[str, bool] = {}
+        self._queue: SimpleQueue[_Batch | _Call | None] = SimpleQueue()
+        self._lock = threading.Lock()
+        self._waiting_bytes = self._overflow = 0
+        self._sources: dict[tuple[int, bytes], Source] = {}
+        self._facts = _Facts()
+        self._failed = ""
+        self._thread = threading.Thread(target=self._run, name="black-box", daemon=True)
+
+    def start(self) -> None:
+        """Begin to write."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Write what came, end the open file, stop the thread."""
+        if self._thread.is_alive():
+            self._queue.put(None)
+            self._thread.join()
+
+    def take(self, arrivals: Sequence[Arrival]) -> None:
+        """On the tap's thread: samples as they came, before any selection."""
+        size_bytes = sum(arrival.size_bytes for arrival in arrivals) + OVERHEAD_BYTES * len(arrivals)
+        with self._lock:
+            full = self._waiting_bytes + size_bytes > self._queue_bytes
+            if not full:
+                self._waiting_bytes += size_bytes
+        if not full:
+            self._queue.put(_Batch(arrivals, self._clock.wall_ns(), size_bytes))
+            return
+        for arrival in arrivals:
+            if self._wants(arrival.channel.topic):
+                self._overflow += 1
+                self._source(arrival).publisher.refuse(arrival.sequence, "dropped")
+
+    def hold(self) -> Future[Held]:
+        """The files with everything that came until now, to be given back by `release`; or BlackBoxOffError."""
+        return self._on_writer(lambda ring: Held(ring.hold(), ring.latched_path, self._publishers()))
+
+    def release(self) -> None:
+        """The held files were read."""
+        self._on_writer(Ring.release)
+
+    @property
+    def trouble(self) -> str:
+        """Why nothing is written now; empty when all is well."""
+        return self._failed or self._facts.trouble
+
+    def describe(self) -> link_pb2.BlackBox:
+        """How it does, for the gateway and for whoever asks the agent."""
+        facts = self._facts
+        return link_pb2.BlackBox(
+            from_ns=facts.first_ns,
+            to_ns=facts.last_ns,
+            size_bytes=facts.size_bytes,
+            quota_bytes=self._settings.quota_bytes,
+            lost=facts.lost + self._overflow,
+        )
+
+    def _on_writer(self, call: Callable[[Ring], T]) -> Future[T]:
+        """Have the writer's thread do it after everything that came until now."""
+        future: Future[T] = Future()
+        if self._thread.is_alive():
+            self._queue.put(_Call(call, future))
+        else:
+            future.set_exception(BlackBoxOffError("the black box is closed"))
+        return future
+
+    # -- the writer's thread -------------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        try:
+            ring = self._open_ring()
+        except Exception as error:  # a robot without a black box still works
+            LOG.exception("the black box is off")
+            self._failed = f"the black box cannot be opened: {error}"
+            self._discard()
+            return
+        self._work(ring)
+
+    def _work(self, ring: Ring) -> None:
+        next_s = self._clock.monotonic_s() + TICK_S
+        while True:
+            try:
+                item = self._queue.get(timeout=TICK_S)
+            except Empty:
+                item = _NOTHING
+            try:
+                if item is None:
+                    ring.close_piece()
+                    return
+                if isinstance(item, _Batch):
+                    self._write(ring, item)
+                else:
+                    item.run(ring)
+                if self._clock.monotonic_s() >= next_s or item is _NOTHING:
+                    next_s = self._clock.monotonic_s() + TICK_S
+                    ring.tick()
+                    self._note(ring)
+            except Exception:  # what nobody thought of must not end it
+                LOG.exception("the black box lost something")
+
+    def _write(self, ring: Ring, batch: _Batch) -> None:
+        takes, sources = self._takes, self._sources
+        try:
+            for channel, payload, _, stamp_ns, _, gid, sequence in batch.arrivals:
+                wanted = takes.get(channel.topic)
+                if wanted is None:
+                    wanted = self._wants(channel.topic)
+                if not wanted:
+                    continue
+                source = sources.get((channel.channel_id, gid)) or self._meet(channel, gid)
+                ring.write(source, sequence, batch.log_ns, stamp_ns, bytes(payload))
+        finally:
+            with self._lock:
+                self._waiting_bytes -= batch.size_bytes
+
+    def _note(self, ring: Ring) -> None:
+        first_ns, last_ns = ring.span_ns
+        self._facts = _Facts(first_ns, last_ns, ring.size_bytes, ring.lost, ring.trouble)
+
+    def _discard(self) -> None:
+        """There is no ring: what comes is let go."""
+        while (item := self._queue.get()) is not None:
+            if isinstance(item, _Batch):
+                with self._lock:
+                    self._waiting_bytes -= item.size_bytes
+            else:
+                item.future.set_exception(BlackBoxOffError(self._failed))
+
+    # -- both threads --------------------------------------------------------------------------------------------------
+
+    def _wants(self, topic: str) -> bool:
+        """Whether the settings name this topic."""
+        wanted = self._takes.get(topic)
+        if wanted is None:
+            wanted = any(glob.matches(topic) for glob in self._wanted)
+            wanted = wanted and not any(glob.matches(topic) for glob in self._unwanted)
+            self._takes[topic] = wanted
+        return wanted
+
+    def _source(self, arrival: Arrival) -> Source:
+        source = self._sources.get((arrival.channel.channel_id, arrival.gid))
+        return source or self._meet(arrival.channel, arrival.gid)
+
+    def _meet(self, channel: Any, gid: bytes) -> Source:
+        """A publisher's first sample; the oldest known yields where there are too many."""
+        while len(self._sources) >= _MOST_SOURCES:
+            self._sources.pop(next(iter(self._sources)), None)
+        publisher = Publisher(channel.topic, channel.type_name, gid)
+        return self._sources.setdefault((channel.channel_id, gid), Source(channel, publisher))
+
+    def _publishers(self) -> dict[tuple[str, bytes], Publisher]:
+        return {
+            (source.channel.topic, source.publisher.gid): source.publisher for source in list(self._sources.values())
+        }

@@ -1,0 +1,47 @@
+"""Opens what the black box keeps in the agent's state directory; an agent whose disk refuses that goes on without."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+from edge_agent.blackbox.box import BlackBox
+from edge_agent.blackbox.ring import Ring
+from edge_agent.blackbox.settings import BlackBoxSettings
+from edge_agent.blackbox.shelf import Shelf
+from edge_agent.errors import DiskError
+from edge_agent.outbox import Disk
+from metaros.clock import Clock
+
+__all__ = ["BOX_FOLDER", "RECORDINGS_FOLDER", "open_box", "open_shelf"]
+
+LOG = logging.getLogger("metaros.agent.black_box")
+BOX_FOLDER, RECORDINGS_FOLDER = "black_box", "recordings"
+
+
+def open_box(settings: BlackBoxSettings, directory: Path, disk: Disk, clock: Clock) -> BlackBox | None:
+    """The black box of a state directory, begun; None where it is switched off."""
+    if not settings.enabled:
+        return None
+
+    def open_ring() -> Ring:
+        return Ring(
+            directory / BOX_FOLDER,
+            clock,
+            window_s=settings.minutes * 60,
+            limit_bytes=settings.quota_bytes,
+            free=disk.free,
+        )
+
+    box = BlackBox(settings, open_ring, clock)
+    box.start()
+    return box
+
+
+def open_shelf(directory: Path) -> Shelf | None:
+    """The recordings that wait there, also of a black box that is off by now."""
+    try:
+        return Shelf(directory / RECORDINGS_FOLDER)
+    except DiskError as error:
+        LOG.warning("no recording can be kept: %s", error)
+        return None
