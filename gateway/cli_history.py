@@ -55,13 +55,25 @@ def _topics(robot: Robot, gateway: GatewayOption = "", output: FormatOption = Fo
         out.objects(answer)
         return
     rows = [
-        (row["topic"], row["type"], row["class"], row["samples"], human_bytes(row["bytes"]), row["first"], row["last"])
+        (
+            row["topic"],
+            row["type"],
+            row["samples"],
+            human_bytes(row["bytes"]),
+            _short(row["first"]),
+            _short(row["last"]),
+        )
         for row in answer["topics"]
     ]
-    names = ("Topic", "Type", "Class", "Messages", "Size", "First", "Last")
-    out.table(names, rows, empty=f"no message of {robot} is stored", right=(3, 4))
+    names = ("Topic", "Type", "Messages", "Size", "First (UTC)", "Last (UTC)")
+    out.table(names, rows, empty=f"no message of {robot} is stored", right=(2, 3))
     if answer["series"]:
         out.note(f"and {answer['series']} series of numbers, see /api/v1/robots/{robot}/metrics")
+
+
+def _short(time: str) -> str:
+    """2026-11-21T06:00:00.000Z as 11-21 06:00:00."""
+    return time[5:19].replace("T", " ")
 
 
 def _messages(

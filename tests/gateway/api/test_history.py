@@ -1,0 +1,226 @@
+"""The history API over HTTP: answers that fit their models, bad questions, and exports whose readers go."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+import os
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from mcap.reader import make_reader
+
+from gateway.api import models_history
+from gateway.api.rest.history import RECORDS_TYPE
+from gateway.api.rest.ranges import chosen_topics, full_pattern, parse_age
+from gateway.domain.records import split_records
+from gateway.errors import InvalidRequestError
+from metaros._proto import link_pb2
+from metaros.cdr import codec
+from metaros.interfaces.std_msgs.msg import String
+from metaros.limits import LIMITS
+from tests.gateway.harness import DATA, EPOCH, ScriptedAgent, channel, client, running_gateway
+
+BASE = "/api/v1/robots/sim_1"
+RANGE = "start=2001-09-09T01:46:40Z&end=2001-09-09T01:46:50Z"
+START_NS = 10**18
+
+
+async def fill(agent: ScriptedAgent) -> None:
+    """Two topics with ten messages each, a loss of five, and rows."""
+    series = [link_pb2.Series(series_id=1, name="battery.x", topic="/sim_1/battery", field="x")]
+    topics = ("/sim_1/chatter", "/sim_1/lidar/scan")
+    await agent.announce(
+        *(channel(number, topic, "std_msgs/msg/String") for number, topic in enumerate(topics, 1)), series=series
+    )
+    encode = codec(String).encode
+    await agent.rows(1, [(1, START_NS + 5 * 10**9, 1.0), (1, START_NS + 6 * 10**9, float("nan"))])
+    for number in (1, 2):
+        payloads = [encode(String(data=f"{number}.{n}")) for n in range(10)]
+        await agent.samples(number, 1, payloads, stamp_ns=START_NS + number)
+    gap = link_pb2.Gap(
+        stream_id=1, epoch=EPOCH, from_seq=11, to_seq=15, reason="outbox_full", from_ns=START_NS, to_ns=START_NS + 9
+    )
+    await agent.send(gap=gap)
+    await settled(agent, {0: 2, 1: 15, 2: 10})
+
+
+async def settled(agent: ScriptedAgent, wanted: dict[int, int]) -> None:
+    """Wait until all of it is acknowledged."""
+    while wanted:
+        for mark in (await agent.next("ack", DATA)).ack.watermarks:
+            if wanted.get(mark.stream_id, 1 << 62) <= mark.seq:
+                del wanted[mark.stream_id]
+
+
+async def get(http: httpx.AsyncClient, path: str) -> dict[str, Any]:
+    answer = await http.get(path)
+    assert answer.status_code == 200, answer.text
+    return dict(answer.json())
+
+
+async def test_answers_fit_their_models(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
+        await fill(agent)
+        for path, model in [
+            (f"{BASE}/history", models_history.History),
+            (f"{BASE}/timeline?{RANGE}&buckets=7", models_history.Timeline),
+            (f"{BASE}/messages?{RANGE}", models_history.MessagePage),
+            (f"{BASE}/messages?{RANGE}&format=cdr&order=desc&limit=3", models_history.MessagePage),
+            (f"{BASE}/at?t=2001-09-09T01:46:41Z&topic=chatter&topic=none&format=json", models_history.InstantMessages),
+        ]:
+            model.model_validate_json((await http.get(path)).content)
+
+
+async def test_what_is_stored(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
+        assert await get(http, f"{BASE}/history") == {"topics": [], "series": 0, "first": None, "last": None}
+        await fill(agent)
+        history = await get(http, f"{BASE}/history")
+        assert [(row["topic"], row["samples"], row["class"]) for row in history["topics"]] == [
+            ("/sim_1/chatter", 10, "bulk"),
+            ("/sim_1/lidar/scan", 10, "bulk"),
+        ]
+        assert (history["series"], history["first"]) == (1, "2001-09-09T01:46:40.000Z")
+        line = await get(http, f"{BASE}/timeline?{RANGE}&buckets=10")
+        assert line["messages"] == [20, *[0] * 9]
+        assert line["rows"] == [0, 0, 0, 0, 0, 1, 1, 0, 0, 0]
+        assert line["width_ms"] == 1000
+        (gap,) = line["gaps"]
+        assert (gap["count"], gap["reason"], gap["topic"]) == (5, "outbox_full", "/sim_1/chatter")
+
+
+async def test_messages_page_by_page_with_their_losses(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
+        await fill(agent)
+        shown, cursor = [], ""
+        for _ in range(9):
+            page = await get(http, f"{BASE}/messages?{RANGE}&topic=chatter&limit=4{cursor}")
+            shown += [message["message"]["data"] for message in page["messages"]]
+            assert [gap["count"] for gap in page["gaps"]] == [5]
+            if page["next"] is None:
+                break
+            cursor = f"&cursor={page['next']}"
+        assert shown == [f"1.{n}" for n in range(10)]
+        other = await get(http, f"{BASE}/messages?{RANGE}&topic=lidar/**&order=desc&limit=1")
+        assert (other["messages"][0]["message"], other["gaps"]) == ({"data": "2.9"}, [])
+
+
+async def test_an_instant_as_records_and_as_json(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
+        await fill(agent)
+        path = f"{BASE}/at?t=2001-09-09T01:46:41Z&topic=chatter&topic=**/scan&topic=none"
+        answer = await http.get(path)
+        assert answer.headers["content-type"] == RECORDS_TYPE
+        length = int.from_bytes(answer.content[:4], "little")
+        facts = json.loads(answer.content[4 : 4 + length])
+        records = list(split_records(answer.content[4 + length :]))
+        assert [(row["channel"], row["topic"]) for row in facts["channels"]] == [
+            (1, "/sim_1/chatter"),
+            (2, "/sim_1/lidar/scan"),
+        ]
+        assert [(number, record.seq) for _, number, record in records] == [(1, 10), (2, 10)]
+        assert facts["missing"] == [{"topic": "/sim_1/none", "reason": "not_stored", "nearest_ms": None}]
+        assert [gap["count"] for gap in facts["gaps"]] == [5]
+        decoded = await get(http, f"{path}&format=json")
+        assert [message["message"]["data"] for message in decoded["messages"]] == ["1.9", "2.9"]
+        late = await get(http, f"{BASE}/at?t=2001-09-09T02:00:00Z&topic=chatter&format=json&max_age=1m")
+        assert [item["reason"] for item in late["missing"]] == ["too_old"]
+
+
+@pytest.mark.parametrize(
+    ("path", "status", "what"),
+    [
+        ("/api/v1/robots/nobody/history", 404, "nobody"),
+        ("/api/v1/robots/nobody/at?t=now", 404, "nobody"),
+        (f"{BASE}/timeline?start=now&end=-1h", 400, "end"),
+        (f"{BASE}/timeline?buckets=0", 400, "buckets"),
+        (f"{BASE}/messages?limit=1001", 400, "limit"),
+        (f"{BASE}/messages?format=xml", 400, "format"),
+        (f"{BASE}/messages?cursor=AAAA", 400, "cursor"),
+        (f"{BASE}/messages?topic={'a' * 300}", 400, "topic"),
+        (f"{BASE}/messages?{'&'.join(['topic=a'] * 65)}", 400, "topic"),
+        (f"{BASE}/at", 400, "t"),
+        (f"{BASE}/at?t=now&max_age=long", 400, "max_age"),
+        (f"{BASE}/at?t=now&max_age=31d", 400, "max_age"),
+        ("/api/v1/export.mcap", 400, "robot"),
+        ("/api/v1/export.mcap?robot=sim_1&robot=nobody", 404, "nobody"),
+        ("/api/v1/export.mcap?robot=sim_1&start=now&end=-1h", 400, "end"),
+    ],
+)
+async def test_bad_questions_say_what(tmp_path: Path, path: str, status: int, what: str) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready):
+        answer = await http.get(path)
+        assert (answer.status_code, answer.headers["content-type"]) == (status, "application/problem+json")
+        assert what in answer.json()["detail"]
+
+
+async def test_an_export_over_http(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
+        await fill(agent)
+        answer = await http.get(f"/api/v1/export.mcap?robot=sim_1&topic=chatter&{RANGE}")
+        assert answer.headers["content-disposition"] == 'attachment; filename="sim_1-20010909T014640Z.mcap"'
+        reader = make_reader(io.BytesIO(answer.content), validate_crcs=True)
+        assert [message.log_time - START_NS - 1 for _, _, message in reader.iter_messages()] == list(range(10))
+        (record,) = reader.iter_metadata()
+        assert [loss["count"] for loss in json.loads(record.metadata["/sim_1/chatter sim_1"])["losses"]] == [5]
+
+
+async def make_noise(agent: ScriptedAgent) -> None:
+    """32 MiB that no compression makes smaller."""
+    await agent.announce(channel(1, "/sim_1/noise", "std_msgs/msg/String"))
+    for number in range(1, 33):
+        await agent.samples(1, number, [os.urandom(1 << 20)], stamp_ns=START_NS)
+    await settled(agent, {1: 32})
+
+
+async def test_readers_that_go_give_their_place_back(tmp_path: Path) -> None:
+    """Large exports whose readers read nothing hold all the places; when they go, the next one is served."""
+    path = f"/api/v1/export.mcap?robot=sim_1&{RANGE}"
+    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
+        await make_noise(agent)
+        async with AsyncExitStack() as readers:
+            for _ in range(LIMITS.exports):
+                answer = await readers.enter_async_context(http.stream("GET", path))
+                assert answer.status_code == 200
+            busy = await http.get(path)
+            assert (busy.status_code, busy.json()["code"]) == (429, "too_many")
+        async with asyncio.timeout(60):
+            while (answer := await http.get(path)).status_code == 429:
+                pass
+        assert answer.status_code == 200
+        assert len(list(make_reader(io.BytesIO(answer.content)).iter_messages())) == 32
+
+
+async def test_a_gateway_that_stops_leaves_no_shorter_file(tmp_path: Path) -> None:
+    """The connection of an export under way breaks; it does not end as if all was said."""
+    async with AsyncExitStack() as after:
+        async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent:
+            await make_noise(agent)
+            http = await after.enter_async_context(client(ready))
+            stream = http.stream("GET", f"/api/v1/export.mcap?robot=sim_1&{RANGE}")
+            pieces = (await after.enter_async_context(stream)).aiter_bytes(1 << 16)
+            assert (await anext(pieces)).startswith(b"\x89MCAP0")
+        with pytest.raises(httpx.RemoteProtocolError):
+            async for _ in pieces:
+                pass
+
+
+def test_topics_by_name_and_pattern() -> None:
+    names = ("/sim_1/odom", "/sim_1/lidar/scan", "/tf", "/sim_1/odom")
+    assert chosen_topics(names, None, namespace="/sim_1") == ("/sim_1/odom", "/sim_1/lidar/scan", "/tf")
+    assert chosen_topics(names, ["odom", "/tf"], namespace="/sim_1") == ("/sim_1/odom", "/tf")
+    assert chosen_topics(names, ["**/scan"], namespace="/") == ("/sim_1/lidar/scan",)
+    assert chosen_topics(names, ["*"], namespace="/") == ("/tf",)
+    assert full_pattern("odom", "/") == "/odom"
+
+
+def test_ages() -> None:
+    assert (parse_age("10s"), parse_age("1.5ms"), parse_age("2h")) == (10**10, 1_500_000, 7200 * 10**9)
+    for bad in ("", "10", "-1s", "31d", "1y"):
+        with pytest.raises(InvalidRequestError, match="max_age"):
+            parse_age(bad)
