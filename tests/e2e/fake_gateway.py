@@ -18,6 +18,8 @@ from fastapi import FastAPI, WebSocket, WebSocketDisconnect
 from fastapi.responses import FileResponse, JSONResponse, Response
 
 from metaros.clock import SystemClock
+from tests.e2e.fake_history import FakeHistory
+from tests.e2e.fake_recordings import FakeRecordings
 from tests.e2e.fake_world import TOPICS, FakeRobot, FakeTopic
 
 __all__ = ["STATIC", "FakeGateway"]
@@ -36,6 +38,8 @@ class FakeGateway:
         self.lease_holder: str | None = None
         self.refuses_uplink = False
         self._clock = SystemClock()
+        self.history = FakeHistory(robots, self.seconds)
+        self.recordings = FakeRecordings(self.seconds)
         self._server: uvicorn.Server | None = None
         self._thread: threading.Thread | None = None
 
@@ -83,10 +87,11 @@ class FakeGateway:
         app.add_api_route("/api/v1/robots", lambda: {"robots": self.described()})
         app.add_api_route("/api/v1/robots/{robot_id}/topics", self._topics)
         app.add_api_route("/api/v1/robots/{robot_id}/metrics", self._metrics)
-        app.add_api_route("/api/v1/robots/{robot_id}/metrics/range", self._range)
         app.add_api_route("/api/v1/robots/{robot_id}/services/call", self._call, methods=["POST"])
         app.add_api_route("/api/v1/robots/{robot_id}/gaps", self._gaps)
         app.add_api_route("/api/v1/robots/{robot_id}/uplink", self._uplink, methods=["PUT"])
+        self.history.add_routes(app)
+        self.recordings.add_routes(app)
         app.add_api_websocket_route("/api/v1/stream", self._stream)
         app.add_api_websocket_route("/api/v1/robots/{robot_id}/teleop", self._drive)
         app.add_api_route("/{path:path}", self._static)
@@ -104,19 +109,6 @@ class FakeGateway:
         names = self._robot(robot_id).metrics(0.0)
         rows = ({"name": name, "topic": "", "field": "", "samples": 1, "latest": None} for name in names)
         return {"series": list(rows)}
-
-    async def _range(self, robot_id: str, start: str) -> dict[str, Any]:
-        unit = {"m": 60, "h": 3600}[start[-1]]
-        now, span = self.seconds(), int(start[1:-1]) * unit
-        stamps = [now - span + i * span / 200 for i in range(200)]
-        robot = self._robot(robot_id)
-        rows = [robot.metrics(stamp) for stamp in stamps]
-        series: list[dict[str, Any]] = []
-        for name in rows[0]:
-            values = [row[name] for row in rows]
-            one = {"name": name, "stamp_ms": [stamp * 1000 for stamp in stamps], "mean": values}
-            series.append(one | {"min": values, "max": values, "count": [1] * len(values)})
-        return {"series": series}
 
     async def _call(self, robot_id: str, body: dict[str, Any]) -> dict[str, Any]:
         self.called.append({"robot": robot_id, **body})

@@ -76,6 +76,10 @@ class FakeRobot:
         return {
             "battery_state.percentage": self.battery,
             "battery_state.voltage": 24.0 + self.battery,
+            "odom.pose.pose.position.x": self.pose(at_s)[0],
+            "odom.pose.pose.position.y": self.pose(at_s)[1],
+            "imu.angular_velocity.z": math.sin(at_s),
+            "imu.linear_acceleration.x": 0.4 * math.cos(2 * at_s),
             "odom.twist.twist.linear.x": 0.6 + 0.2 * math.sin(at_s),
             "motor_temperature.temperature": 41.0 + math.sin(at_s / 9),
             "host.cpu.percent": 35.0 + 25.0 * math.sin(at_s / 3 + self.phase),
@@ -180,7 +184,14 @@ class FakeRobot:
             "type": topic.type,
             "class": topic.kind,
         }
-        row |= {"type_hash": type_hash(topic.type), "encoding": "cdr", "forward": True, "qos": "", "demand_hz": None}
+        row |= {
+            "type_hash": type_hash(topic.type),
+            "encoding": "cdr",
+            "forward": True,
+            "qos": "",
+            "demand_hz": None,
+            "history_hz": 0.0,
+        }
         row |= {"rate_hz": topic.rate_hz, "bytes_per_s": 900.0, "messages": int(topic.rate_hz * 10), "dropped": 0}
         row |= {"thinned": 0}
         row |= {"publishers": int(topic.rate_hz > 0), "subscribers": int(topic.rate_hz == 0), "last_stamp_ms": None}

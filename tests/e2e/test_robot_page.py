@@ -79,7 +79,7 @@ def test_plots_show_history_and_newest_value(gateway: FakeGateway, open_page: Op
     expect(battery.locator(".readings")).to_contain_text("14.0")
     expect(battery.locator("canvas")).to_be_visible()
     page.wait_for_function(f"() => ({COLOURS})('[data-card=plot] canvas') > 10")
-    page.get_by_role("button", name="1h").click()
+    page.get_by_role("group", name="Time range").get_by_role("button", name="1h").click()
     assert page.url.endswith("?range=1h")
 
 

@@ -14,29 +14,42 @@ export class ApiError extends Error {
   }
 }
 
-async function request<T>(path: string, init?: RequestInit): Promise<T> {
+/** The answer to a request that went well; an abort stays an AbortError. */
+async function ask(path: string, init?: RequestInit): Promise<Response> {
   let response: Response;
   try {
     response = await fetch(BASE + path, init);
-  } catch {
+  } catch (error) {
+    if (init?.signal?.aborted) throw error;
     throw new ApiError(0, "unreachable", "the gateway does not answer");
   }
-  const body: unknown = await response.json().catch(() => null);
-  if (response.ok) return body as T;
-  const problem = (body ?? {}) as Partial<Problem>;
+  if (response.ok) return response;
+  const problem = ((await response.json().catch(() => null)) ?? {}) as Partial<Problem>;
   const said = problem.detail || problem.title || `HTTP ${response.status}`;
   throw new ApiError(response.status, problem.code ?? "http", said);
 }
 
-function send<T>(method: "POST" | "PUT", path: string, body: unknown): Promise<T> {
+export async function request<T>(path: string, init?: RequestInit): Promise<T> {
+  return (await (await ask(path, init)).json().catch(() => null)) as T;
+}
+
+export async function requestBytes(path: string, init?: RequestInit): Promise<ArrayBuffer> {
+  return (await ask(path, init)).arrayBuffer();
+}
+
+export function send<T>(method: "POST" | "PUT" | "DELETE", path: string, body?: unknown): Promise<T> {
   return request(path, {
     method,
     headers: { "content-type": "application/json" },
-    body: JSON.stringify(body),
+    body: body === undefined ? undefined : JSON.stringify(body),
   });
 }
 
-const robotPath = (id: string) => `/robots/${encodeURIComponent(id)}`;
+/** What a failure says to a person. */
+export const saidOf = (error: unknown) => (error instanceof ApiError ? error.message : String(error));
+
+export const BASE_PATH = BASE;
+export const robotPath = (id: string) => `/robots/${encodeURIComponent(id)}`;
 
 export const api = {
   robot: (id: string) => request<Robot>(robotPath(id)),

@@ -63,7 +63,7 @@ export interface Robot {
     epochs: number;
   };
   channels: number;
-  counts: { samples: number; bytes: number; duplicates: number; gaps: number; lost: number };
+  counts: { samples: number; bytes: number; duplicates: number; gaps: number; lost: number; over_quota?: number; put_off?: number };
   lease: { holder: string; expires_in_s: number } | null;
   latest: Record<string, Sample>;
 }
@@ -89,6 +89,7 @@ export interface Topic {
   lost: number;
   last_stamp_ms: number | null;
   demand_hz: number | null;
+  history_hz: number; // of a live topic so many samples a second are stored, watched or not; 0: none
 }
 
 export interface SeriesInfo {

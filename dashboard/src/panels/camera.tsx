@@ -2,6 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import type { Missing } from "../api/history_types";
 import { fixed } from "../ui/format";
 import { Card } from "../ui/parts";
 import { useTopic } from "../ui/use_topic";
@@ -13,6 +14,7 @@ export function CameraCard({ robot, topic, title }: { robot: string; topic: stri
   const arrivals = useRef<number[]>([]);
   const note = useRef<HTMLSpanElement>(null);
   const received = useSignal<number | null>(null);
+  const missing = useSignal<Missing | null>(null);
   const error = useSignal("");
 
   const draw = () => {
@@ -27,17 +29,23 @@ export function CameraCard({ robot, topic, title }: { robot: string; topic: stri
     }
     target.getContext("2d")!.drawImage(bitmap, 0, 0);
     target.dataset.frames = String(Number(target.dataset.frames ?? 0) + 1);
-    if (note.current) note.current.textContent = `${bitmap.width}×${bitmap.height} · ${fixed(rate(arrivals.current), 0)} Hz`;
+    const hertz = rate(arrivals.current);
+    if (note.current) note.current.textContent = `${bitmap.width}×${bitmap.height}${hertz === null ? "" : ` · ${fixed(hertz, 0)} Hz`}`;
     bitmap.close();
   };
-  useTopic({ robot, topic, image: true }, (decoded) => {
+  const begin = (_: number, absent: Missing | null) => {
+    missing.value = absent;
+    arrivals.current = [];
+    received.value = null;
+  };
+  useTopic({ robot, topic, image: true, onInstant: begin }, (decoded, seenMs) => {
     if (!decoded.bitmap) {
       error.value = decoded.error ?? "no picture";
       return;
     }
     error.value = "";
     arrivals.current = [...arrivals.current.slice(-19), performance.now()];
-    if (Date.now() - (received.peek() ?? 0) > 1000) received.value = Date.now();
+    if (Math.abs(seenMs - (received.peek() ?? 0)) > 1000) received.value = seenMs;
     waiting.current?.close();
     waiting.current = decoded.bitmap;
     frame.current ||= requestAnimationFrame(draw);
@@ -50,7 +58,7 @@ export function CameraCard({ robot, topic, title }: { robot: string; topic: stri
     [],
   );
   return (
-    <Card title={title} kind="camera" topic={topic} note={<span ref={note} class="num" />} stampMs={received.value}>
+    <Card title={title} kind="camera" topic={topic} note={<span ref={note} class="num" />} stampMs={received.value} missing={missing.value}>
       <div class="camera">
         <canvas ref={canvas} width={320} height={240} role="img" aria-label={`Picture of ${topic}`} />
         {error.value && <p class="problem">{error.value}</p>}

@@ -4,18 +4,7 @@ import type { Gap, Robot } from "../api/types";
 import { ageText, now } from "../live/age";
 import { integer, relativeTopic } from "../ui/format";
 import { Card } from "../ui/parts";
-
-const REASONS: Record<string, string> = {
-  outbox_full: "outbox full: the oldest went",
-  thinned: "outbox full: kept 1 of 10",
-  disk_low: "disk nearly full",
-  disk_full: "disk full",
-  disk_slow: "disk too slow",
-  disk_error: "disk error",
-  disk_corrupt: "damaged on disk",
-  too_large: "sample too large",
-  not_held: "the robot no longer has it",
-};
+import { reasonWords } from "../ui/reasons";
 
 export function GapsCard({ robot, gaps }: { robot: Robot; gaps: Gap[] | null }) {
   const { lost } = robot.counts;
@@ -56,7 +45,7 @@ function Row({ gap, robot }: { gap: Gap; robot: Robot }) {
       </td>
       <td class="end num bad">{integer(gap.count)}</td>
       <td class="num">{gap.from === gap.to ? integer(gap.from) : `${integer(gap.from)} – ${integer(gap.to)}`}</td>
-      <td>{REASONS[gap.reason] ?? gap.reason}</td>
+      <td>{reasonWords(gap.reason)}</td>
     </tr>
   );
 }

@@ -2,6 +2,8 @@
 
 import { useSignal, useSignalEffect } from "@preact/signals";
 import { useRef } from "preact/hooks";
+import type { Missing } from "../api/history_types";
+import { useTrail } from "../history/trail";
 import type { Message } from "../live/decoder";
 import { useCanvas } from "../ui/canvas";
 import { fixed } from "../ui/format";
@@ -15,6 +17,12 @@ import { FADE_EVERY_M, WallTiles } from "./wall_tiles";
 
 /** Enough to hold a burst of a replay; what is older than that is not needed. */
 const DEPTH = 64;
+/** At an instant: scans of the seconds before it, and poses on either side of each of them. */
+const SCANS_BACK_S = 3;
+const POSES_BACK_S = 5;
+const POSES_AHEAD_S = 1;
+/** Ink of so far away is of another drive. */
+const SAME_WALLS_MS = 1_800_000;
 
 interface Stamp {
   sec: number;
@@ -57,7 +65,7 @@ function toScan(message: Message, publishedMs: number): Scan {
   };
 }
 
-export function MapCard({ robot, odom, scan }: { robot: string; odom: string; scan: string | null }) {
+export function MapCard({ robot, namespace, odom, scan }: { robot: string; namespace: string; odom: string; scan: string | null }) {
   const walls = useRef<WallTiles>(null);
   walls.current ??= new WallTiles();
   const model = useRef<MapModel>(null);
@@ -67,6 +75,7 @@ export function MapCard({ robot, odom, scan }: { robot: string; odom: string; sc
   const fadedAt = useRef(0);
   const follow = useSignal(true);
   const received = useSignal<number | null>(null);
+  const missing = useSignal<Missing | null>(null);
   const note = useRef<HTMLSpanElement>(null);
 
   const { ref, redraw } = useCanvas(({ context, width, height }) => {
@@ -82,17 +91,29 @@ export function MapCard({ robot, odom, scan }: { robot: string; odom: string; sc
     follow.value = view.current!.follow;
     redraw();
   };
-  useTopic({ robot, topic: odom, depth: DEPTH }, ({ message, stampMs }) => {
+  const begin = (tMs: number, absent: Missing | null) => {
+    if (Math.abs(tMs - (model.current!.untilMs ?? tMs)) > SAME_WALLS_MS) walls.current!.clear();
+    model.current!.begin(tMs);
+    missing.value = absent;
+    received.value = null;
+    redraw();
+  };
+  useTrail(robot, namespace, odom, (trail) => {
+    model.current!.trail = trail;
+    redraw();
+  });
+  useTopic({ robot, topic: odom, depth: DEPTH, backS: POSES_BACK_S, aheadS: POSES_AHEAD_S, onInstant: begin }, ({ message, stampMs }, seenMs) => {
     if (!message) return;
     model.current!.addPose(toPose(message, stampMs));
     if (model.current!.travelledM - fadedAt.current > FADE_EVERY_M) {
       fadedAt.current = model.current!.travelledM;
       walls.current!.fade();
     }
-    if (Date.now() - (received.peek() ?? 0) > 1000) received.value = Date.now();
+    const { untilMs } = model.current!;
+    if (untilMs === null ? seenMs - (received.peek() ?? 0) > 1000 : seenMs <= untilMs) received.value = seenMs;
     redraw();
   });
-  useTopic({ robot, topic: scan ?? "", depth: DEPTH, enabled: scan !== null }, ({ message, stampMs }) => {
+  useTopic({ robot, topic: scan ?? "", depth: DEPTH, backS: SCANS_BACK_S, enabled: scan !== null }, ({ message, stampMs }) => {
     if (!message) return;
     model.current!.addScan(toScan(message, stampMs));
     redraw();
@@ -107,7 +128,7 @@ export function MapCard({ robot, odom, scan }: { robot: string; odom: string; sc
     changed();
   };
   return (
-    <Card title="Map" kind="map" topic={odom} note={<span ref={note} class="num" />} stampMs={received.value}>
+    <Card title="Map" kind="map" topic={odom} note={<span ref={note} class="num" />} stampMs={received.value} missing={missing.value}>
       <div class="map">
         <canvas
           ref={ref}
@@ -169,7 +190,12 @@ export function MapCard({ robot, odom, scan }: { robot: string; odom: string; sc
 
 /** What the picture shows, in words and as data for assistive tools and tests; past the virtual DOM, at frame rate. */
 function report(canvas: HTMLCanvasElement, note: HTMLElement | null, map: MapModel): void {
-  if (!map.pose) return;
+  canvas.dataset.atMs = String(map.untilMs ?? "");
+  canvas.dataset.seenMs = String(map.seenFrom?.stampMs ?? "");
+  if (!map.pose) {
+    if (note) note.textContent = "";
+    return;
+  }
   const { x, y, yaw } = map.pose;
   Object.assign(canvas.dataset, {
     poseX: x.toFixed(3),

@@ -57,10 +57,21 @@ export class MapModel {
   allAround = false;
   scans = 0;
   travelledM = 0;
+  /** The instant that is shown: poses after it only help to place scans. Null: the newest pose is shown. */
+  untilMs: number | null = null;
   #poses: Pose[] = [];
   #waiting: Scan[] = [];
 
   constructor(private readonly onHits: (points: Float32Array) => void) {}
+
+  /** Begin at another instant: everything but the trail is forgotten. */
+  begin(untilMs: number): void {
+    this.untilMs = untilMs;
+    this.pose = this.seenFrom = null;
+    this.hits = new Float32Array(0);
+    this.#poses = [];
+    this.#waiting = [];
+  }
 
   addPose(pose: Pose): void {
     const last = this.pose;
@@ -71,10 +82,14 @@ export class MapModel {
     } else if (last) {
       this.travelledM += Math.hypot(pose.x - last.x, pose.y - last.y);
     }
-    this.pose = pose;
     this.#poses.push(pose);
     if (this.#poses.length > POSES_KEPT) this.#poses.shift();
-    this.#extendTrail(pose);
+    if (this.untilMs === null) {
+      this.pose = pose;
+      this.#extendTrail(pose);
+    } else {
+      this.pose = pose.stampMs <= this.untilMs ? pose : (this.poseAt(this.untilMs) ?? this.pose);
+    }
     this.#place();
   }
 

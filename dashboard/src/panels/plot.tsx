@@ -4,8 +4,18 @@ import { useSignalEffect, type Signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import type uPlot from "uplot";
 import { fixed, short } from "../ui/format";
+import type { Span } from "../api/history_types";
+import { hatched } from "../ui/hatch";
 import { palette, type Palette } from "../ui/theme";
 import type { Timeline } from "./timeline";
+
+/** What a plot of the past shows: a span, the instant in it, and where data is known to be lost. */
+export interface Frame {
+  startMs: number;
+  endMs: number;
+  cursorMs: number;
+  holes: Span[];
+}
 
 export interface PlotProps {
   timelines: Timeline[];
@@ -17,6 +27,8 @@ export interface PlotProps {
   /** Changes whenever the timelines did. */
   version: Signal<number>;
   height?: number;
+  /** The past; without it the window ends now. */
+  frame?: Signal<Frame | null>;
 }
 
 const clock = new Intl.DateTimeFormat("en-GB", { hour: "2-digit", minute: "2-digit", second: "2-digit" });
@@ -30,9 +42,9 @@ function options(props: PlotProps, colours: Palette, width: number, hovered: (in
     height: props.height ?? 132,
     legend: { show: false },
     cursor: { y: false, drag: { x: false, y: false }, points: { size: 7 }, sync: { key: "time" } },
-    padding: [8, props.windowS < 60 ? 26 : 10, 0, 0], // half a label with seconds, or it is cut at the end
+    padding: [8, props.windowS < 60 ? 26 : props.frame ? 18 : 10, 0, 0], // half a label with seconds, or it is cut at the end
     scales: {
-      x: { time: true, range: (_, first, last) => timeRange(first, last, props.windowS) },
+      x: { time: true, range: (_, first, last) => frameRange(props) ?? timeRange(first, last, props.windowS) },
       y: { range: props.bounds ?? ((_, low, high) => padded(low, high)) },
     },
     axes: [
@@ -49,8 +61,36 @@ function options(props: PlotProps, colours: Palette, width: number, hovered: (in
         ...(props.labels.length === 1 && { fill: fade(colours.accent) }),
       })),
     ],
-    hooks: { setCursor: [(plot) => hovered(plot.cursor.idx ?? null)] },
+    hooks: {
+      setCursor: [(plot) => hovered(plot.cursor.idx ?? null)],
+      drawClear: [(plot) => props.frame?.peek() && drawHoles(plot, props.frame.peek()!, colours)],
+      draw: [(plot) => props.frame?.peek() && drawCursor(plot, props.frame.peek()!, colours)],
+    },
   };
+}
+
+function frameRange({ frame }: PlotProps): [number, number] | null {
+  const shown = frame?.peek();
+  return shown ? [shown.startMs / 1000, shown.endMs / 1000] : null;
+}
+
+function drawHoles(plot: uPlot, frame: Frame, colours: Palette): void {
+  const { left, top, width, height } = plot.bbox;
+  for (const { from_ms, to_ms } of frame.holes) {
+    const from = Math.max(left, plot.valToPos(from_ms / 1000, "x", true));
+    const to = Math.min(left + width, plot.valToPos(to_ms / 1000, "x", true));
+    if (to > left && from < left + width) hatched(plot.ctx, from, top, Math.max(2, to - from), height, colours.warn);
+  }
+}
+
+function drawCursor(plot: uPlot, frame: Frame, colours: Palette): void {
+  const { top, height } = plot.bbox;
+  const x = Math.round(plot.valToPos(frame.cursorMs / 1000, "x", true));
+  plot.ctx.save();
+  plot.ctx.fillStyle = colours["accent-2"];
+  plot.ctx.fillRect(x - devicePixelRatio / 2, top, Math.max(1, 1.5 * devicePixelRatio), height);
+  plot.ctx.restore();
+  plot.root.parentElement!.dataset.atMs = String(frame.cursorMs);
 }
 
 /** The window up to now; while there is less history than that, only from its beginning, but never under a minute of it. */
@@ -84,7 +124,9 @@ export function Plot(props: PlotProps) {
     const { current } = plot;
     props.timelines.forEach((timeline, i) => {
       const at = hovered.current;
-      const value = at !== null && current ? current.data[i + 1]?.[at] : timeline.values.at(-1);
+      const shown = props.frame?.peek();
+      const newest = shown ? timeline.valueAt(shown.cursorMs / 1000) : timeline.values.at(-1);
+      const value = at !== null && current ? current.data[i + 1]?.[at] : newest;
       const cell = values.current?.children[i]?.lastElementChild;
       if (cell) cell.textContent = fixed(value, props.digits, props.unit);
     });
@@ -97,6 +139,7 @@ export function Plot(props: PlotProps) {
       caption();
     });
     plot.current = new library.current(settings, data(), box.current);
+    caption();
   };
   useEffect(() => {
     let gone = false;
@@ -122,6 +165,7 @@ export function Plot(props: PlotProps) {
   });
   useSignalEffect(() => {
     void props.version.value;
+    void props.frame?.value;
     plot.current?.setData(data());
     caption();
   });

@@ -43,5 +43,19 @@ export const PLOTS: PlotSpec[] = [
   { title: "Disk", unit: "%", digits: 0, bounds: [0, 100], lines: [{ series: "host.disk.percent", label: "used" }] },
 ];
 
+/** In the past the inertial sensor is a plot of its series too: its messages at full rate are not stored. */
+export const PAST_PLOTS: PlotSpec[] = [
+  ...PLOTS,
+  {
+    title: "IMU",
+    unit: "",
+    digits: 2,
+    lines: [
+      { series: "imu.angular_velocity.z", label: "turn rad/s" },
+      { series: "imu.linear_acceleration.x", label: "acceleration m/s²" },
+    ],
+  },
+];
+
 /** The plots of a robot that has these series. */
-export const plotsOf = (names: Set<string>) => PLOTS.filter((plot) => plot.lines.some((line) => names.has(line.series)));
+export const plotsOf = (names: Set<string>, table = PLOTS) => table.filter((plot) => plot.lines.some((line) => names.has(line.series)));

@@ -1,8 +1,9 @@
 /** Any other type: names and values. Watched only while open, so that a closed card costs the robot's link nothing. */
 
 import { useSignal } from "@preact/signals";
+import type { Missing } from "../api/history_types";
 import { short, typeWord } from "../ui/format";
-import { Freshness } from "../ui/parts";
+import { Absent, Freshness } from "../ui/parts";
 import { useTopic } from "../ui/use_topic";
 import { treeRows, type Row } from "./tree_rows";
 
@@ -13,10 +14,16 @@ export function TreeCard({ robot, topic, title, type, rateHz }: { robot: string;
   const rows = useSignal<Row[]>([]);
   const error = useSignal("");
   const received = useSignal<number | null>(null);
-  useTopic({ robot, topic, maxRateHz: RATE_HZ, enabled: open.value }, (decoded) => {
+  const missing = useSignal<Missing | null>(null);
+  const begin = (_: number, absent: Missing | null) => {
+    missing.value = absent;
+    received.value = null;
+    if (absent) rows.value = [];
+  };
+  useTopic({ robot, topic, maxRateHz: RATE_HZ, enabled: open.value, onInstant: begin }, (decoded, seenMs) => {
     error.value = decoded.message ? "" : (decoded.error ?? "");
     if (decoded.message) rows.value = treeRows(decoded.message);
-    received.value = Date.now();
+    received.value = seenMs;
   });
   return (
     <details
@@ -34,6 +41,7 @@ export function TreeCard({ robot, topic, title, type, rateHz }: { robot: string;
         </span>
         {open.value && <Freshness receivedMs={received.value} />}
       </summary>
+      {open.value && missing.value && <Absent missing={missing.value} />}
       {error.value && <p class="problem">{error.value}</p>}
       <dl class="mono">
         {rows.value.map((row, i) => (

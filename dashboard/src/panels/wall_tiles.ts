@@ -29,6 +29,11 @@ export class WallTiles {
     return Number.isFinite(this.#box.left) ? this.#box : null;
   }
 
+  clear(): void {
+    this.#tiles.clear();
+    this.#box = { left: Infinity, bottom: Infinity, right: -Infinity, top: -Infinity };
+  }
+
   add(points: Float32Array, colour: string): void {
     for (let i = 0; i < points.length; i += 2) {
       const x = points[i]!;

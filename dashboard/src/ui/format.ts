@@ -47,6 +47,17 @@ export function duration(seconds: number): string {
   return seconds < 63e6 ? `${Math.round(seconds / 86400)}\u202fd` : `${Math.round(seconds / 31557600)}\u202fyears`;
 }
 
+const CLOCK = new Intl.DateTimeFormat("en-GB", { hour: "2-digit", minute: "2-digit", second: "2-digit" });
+const DAY = new Intl.DateTimeFormat("en-GB", { day: "numeric", month: "short" });
+const ZONE = new Intl.DateTimeFormat("en-GB", { timeZoneName: "short" });
+
+/** "14:03:11" in the reader's time zone. */
+export const clockTime = (ms: number) => CLOCK.format(ms);
+/** "21 Nov". */
+export const dayText = (ms: number) => DAY.format(ms);
+/** "UTC" or "CET": the reader's time zone. */
+export const zoneName = (ms: number) => ZONE.formatToParts(ms).find(({ type }) => type === "timeZoneName")?.value ?? "";
+
 /** The topic as the robot itself would say it: without the robot's own namespace. */
 export function relativeTopic(topic: string, namespace: string): string {
   const prefix = namespace.endsWith("/") ? namespace : `${namespace}/`;

@@ -1,8 +1,12 @@
 /** Small pieces that every view shares. */
 
 import type { ComponentChildren } from "preact";
+import type { Missing } from "../api/history_types";
 import { ageText, now, STALE_AFTER_MS } from "../live/age";
 import type { Health } from "../live/fleet";
+import { reasonWords } from "./reasons";
+import { useLive } from "./context";
+import { clockTime } from "./format";
 import { go } from "./url";
 
 const SHAPES: Record<Health, { word: string; path: string }> = {
@@ -47,6 +51,8 @@ export function Card(props: {
   kind: string;
   topic?: string;
   stampMs?: number | null;
+  /** In the past: nothing is stored at the instant. */
+  missing?: Missing | null;
   children: ComponentChildren;
 }) {
   return (
@@ -54,8 +60,9 @@ export function Card(props: {
       <header>
         <h2>{props.title}</h2>
         <span class="note">{props.note}</span>
-        {props.stampMs !== undefined && <Freshness receivedMs={props.stampMs} />}
+        {props.stampMs !== undefined && !props.missing && <Freshness receivedMs={props.stampMs} />}
       </header>
+      {props.missing && <Absent missing={props.missing} />}
       {props.children}
     </section>
   );
@@ -63,6 +70,37 @@ export function Card(props: {
 
 /** Says when what is shown is old, or that nothing has come yet; says nothing while it is current. */
 export function Freshness({ receivedMs }: { receivedMs: number | null }) {
+  const { at, past } = useLive();
+  if (past) return <PastAge ageMs={receivedMs === null ? null : at.value - receivedMs} />;
+  return <LiveAge receivedMs={receivedMs} />;
+}
+
+/** Up to this long before the instant a stored sample stands for it; what is older is greyed. */
+const STANDS_MS = 10_000;
+
+function PastAge({ ageMs }: { ageMs: number | null }) {
+  if (ageMs === null || ageMs < 950) return null;
+  return <span class={ageMs > STANDS_MS ? "age age-stale" : "age"}>{ageText(ageMs)} before</span>;
+}
+
+/** Nothing is stored at the instant: says why, and when something last was. */
+export function Absent({ missing: { reason, nearest_ms: nearest } }: { missing: Missing }) {
+  const at = useLive().at.value;
+  const why = ABSENT[reason] ?? reasonWords(reason);
+  return (
+    <p class="absent" data-absent={reason}>
+      <b>No data here</b> {why}
+      {nearest !== null && <span> · last stored {clockTime(nearest)}, {ageText(at - nearest)} before</span>}
+    </p>
+  );
+}
+
+const ABSENT: Record<string, string> = {
+  not_stored: "nothing is stored of it",
+  too_old: "nothing came in the minute before",
+};
+
+function LiveAge({ receivedMs }: { receivedMs: number | null }) {
   const at = now.value;
   if (receivedMs === null) return <span class="age">waiting…</span>;
   const age = at - receivedMs;

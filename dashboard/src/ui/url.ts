@@ -28,7 +28,7 @@ export function setParam(name: string, value: string, fallback = ""): void {
   const params = new URLSearchParams(location.search);
   if (value === fallback) params.delete(name);
   else params.set(name, value);
-  const query = params.toString();
+  const query = params.toString().replaceAll("%3A", ":"); // a time stays readable
   history.replaceState(null, "", location.pathname + (query ? `?${query}` : ""));
   place.value = read();
 }

@@ -1,6 +1,7 @@
-/** Follow a topic of a robot for as long as the component is on the page. */
+/** Follow a topic of a robot for as long as the component is on the page: live, or at the instant that is shown. */
 
 import { useEffect, useRef } from "preact/hooks";
+import type { Missing } from "../api/history_types";
 import type { Decoded } from "../live/decoder";
 import { useLive } from "./context";
 
@@ -12,23 +13,43 @@ export interface TopicOptions {
   depth?: number;
   image?: boolean;
   enabled?: boolean;
+  /** In the past: also the messages this long before and after the instant. */
+  backS?: number;
+  aheadS?: number;
+  /** In the past: a new instant begins; forget the old one. `missing`: nothing is stored there, though older may follow. */
+  onInstant?: (tMs: number, missing: Missing | null) => void;
 }
 
-export function useTopic(options: TopicOptions, onDecoded: (decoded: Decoded) => void): void {
-  const { robot, topic, maxRateHz, depth = 1, image = false, enabled = true } = options;
-  const { stream, decoder } = useLive();
+/** `seenMs` is what the message's age counts from: its arrival, or in the past its stamp. */
+export function useTopic(options: TopicOptions, onDecoded: (decoded: Decoded, seenMs: number) => void): void {
+  const { robot, topic, maxRateHz, depth = 1, image = false, enabled = true, backS = 0, aheadS = 0 } = options;
+  const { stream, decoder, past } = useLive();
   const handler = useRef(onDecoded);
   handler.current = onDecoded;
+  const instant = useRef(options.onInstant);
+  instant.current = options.onInstant;
   useEffect(() => {
     if (!enabled) return;
-    const feed = decoder.feed({ depth, image }, (decoded) => handler.current(decoded));
-    const stop = stream.topic(
-      { robots: robot, topics: topic, max_rate_hz: maxRateHz, mode: depth > 1 ? "queue" : "latest" },
-      (channel, record) => feed.push(channel, record),
-    );
+    const newFeed = () => decoder.feed({ depth, image }, (decoded) => handler.current(decoded, past ? decoded.stampMs : Date.now()));
+    let feed = newFeed();
+    const stop = past
+      ? past.watch({
+          topic,
+          backS,
+          aheadS,
+          onInstant: (tMs, missing) => {
+            feed.close(); // what is still being decoded belongs to another instant
+            feed = newFeed();
+            instant.current?.(tMs, missing);
+          },
+          onRecord: (channel, record) => feed.push(channel, record),
+        })
+      : stream.topic({ robots: robot, topics: topic, max_rate_hz: maxRateHz, mode: depth > 1 ? "queue" : "latest" }, (channel, record) =>
+          feed.push(channel, record),
+        );
     return () => {
       stop();
       feed.close();
     };
-  }, [robot, topic, maxRateHz, depth, image, enabled]);
+  }, [robot, topic, maxRateHz, depth, image, enabled, past, backS, aheadS]);
 }

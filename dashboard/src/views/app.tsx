@@ -1,12 +1,16 @@
 /** The frame of every page: the bar on top, the state of the connection, the help dialog, the keys. */
 
 import { useEffect, useRef } from "preact/hooks";
+import { moment } from "../history/moment";
 import type { StreamState } from "../live/stream";
 import { useLive } from "../ui/context";
 import { Link } from "../ui/parts";
 import { place, robotOf } from "../ui/url";
 import { FleetPage } from "./fleet";
+import { lazy } from "./lazy";
 import { RobotPage } from "./robot";
+
+const RecordingsPage = lazy(async () => (await import("./recordings")).RecordingsPage);
 
 const CONNECTION: Record<StreamState, string> = { connecting: "Connecting…", open: "Live", lost: "Reconnecting…" };
 
@@ -15,6 +19,9 @@ const KEYS: [string, string][] = [
   ["?", "this help"],
   ["W A S D or arrows", "drive, while held and the pad has focus"],
   ["Esc", "stop driving"],
+  ["l", "back to live"],
+  ["← → Shift", "on the time bar: a second, ten seconds"],
+  ["Space, Page ↑↓", "on the time bar: play, a tenth of its span"],
   ["+ − f", "zoom and follow, when the map has focus"],
 ];
 
@@ -25,8 +32,8 @@ export function App() {
   const path = place.value.path;
   const robot = robotOf(path);
   useEffect(() => {
-    document.title = robot === null ? "Fleet · Meta-ROS" : `${robot} · Meta-ROS`;
-  }, [robot]);
+    document.title = `${robot ?? (path === "/recordings" ? "Recordings" : "Fleet")} · Meta-ROS`;
+  }, [robot, path]);
   useEffect(() => {
     const onKey = (event: KeyboardEvent) => {
       const typing = event.target instanceof HTMLInputElement;
@@ -48,12 +55,15 @@ export function App() {
           <svg viewBox="0 0 24 24" aria-hidden="true"><path d="M3 20V6l9 8 9-8v14" /><circle cx="12" cy="5" r="2.4" /></svg>
           Meta-ROS
         </Link>
-        <nav aria-label="Main"><Link href="/" current={path === "/"}>Fleet</Link></nav>
-        <span class={`link link-${state}`} role="status" data-stream={state}>{CONNECTION[state]}</span>
+        <nav aria-label="Main">
+          <Link href="/" current={path === "/"}>Fleet</Link>
+          <Link href="/recordings" current={path === "/recordings"}>Recordings</Link>
+        </nav>
+        <span class={`link link-${state}`} role="status" data-stream={state}>{state === "open" && moment.value !== null ? "Connected" : CONNECTION[state]}</span>
         <button type="button" class="help" aria-label="Help" onClick={() => help.current?.showModal()}>?</button>
       </header>
       <main id="main" class={state === "open" ? undefined : "is-lost"}>
-        {robot !== null ? <RobotPage key={robot} id={robot} /> : path === "/" ? <FleetPage /> : <NotFound />}
+        {robot !== null ? <RobotPage key={robot} id={robot} /> : path === "/" ? <FleetPage /> : path === "/recordings" ? <RecordingsPage /> : <NotFound />}
       </main>
       <dialog ref={help} aria-labelledby="help-title">
         <h2 id="help-title">Keys</h2>

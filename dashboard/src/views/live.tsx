@@ -1,38 +1,42 @@
-/** The live tab: a card for each thing the robot publishes, chosen by its type. */
+/** The live tab: a card for each thing the robot publishes, chosen by its type; now, or at the instant shown. */
 
 import type { Robot, SeriesInfo, Topic } from "../api/types";
 import { CameraCard } from "../panels/camera";
 import { ImuCard } from "../panels/imu";
 import { MapCard } from "../panels/map";
 import { MetricPlots, RANGES } from "../panels/metric_plots";
-import { plotsOf } from "../panels/plot_table";
+import { PastPlots } from "../panels/past_plots";
+import { PAST_PLOTS, PLOTS, plotsOf } from "../panels/plot_table";
 import { layoutOf } from "../panels/registry";
 import { TeleopCard } from "../panels/teleop";
 import { TreeCard } from "../panels/tree";
+import { useLive } from "../ui/context";
 import { relativeTopic } from "../ui/format";
 import { place, setParam } from "../ui/url";
 
 export function LiveTab({ robot, topics, series }: { robot: Robot; topics: Topic[] | null; series: SeriesInfo[] }) {
+  const past = useLive().past !== null;
   if (topics === null) return <p class="quiet">Reading the robot's topics…</p>;
   const layout = layoutOf(topics);
   const wanted = place.value.params.get("range") ?? "";
   const range = wanted in RANGES ? wanted : "5m";
   const name = (topic: string) => relativeTopic(topic, robot.namespace);
   const names = series.map((one) => one.name);
-  const plotted = layout.imus.length > 0 || plotsOf(new Set(names)).length > 0;
-  const side = layout.cameras.length > 0 || layout.drivable;
+  const plotted = (!past && layout.imus.length > 0) || plotsOf(new Set(names), past ? PAST_PLOTS : PLOTS).length > 0;
+  const drivable = layout.drivable && !past; // nobody drives by a picture of an hour ago
+  const side = layout.cameras.length > 0 || drivable;
   return (
     <>
-      <div class={`stage ${layout.maps.length > 0 && side ? "stage-split" : ""}`}>
+      <div class={`stage ${past ? "stage-past" : ""} ${layout.maps.length > 0 && side ? "stage-split" : ""}`}>
         {layout.maps.slice(0, 1).map((map) => (
-          <MapCard key={`${robot.id} ${map.odom}`} robot={robot.id} odom={map.odom} scan={map.scan} />
+          <MapCard key={`${robot.id} ${map.odom}`} robot={robot.id} namespace={robot.namespace} odom={map.odom} scan={map.scan} />
         ))}
         {side && (
           <div class="stage-side">
             {layout.cameras.map(({ topic }) => (
               <CameraCard key={`${robot.id} ${topic}`} robot={robot.id} topic={topic} title={cameraTitle(name(topic))} />
             ))}
-            {layout.drivable && (
+            {drivable && (
               <TeleopCard key={robot.id} robot={robot.id} namespace={robot.namespace} online={robot.state === "online"} lease={robot.lease?.holder ?? null} />
             )}
           </div>
@@ -49,12 +53,16 @@ export function LiveTab({ robot, topics, series }: { robot: Robot; topics: Topic
         </div>
       </div>}
       <div class="grid">
-        <MetricPlots key={robot.id} robot={robot.id} names={names} range={range} />
-        {layout.imus.map(({ topic }) => (
+        {past ? (
+          <PastPlots key={robot.id} robot={robot.id} names={names} windowS={RANGES[range]!} />
+        ) : (
+          <MetricPlots key={robot.id} robot={robot.id} names={names} range={range} />
+        )}
+        {!past && layout.imus.map(({ topic }) => (
           <ImuCard key={`${robot.id} ${topic}`} robot={robot.id} topic={topic} />
         ))}
       </div>
-      <div class="section-head"><h2>Messages</h2></div>
+      {layout.trees.length > 0 && <div class="section-head"><h2>Messages</h2></div>}
       <div class="grid grid-trees">
         {layout.trees.map(({ topic, type, rate_hz }) => (
           <TreeCard key={`${robot.id} ${topic}`} robot={robot.id} topic={topic} title={name(topic)} type={type} rateHz={rate_hz} />

@@ -1,17 +1,21 @@
 /** The robot page: who it is and how its link is, then its live cards or its topics. */
 
 import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useEffect, useMemo } from "preact/hooks";
 import { api, ApiError } from "../api/client";
 import type { Robot, SeriesInfo, Topic } from "../api/types";
+import { useStored } from "../history/density";
+import { moment } from "../history/moment";
 import { ageText, now } from "../live/age";
 import { concerns, health, robots } from "../live/fleet";
+import { TimeBar } from "../panels/time_bar";
 import { useLive } from "../ui/context";
 import { bytes, bytesPerSecond, fixed, integer } from "../ui/format";
 import { Link, StateBadge } from "../ui/parts";
 import { place, setParam } from "../ui/url";
 import { LinkTab } from "./link";
 import { LiveTab } from "./live";
+import { PastProvider, topicsOfStore } from "./past";
 import { TopicsTab } from "./topics";
 
 const REFRESH_MS = 2000;
@@ -55,21 +59,36 @@ export function RobotPage({ id }: { id: string }) {
     <>
       <Header robot={robot} />
       <nav class="tabs" aria-label="Robot">
-        <button type="button" aria-current={tab === "live" ? "page" : undefined} onClick={() => setParam("tab", "live", "live")}>Live</button>
+        <button type="button" aria-current={tab === "live" ? "page" : undefined} onClick={() => setParam("tab", "live", "live")}>{moment.value === null ? "Live" : "Past"}</button>
         <button type="button" aria-current={tab === "topics" ? "page" : undefined} onClick={() => setParam("tab", "topics", "live")}>
           Topics <small>{topics.value?.length ?? ""}</small>
         </button>
         <button type="button" aria-current={tab === "link" ? "page" : undefined} onClick={() => setParam("tab", "link", "live")}>Link</button>
       </nav>
       {problem.value && <p class="problem" role="status">{problem.value}</p>}
-      {tab === "live" ? (
-        <LiveTab robot={robot} topics={topics.value} series={series.value} />
+      {tab === "live" && <TimeBar key={id} robot={id} />}
+      {tab === "live" && moment.value !== null ? (
+        <PastTab key={`past ${id}`} robot={robot} series={series.value} />
+      ) : tab === "live" ? (
+        <LiveTab key={`live ${id}`} robot={robot} topics={topics.value} series={series.value} />
       ) : tab === "topics" ? (
         <TopicsTab robot={robot} topics={topics.value} />
       ) : (
         <LinkTab key={id} robot={robot} />
       )}
     </>
+  );
+}
+
+/** The same cards, at the instant that the time bar shows. */
+function PastTab({ robot, series }: { robot: Robot; series: SeriesInfo[] }) {
+  const stored = useStored(robot.id).value;
+  const topics = useMemo(() => (stored ? topicsOfStore(stored.topics) : null), [stored?.topics.map(({ topic }) => topic).join("\n")]);
+  if (stored && stored.topics.length === 0 && stored.series === 0) return <p class="quiet">There is nothing to show of the past.</p>;
+  return (
+    <PastProvider robot={robot.id}>
+      <LiveTab robot={robot} topics={topics} series={series} />
+    </PastProvider>
   );
 }
 

@@ -1,0 +1,126 @@
+/**
+ * What a robot's topics said at an instant, for the same panels that show them live.
+ *
+ * Panels watch topics; each time the instant moves, one request brings the newest stored sample of every watched topic
+ * (and, where a panel wants them, the samples around it). A panel is told first of the new instant, so that it forgets
+ * the old one, then gets the records in the order of their stamps.
+ */
+
+import { signal } from "@preact/signals";
+import { saidOf } from "../api/client";
+import { historyApi } from "../api/history";
+import type { AtHeader, Missing, StoredMessage } from "../api/history_types";
+import type { Channel } from "../api/types";
+import type { StreamRecord } from "../live/records";
+import { parseAt, recordOf, type AtAnswer } from "./at_frame";
+import { Latest } from "./latest";
+
+/** What is older than this at an instant is not shown at all. */
+export const MAX_AGE_S = 60;
+const MESSAGES = 300;
+
+export interface Watch {
+  topic: string;
+  /** Also the samples this long before and after the instant. */
+  backS: number;
+  aheadS: number;
+  /** A new instant begins; `missing`: nothing is stored there, and why. What came just before is shown all the same. */
+  onInstant: (tMs: number, missing: Missing | null) => void;
+  onRecord: (channel: Channel, record: StreamRecord) => void;
+}
+
+interface Answer {
+  tMs: number;
+  watches: Watch[];
+  at: AtAnswer;
+  around: Map<Watch, StoredMessage[]>;
+}
+
+/** Why nothing is there: a declared loss between the sample and the instant, else what the gateway says. */
+function absence(topic: string, tMs: number, { missing, gaps }: AtHeader, sampleMs: number | null): Missing | null {
+  const loss = gaps.find((gap) => gap.topic === topic && gap.from_ms <= tMs && tMs <= gap.to_ms && gap.to_ms >= (sampleMs ?? 0));
+  const said = missing.find((one) => one.topic === topic) ?? { topic, reason: "not_stored", nearest_ms: sampleMs };
+  if (loss) return { ...said, reason: loss.reason };
+  return sampleMs === null ? said : null;
+}
+
+/** How the past is asked; a test gives its own. */
+export type Asks = Pick<typeof historyApi, "at" | "messages">;
+
+export class Past {
+  /** The head of the newest answer. */
+  readonly shown = signal<AtHeader | null>(null);
+  readonly problem = signal("");
+  #watches = new Set<Watch>();
+  #tMs: number | null = null;
+  #scheduled = false;
+  #latest = new Latest<Answer>(
+    (answer) => this.#apply(answer),
+    (error) => (this.problem.value = saidOf(error)),
+  );
+
+  constructor(
+    private readonly robot: string,
+    private readonly asks: Asks = historyApi,
+  ) {}
+
+  /** Go to an instant. */
+  seek(tMs: number): void {
+    if (tMs === this.#tMs) return;
+    this.#tMs = tMs;
+    this.#schedule();
+  }
+
+  watch(watch: Watch): () => void {
+    this.#watches.add(watch);
+    this.#schedule();
+    return () => {
+      this.#watches.delete(watch);
+    };
+  }
+
+  close(): void {
+    this.#latest.close();
+  }
+
+  /** One request for all that changed in this turn of the event loop. */
+  #schedule(): void {
+    if (this.#scheduled) return;
+    this.#scheduled = true;
+    queueMicrotask(() => {
+      this.#scheduled = false;
+      const tMs = this.#tMs;
+      const watches = [...this.#watches];
+      if (tMs !== null && watches.length > 0) this.#latest.ask((abort) => this.#load(tMs, watches, abort));
+    });
+  }
+
+  async #load(tMs: number, watches: Watch[], abort: AbortSignal): Promise<Answer> {
+    const topics = [...new Set(watches.map(({ topic }) => topic))];
+    const around = new Map<Watch, StoredMessage[]>();
+    const wide = watches.filter(({ backS, aheadS }) => backS + aheadS > 0);
+    const [body] = await Promise.all([
+      this.asks.at(this.robot, tMs, topics, MAX_AGE_S, abort),
+      ...wide.map(async (watch) => {
+        const { topic, backS, aheadS } = watch;
+        around.set(watch, await this.asks.messages(this.robot, topic, tMs - backS * 1000, tMs + aheadS * 1000, MESSAGES, abort));
+      }),
+    ]);
+    return { tMs, watches, at: parseAt(body), around };
+  }
+
+  #apply({ tMs, watches, at, around }: Answer): void {
+    this.problem.value = "";
+    this.shown.value = at.header;
+    for (const watch of watches) {
+      if (!this.#watches.has(watch)) continue;
+      const channel = at.channels.get(watch.topic);
+      const sample = at.records.get(watch.topic);
+      watch.onInstant(tMs, absence(watch.topic, tMs, at.header, sample?.stampMs ?? null));
+      if (!channel || !sample) continue;
+      const records = (around.get(watch) ?? []).map((message) => recordOf(message, channel.channel));
+      if (!records.some(({ stampMs }) => Math.abs(stampMs - sample.stampMs) < 0.01)) records.push(sample);
+      for (const record of records.sort((a, b) => a.stampMs - b.stampMs)) watch.onRecord(channel, record);
+    }
+  }
+}

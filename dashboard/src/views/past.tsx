@@ -1,0 +1,34 @@
+/** Puts a robot's past in the place of its live stream, for every panel inside. */
+
+import type { ComponentChildren } from "preact";
+import { useSignalEffect } from "@preact/signals";
+import { useEffect, useMemo } from "preact/hooks";
+import type { StoredTopic } from "../api/history_types";
+import type { Topic } from "../api/types";
+import { moment, shownNow } from "../history/moment";
+import { Past } from "../history/past";
+import { LiveContext, useLive } from "../ui/context";
+
+export function PastProvider({ robot, children }: { robot: string; children: ComponentChildren }) {
+  const { stream, decoder } = useLive();
+  const past = useMemo(() => new Past(robot), [robot]);
+  const value = useMemo(() => ({ stream, decoder, past, at: shownNow }), [stream, decoder, past]);
+  useSignalEffect(() => {
+    if (moment.value !== null) past.seek(moment.value);
+  });
+  useEffect(() => () => past.close(), [past]);
+  return (
+    <LiveContext.Provider value={value}>
+      {past.problem.value && <p class="problem" role="status">{past.problem.value}</p>}
+      {children}
+    </LiveContext.Provider>
+  );
+}
+
+/** Stored topics as the page's table of cards takes them: nobody can drive or watch them. */
+export function topicsOfStore(stored: StoredTopic[]): Topic[] {
+  return stored.map(
+    ({ topic, type, class: kind, samples }) =>
+      ({ topic, type, class: kind, encoding: "cdr", publishers: 0, messages: samples, received: samples, rate_hz: null }) as Topic,
+  );
+}
