@@ -1,0 +1,273 @@
+"""The desk on a real store and a manual clock: asking again, giving up, keeping, and object stores that fail."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.domain.recording import CUTTING, FAILED, REQUESTED, STORED, TRANSFERRING, Recording
+from gateway.domain.robot import Robot
+from gateway.errors import (
+    CommandRefusedError,
+    CommandTimeoutError,
+    ObjectStoreError,
+    RecordingNotStoredError,
+    RobotOfflineError,
+    UnknownRecordingError,
+)
+from gateway.objects import DirectoryStore
+from gateway.recordings.desk import RecordingDesk, RobotSide
+from gateway.store import RobotWrite, Store
+from gateway.store.retention import Retention
+from metaros._proto import link_pb2
+from metaros.clock import ManualClock
+
+BLOB = b"a recording " * 1000
+
+
+class World:
+    """A store with one robot, and what the desk said to it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.clock = ManualClock()
+        self.online = True
+        self.offset_ns = 0
+        self.commands: list[link_pb2.SaveRecording] = []
+        self.outcomes: list[Exception | None] = []
+        self.told: list[link_pb2.RecordingWanted] = []
+        self.store = Store(
+            folder / "data", clock=self.clock, retention=Retention(age_s=1e9, size_bytes=1 << 40), queue_bytes=1 << 20
+        )
+        self.objects = DirectoryStore(folder / "objects")
+        self.desk = self.another_desk()
+
+    def another_desk(self, objects: Any = None) -> RecordingDesk:
+        """As another gateway process would make it."""
+        side = RobotSide(
+            command=self._command,
+            tell=lambda robot, wanted: self.told.append(wanted),
+            online=lambda robot: self.online,
+            clock_offset_ns=lambda robot: self.offset_ns,
+        )
+        return RecordingDesk(self.store, objects or self.objects, self.folder / "incoming", side, clock=self.clock)
+
+    async def _command(self, robot: str, command: link_pb2.Command, *, timeout_s: float) -> link_pb2.CommandResult:
+        self.commands.append(command.save_recording)
+        outcome = self.outcomes.pop(0) if self.outcomes else None
+        if outcome is not None:
+            raise outcome
+        return link_pb2.CommandResult(ok=True)
+
+    async def until(self, good: Callable[[], Any]) -> None:
+        """Let the desk's tasks run until it is so."""
+        async with asyncio.timeout(30):
+            while not good():
+                await self.store.flush()
+
+    async def state(self, recording: Recording, state: str) -> Recording:
+        """The recording once it is in that state."""
+        async with asyncio.timeout(30):
+            while (found := await self.desk.get(recording.id)).state != state:
+                await self.store.flush()
+        return found
+
+    def part(self, recording: Recording, offset: int = 0, data: bytes = b"", blob: bytes = BLOB) -> None:
+        """The robot offers, or sends a piece."""
+        sha256 = hashlib.sha256(blob).digest()
+        self.desk.on_part(
+            recording.robot,
+            link_pb2.RecordingPart(
+                recording_id=recording.id, offset=offset, data=data, size_bytes=len(blob), sha256=sha256, messages=3
+            ),
+        )
+
+
+@asynccontextmanager
+async def opened(folder: Path) -> AsyncIterator[World]:
+    """A world, closed at the end."""
+    world = World(folder)
+    world.store.start()
+    world.store.submit(RobotWrite(Robot("r1", "/", "h", "1", {}), world.clock.wall_ns()))
+    await world.store.flush()
+    try:
+        yield world
+    finally:
+        await world.desk.close()
+        await world.store.close()
+
+
+async def test_the_span_is_by_the_robots_clock(tmp_path: Path) -> None:
+    async with opened(tmp_path) as world:
+        world.offset_ns = 5 * 10**9  # the robot is five seconds behind
+        asked = await world.desk.request("r1", last_s=60)
+        assert asked.to_ns == world.clock.wall_ns() - 5 * 10**9
+        assert asked.to_ns - asked.from_ns == 60 * 10**9
+        assert world.desk.robot_now_ns("r1") == asked.to_ns
+
+
+@pytest.mark.parametrize(
+    "outcome",
+    [
+        RobotOfflineError("gone"),
+        CommandTimeoutError("late"),
+        CommandRefusedError("busy", agent_code="busy"),
+    ],
+)
+async def test_what_passes_is_asked_again_after_a_while(tmp_path: Path, outcome: Exception) -> None:
+    async with opened(tmp_path) as world:
+        world.outcomes = [outcome]
+        asked = await world.desk.request("r1", last_s=60)
+        await world.until(lambda: len(world.commands) == 1)
+        held = await world.state(asked, REQUESTED)
+        assert held.message == str(outcome)
+        await world.desk.look()
+        await world.store.flush()
+        assert len(world.commands) == 1
+        world.clock.advance(31)
+        await world.desk.look()
+        await world.until(lambda: len(world.commands) == 2)
+        assert world.commands[1].last_ns == 0
+        assert (world.commands[1].from_ns, world.commands[1].to_ns) == (asked.from_ns, asked.to_ns)
+        await world.state(asked, CUTTING)
+
+
+async def test_an_answer_without_an_offer_is_asked_for_again(tmp_path: Path) -> None:
+    async with opened(tmp_path) as world:
+        await world.desk.request("r1", last_s=60)
+        await world.until(lambda: len(world.commands) == 1)
+        world.clock.advance(31)
+        await world.desk.look()
+        await world.until(lambda: len(world.commands) == 2)
+
+
+async def test_nothing_is_sent_to_a_robot_that_is_elsewhere(tmp_path: Path) -> None:
+    async with opened(tmp_path) as world:
+        world.online = False
+        asked = await world.desk.request("r1", last_s=60)
+        world.clock.advance(31)
+        await world.desk.look()
+        assert (await world.desk.get(asked.id)).state == REQUESTED
+        assert world.commands == []
+
+
+@pytest.mark.parametrize("offered", [False, True])
+async def test_after_a_day_it_is_given_up(tmp_path: Path, offered: bool) -> None:
+    async with opened(tmp_path) as world:
+        asked = await world.desk.request("r1", last_s=60)
+        if offered:
+            world.part(asked)
+            await world.state(asked, TRANSFERRING)
+        world.desk.on_online("r1", False)
+        world.online = False
+        world.clock.advance(86_399)
+        await world.desk.look()
+        assert (await world.desk.get(asked.id)).unfinished
+        world.clock.advance(2)
+        await world.desk.look()
+        assert (await world.state(asked, FAILED)).code == "expired"
+        world.told.clear()
+        world.part(asked)
+        await world.until(lambda: world.told)
+        assert world.told[0].unwanted
+
+
+async def test_an_object_store_that_is_away_holds_it_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Away(DirectoryStore):
+        """Refuses the first two."""
+
+        left = 2
+
+        def put(self, *args: Any, **more: Any) -> None:
+            """Fail, then work."""
+            if Away.left:
+                Away.left -= 1
+                raise ObjectStoreError("no answer")
+            super().put(*args, **more)
+
+    monkeypatch.setattr("gateway.recordings.arrivals.KEEP_RETRY_S", 0.0)
+    async with opened(tmp_path) as world:
+        world.desk = world.another_desk(Away(tmp_path / "objects"))
+        asked = await world.desk.request("r1", last_s=60)
+        world.part(asked)
+        await world.until(lambda: world.told)
+        world.part(asked, 0, BLOB)
+        stored = await world.state(asked, STORED)
+        assert b"".join(world.desk.content(stored)) == BLOB
+        await world.until(lambda: world.told[-1].stored)
+        names = await world.store.read(
+            lambda engine: engine.fetch("SELECT state, count(*) FROM objects GROUP BY state ORDER BY state")
+        )
+        assert [tuple(row) for row in names] == [("doomed", 2), ("stored", 1)]
+
+
+async def test_a_whole_file_is_stored_by_the_next_gateway(tmp_path: Path) -> None:
+    async with opened(tmp_path) as world:
+        asked = await world.desk.request("r1", last_s=60)
+        world.part(asked)
+        await world.state(asked, TRANSFERRING)
+        await world.desk.close()
+        partial = tmp_path / "incoming" / f"{asked.id}-{hashlib.sha256(BLOB).hexdigest()[:16]}.partial"
+        partial.write_bytes(BLOB)  # all had come when it was killed
+        world.online = False
+        world.desk = world.another_desk()
+        await world.desk.look()
+        stored = await world.state(asked, STORED)
+        assert b"".join(world.desk.content(stored, start=5, size_bytes=7)) == BLOB[5:12]
+        await world.until(lambda: not partial.exists())
+
+
+async def test_what_nobody_waits_for_is_cleared_away(tmp_path: Path) -> None:
+    async with opened(tmp_path) as world:
+        left = tmp_path / "incoming" / "01ARZ3NDEKTSV4RRFFQ69G5FAV-0123456789abcdef.partial"
+        left.write_bytes(b"x")
+        asked = await world.desk.request("r1", last_s=60)
+        world.part(asked)
+        await world.until(lambda: world.told)
+        world.part(asked, 0, BLOB[:5])
+        await world.until(lambda: world.told[-1].offset == 5)
+        await world.desk.look()
+        assert not left.exists()
+        assert (await world.desk.get(asked.id)).received_bytes == 5
+
+
+async def test_a_robot_that_cuts_again_sends_another_file(tmp_path: Path) -> None:
+    other = BLOB[::-1]
+    async with opened(tmp_path) as world:
+        asked = await world.desk.request("r1", last_s=60)
+        world.part(asked)
+        await world.until(lambda: world.told)
+        world.part(asked, 0, BLOB[:100])
+        await world.until(lambda: world.told[-1].offset == 100)
+        world.told.clear()
+        world.part(asked, blob=other)
+        await world.until(lambda: world.told)
+        assert [(wanted.offset, wanted.unwanted) for wanted in world.told] == [(0, False)]
+        world.part(asked, 0, other, blob=other)
+        stored = await world.state(asked, STORED)
+        assert b"".join(world.desk.content(stored)) == other
+
+
+async def test_deleting_dooms_the_object(tmp_path: Path) -> None:
+    async with opened(tmp_path) as world:
+        asked = await world.desk.request("r1", last_s=60)
+        world.part(asked)
+        await world.until(lambda: world.told)
+        with pytest.raises(RecordingNotStoredError):
+            world.desk.content(await world.desk.get(asked.id))
+        world.part(asked, 0, BLOB)
+        await world.state(asked, STORED)
+        await world.desk.delete(asked.id)
+        rows = await world.store.read(lambda engine: engine.fetch("SELECT kind, state FROM objects"))
+        assert [tuple(row) for row in rows] == [("recording", "doomed")]
+        for gone in (asked.id, "../x"):
+            with pytest.raises(UnknownRecordingError):
+                await world.desk.delete(gone)
+            with pytest.raises(UnknownRecordingError):
+                await world.desk.get(gone)
