@@ -72,8 +72,16 @@ def stored(engine: StoreEngine, name: str, *, size_bytes: int, sha256: str, now_
 
 
 def doom(engine: StoreEngine, name: str, now_ns: int) -> None:
-    """Nothing refers to the object any more and nobody uploads it; a sweep deletes it. Does nothing to no object."""
-    engine.execute("UPDATE objects SET state = 'doomed', since_ns = ? WHERE name = ?", now_ns, name)
+    """Nothing refers to the object any more, and nobody uploads it; a sweep deletes it. Does nothing to no object.
+
+    One whose upload had not ended well is deleted a lease later: a server may be about to finish it all the same.
+    """
+    later_ns = now_ns + round(LEASE_S * 1e9)
+    update = (
+        "UPDATE objects SET since_ns = CASE WHEN state = 'uploading' THEN CAST(? AS BIGINT) ELSE CAST(? AS BIGINT) END,"
+        " state = 'doomed' WHERE name = ? AND state <> 'doomed'"
+    )
+    engine.execute(update, later_ns, now_ns, name)
 
 
 def sweep_objects(

@@ -33,8 +33,9 @@ _RECORDINGS = (
 )
 _SOURCES: dict[str, tuple[tuple[str, str, str, str, str, str], ...]] = {
     "metric": (_CHUNKS,),
-    "bulk": ((*_BATCHES, "event = 0"), (*_SEGMENTS, "event = 0")),
-    "event": ((*_BATCHES, "event = 1"), (*_SEGMENTS, "event = 1")),
+    # Of what was stored in one moment the segments go first: they hold the lower numbers of a stream.
+    "bulk": ((*_SEGMENTS, "event = 0"), (*_BATCHES, "event = 0")),
+    "event": ((*_SEGMENTS, "event = 1"), (*_BATCHES, "event = 1")),
     "recording": (_RECORDINGS,),
 }
 

@@ -88,6 +88,17 @@ def test_a_lost_uploader_leaves_nothing_even_when_it_was_only_slow(
     assert (rows(engine), names(objects)) == ({}, [])
 
 
+def test_an_upload_that_failed_may_end_all_the_same(engine: StoreEngine, objects: DirectoryStore) -> None:
+    run = in_transaction(engine)
+    run(lambda e: announce(e, "a", kind="segment", now_ns=START_NS))
+    run(lambda e: doom(e, "a", START_NS))
+    assert sweep_objects(run, objects, now_ns=START_NS + 599 * S) == 0
+    put(objects, "a")
+    run(lambda e: doom(e, "a", START_NS + 500 * S))  # once more changes nothing
+    assert sweep_objects(run, objects, now_ns=START_NS + 600 * S) == 1
+    assert (rows(engine), names(objects)) == ({}, [])
+
+
 def test_a_refreshed_upload_is_nobodys_business(engine: StoreEngine, objects: DirectoryStore) -> None:
     run = in_transaction(engine)
     run(lambda e: announce(e, "a", kind="segment", now_ns=START_NS))
@@ -115,6 +126,7 @@ def test_a_sweep_that_fails_half_way_goes_on_later(engine: StoreEngine, tmp_path
     for position, name in enumerate("abc"):
         run(lambda e, name=name: announce(e, name, kind="segment", now_ns=START_NS))  # type: ignore[misc]
         put(objects, name)
+        run(lambda e, name=name: stored(e, name, size_bytes=4, sha256=SHA, now_ns=START_NS))  # type: ignore[misc]
         run(lambda e, name=name, at=START_NS + position: doom(e, name, at))  # type: ignore[misc]
     with pytest.raises(ObjectStoreError):
         sweep_objects(run, objects, now_ns=START_NS + 9)
