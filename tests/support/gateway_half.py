@@ -41,6 +41,8 @@ class GatewayHalf:
         self.results: list[link_pb2.CommandResult] = []
         self.statistics: list[link_pb2.TopicStatistics] = []
         self.heartbeats: list[tuple[int, link_pb2.Heartbeat]] = []
+        self.offers: list[link_pb2.RecordingPart] = []
+        self.parts: list[link_pb2.RecordingPart] = []
         self.frames = 0
         self.connect()
 
@@ -145,6 +147,11 @@ class GatewayHalf:
 
     def on_heartbeat(self, lane: int, heartbeat: link_pb2.Heartbeat) -> None:
         self.heartbeats.append((lane, heartbeat))
+
+    def on_recording(self, lane: int, part: link_pb2.RecordingPart) -> None:
+        assert lane == BACKFILL
+        assert len(part.data) <= 256 * 1024
+        (self.parts if part.data else self.offers).append(part)
 
     def on_resumed(self, lane: int, resumed: link_pb2.Resumed) -> None:
         if self.refusing.get(lane) == resumed.token:
