@@ -1,0 +1,107 @@
+"""Recordings over the deaths of gateways, and with two of them on one database."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import AsyncExitStack
+from pathlib import Path
+
+import pytest
+
+from gateway.main import Ready
+from tests.gateway.harness import client, running_gateway
+from tests.gateway.recordings.robot import PART, RecordingRobot, content
+from tests.gateway.recordings.test_flow import in_state, save, when
+from tests.gateway.test_main import running
+from tests.support.postgres import PostgresServer
+
+BLOB = content(5 * 1024 * 1024 + 3)
+
+
+async def test_a_robot_that_moves_starts_at_what_the_other_gateway_has(
+    tmp_path: Path, postgres: PostgresServer
+) -> None:
+    shared = {"store_url": postgres.schema(), "objects_url": f"file://{tmp_path}/objects"}
+    async with AsyncExitStack() as stack:
+        one = await stack.enter_async_context(running_gateway(tmp_path / "1", **shared))
+        two = await stack.enter_async_context(running_gateway(tmp_path / "2", **shared))
+        http_one = await stack.enter_async_context(client(one))
+        http_two = await stack.enter_async_context(client(two))
+        async with RecordingRobot(one, number=1) as robot:
+            asked = await save(http_one)
+            await robot.offer(asked["id"], BLOB)
+            assert (await robot.wanted()).offset == 0
+            await robot.part(asked["id"], BLOB, 0)
+            while (await robot.wanted()).offset < PART:
+                continue
+        async with RecordingRobot(two, number=2, session=b"2" * 16) as robot:
+            assert (await robot.asked()).save_recording.recording_id == asked["id"]
+            await robot.offer(asked["id"], BLOB)
+            assert (await robot.wanted()).offset == 0  # this one has nothing of it
+            await robot.part(asked["id"], BLOB, 0, 1000)
+            while (await robot.wanted()).offset < 1000:
+                continue
+        async with RecordingRobot(one, number=3, session=b"3" * 16) as robot:
+            await robot.offer(asked["id"], BLOB)
+            assert (await robot.wanted()).offset == PART
+            await robot.offer(asked["id"], BLOB)
+            assert (await robot.deliver(asked["id"], BLOB)).stored
+        async with RecordingRobot(two, number=4, session=b"4" * 16) as robot:
+            await robot.offer(asked["id"], BLOB)
+            assert (await robot.wanted()).stored
+        for http in (http_one, http_two):
+            assert (await when(http, asked["id"], in_state("stored")))["received_bytes"] == len(BLOB)
+            assert (await http.get(f"/api/v1/recordings/{asked['id']}/file.mcap")).content == BLOB
+        async with asyncio.timeout(60):
+            while list((tmp_path / "2" / "data" / "incoming").iterdir()):
+                await http_two.get("/healthz")
+
+
+async def test_asked_at_one_gateway_while_the_robot_is_at_the_other(tmp_path: Path, postgres: PostgresServer) -> None:
+    shared = {"store_url": postgres.schema(), "objects_url": f"file://{tmp_path}/objects"}
+    async with AsyncExitStack() as stack:
+        one = await stack.enter_async_context(running_gateway(tmp_path / "1", **shared))
+        two = await stack.enter_async_context(running_gateway(tmp_path / "2", **shared))
+        http = await stack.enter_async_context(client(one))
+        robot = await stack.enter_async_context(RecordingRobot(two))
+        asked = await save(http)
+        command = await robot.asked()  # the other gateway looks every few seconds
+        assert command.save_recording.recording_id == asked["id"]
+        json = {"Content-Type": "application/json"}
+        await robot.offer(asked["id"], BLOB)
+        assert (await robot.wanted()).offset == 0
+        assert (await http.delete(f"/api/v1/recordings/{asked['id']}", headers=json)).status_code == 200
+        await robot.part(asked["id"], BLOB, 0)
+        while not (await robot.wanted()).unwanted:
+            continue
+
+
+@pytest.mark.slow
+async def test_killed_again_and_again(tmp_path: Path) -> None:
+    """kill -9 after every few parts: each gateway goes on where the dead one's disk was."""
+    options = ("--port", "0", "--grpc-port", "0")
+    rid, offsets = "", []
+    for number in range(1, 6):
+        (tmp_path / "status.json").unlink(missing_ok=True)
+        with running(tmp_path, *options) as (process, status):
+            ready = Ready("127.0.0.1", int(str(status["http_port"])), int(str(status["grpc_port"])), tmp_path)
+            async with client(ready) as http, RecordingRobot(ready, number=number) as robot:
+                rid = rid or (await save(http))["id"]
+                await robot.offer(rid, BLOB)
+                offset = (await robot.wanted()).offset
+                offsets.append(offset)
+                for _ in range(3):
+                    await robot.part(rid, BLOB, offset)
+                    offset += PART
+                while (await robot.wanted()).offset < offset:
+                    continue
+                process.kill()
+                process.wait()
+    assert offsets == [3 * PART * number for number in range(5)]
+    (tmp_path / "status.json").unlink()
+    with running(tmp_path, *options) as (_, status):
+        ready = Ready("127.0.0.1", int(str(status["http_port"])), int(str(status["grpc_port"])), tmp_path)
+        async with client(ready) as http, RecordingRobot(ready, number=9) as robot:
+            await robot.offer(rid, BLOB)
+            assert (await robot.deliver(rid, BLOB)).stored
+            assert (await http.get(f"/api/v1/recordings/{rid}/file.mcap")).content == BLOB
