@@ -2,7 +2,7 @@
 
 Metric rows live twice in their life, never twice at once: a received batch is inserted as it came into
 `metric_batches` together with its stream's watermark; the background merge moves its rows into `metric_chunks` of
-about 1000 samples a series, deleting the batch in the same transaction. `streams` holds the watermarks, and is never
+about 500 samples a series, deleting the batch in the same transaction. `streams` holds the watermarks, and is never
 purged: a watermark is what keeps a sample from being stored twice.
 """
 
@@ -16,7 +16,7 @@ from gateway.store.migrations.series import SERIES
 
 __all__ = ["CHUNK_SAMPLES", "MIGRATIONS", "ROW_BYTES", "TABLES", "Dialect", "migration"]
 
-CHUNK_SAMPLES = 1000
+CHUNK_SAMPLES = 500
 
 MIGRATIONS: tuple[str, ...] = (
     """

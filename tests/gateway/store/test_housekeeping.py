@@ -16,10 +16,12 @@ from gateway.errors import StoreError
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
 from gateway.store.merge import merge_step, waiting_batches
-from gateway.store.query import read_gaps, read_range, read_series, read_streams
 from gateway.store.purge import Purge
+from gateway.store.query import read_gaps, read_series, read_streams
 from gateway.store.retention import Retention
 from gateway.store.samples import SampleFilter
+from gateway.store.schema import CHUNK_SAMPLES
+from gateway.store.series import read_range
 from gateway.store.sqlite import SqliteEngine
 from tests.gateway.store.samples import BATTERY, CPU, EPOCH, everything, gap_write, read_samples, run_write, write
 
@@ -50,8 +52,9 @@ def check_merge(engine: StoreEngine, batches: Batches, choose: Callable[[int], i
     with engine.transaction(write=False):
         counts = [row[0] for row in engine.fetch("SELECT count FROM metric_chunks")]
         assert sum(counts) == seq
-        assert max(counts, default=0) <= 1000
-        unfilled = engine.fetch("SELECT count(*) FROM metric_chunks WHERE count < 1000 GROUP BY series")
+        assert max(counts, default=0) <= CHUNK_SAMPLES
+        open_chunks = "SELECT count(*) FROM metric_chunks WHERE count < ? GROUP BY series"
+        unfilled = engine.fetch(open_chunks, CHUNK_SAMPLES)
         assert all(row[0] == 1 for row in unfilled)
 
 
@@ -154,7 +157,7 @@ def test_retention_by_size_takes_the_oldest_and_events_last(engine: StoreEngine)
     used = engine.used_bytes()
     now_ns = 9 * DAY_NS
     assert purge(engine, Retention(age_s=1e9, size_bytes=used + 1), now_ns=now_ns) == 0
-    assert purge(engine, Retention(age_s=1e9, size_bytes=used - 40_000), now_ns=now_ns) > 0
+    assert purge(engine, Retention(age_s=1e9, size_bytes=used - 15_000), now_ns=now_ns) > 0
     samples, bulk, events, gaps = kept(engine)
     assert 5000 <= samples < 10_000
     assert 5 <= bulk < 10

@@ -1,0 +1,166 @@
+"""Reading a series between two stamps, as rows, buckets or a line of few points; its declared losses beside it.
+
+Where a chunk of rows lies as a whole in one bucket its summary is enough, and summaries are added up by the database;
+only chunks across the edge of a bucket are read and cut. What comes is exact all the same. Chunks are read a slice at
+a time, so that a query's memory does not grow with its range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from gateway.domain.channel import METRIC_STREAM
+from gateway.domain.sample import Gap
+from gateway.store.buckets import Buckets, Line, Picture, Span
+from gateway.store.chunks import Stamps, Values, decode
+from gateway.store.engine import Row, StoreEngine, placeholders, slices
+from metaros.link import BACKFILL_BIT
+
+__all__ = ["DAMAGED", "Method", "SeriesRange", "WaitingRows", "read_metric_gaps", "read_range", "waiting_rows"]
+
+DAMAGED = "damaged"
+Method = Literal["buckets", "lttb"]
+WaitingRows = tuple[npt.NDArray[np.uint32], Stamps, Values]
+
+_INSIDE = """
+    first_ns >= ? AND last_ns <= ? AND total IS NOT NULL AND (first_ns - ?) / ? = (last_ns - ?) / ?
+"""  # in one bucket
+_TOUCHING = "FROM metric_chunks WHERE series = ? AND last_ns >= ? AND first_ns <= ? AND (valid > 0 OR valid IS NULL)"
+_SUMMARIES = f"""
+    SELECT place, CAST(sum(valid) AS BIGINT), min(low), max(high), sum(total) FROM (
+        SELECT CASE WHEN {_INSIDE} THEN (first_ns - ?) / ? ELSE -chunk END AS place, valid, low, high, total {_TOUCHING}
+    ) AS spans GROUP BY place
+"""
+_EXTREMES = f"""
+    SELECT CASE WHEN {_INSIDE} THEN 0 ELSE -chunk END, valid, low, high, low_ns, high_ns {_TOUCHING}
+"""
+_GAPS = """
+    SELECT from_seq, to_seq, reason, from_ns, to_ns FROM gaps JOIN robots USING (robot)
+    WHERE id = ? AND stream_id IN (?, ?) AND to_ns >= ? AND from_ns <= ? ORDER BY to_ns DESC, from_seq DESC LIMIT ?
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class SeriesRange:
+    """A piece of one series: rows as they are (count 1) or buckets with mean, min, max and count.
+
+    `damaged` names rows that are stored but cannot be read: first and last stamp, and how many.
+    """
+
+    name: str
+    stamp_ms: npt.NDArray[np.float64]
+    mean: Values
+    min: Values
+    max: Values
+    count: npt.NDArray[np.int64]
+    damaged: list[tuple[int, int, int]] = field(default_factory=list)
+
+
+def read_range(
+    engine: StoreEngine,
+    robot_id: str,
+    names: Sequence[str],
+    *,
+    start_ns: int,
+    end_ns: int,
+    points: int,
+    method: Method = "buckets",
+) -> list[SeriesRange]:
+    """Each named series between two stamps, both included; a name nobody stored gives an empty range."""
+    span = Span(start_ns=start_ns, end_ns=end_ns, points=points)
+    with engine.transaction(write=False):
+        waiting = waiting_rows(engine, robot_id)
+        ranges = []
+        for name in names:
+            picture: Picture = Line(span) if method == "lttb" else Buckets(span)
+            find = "SELECT series FROM series JOIN robots USING (robot) WHERE id = ? AND name = ?"
+            damaged: list[tuple[int, int, int]] = []
+            for row in engine.fetch(find, robot_id, name):
+                reading = _Reading(engine, int(row[0]), span, waiting, damaged)
+                reading.fill(picture)
+                if picture.count <= points:
+                    picture = Line(span)  # few enough to give them all
+                    reading.fill_all(picture)
+            ranges.append(SeriesRange(name, *picture.columns(), damaged))
+        return ranges
+
+
+def read_metric_gaps(engine: StoreEngine, robot_id: str, *, start_ns: int, end_ns: int, limit: int) -> list[Gap]:
+    """The robot's declared losses of metric rows that touch the time between two stamps, at most the newest `limit`.
+
+    In order of time.
+    """
+    streams = METRIC_STREAM, METRIC_STREAM | BACKFILL_BIT
+    with engine.transaction(write=False):
+        rows = engine.fetch(_GAPS, robot_id, *streams, start_ns, end_ns, limit)
+    return [Gap(*row) for row in reversed(rows)]
+
+
+def waiting_rows(engine: StoreEngine, robot_id: str) -> WaitingRows:
+    """The robot's rows (series, stamp, value) that the merge has not moved yet, in the order they came."""
+    query = (
+        "SELECT series, stamps, vals FROM metric_batches"
+        " WHERE robot = (SELECT robot FROM robots WHERE id = ?) ORDER BY batch"
+    )
+    rows = engine.fetch(query, robot_id)
+    series, stamps, values = (b"".join(row[column] for row in rows) for column in range(3))
+    return np.frombuffer(series, np.uint32), np.frombuffer(stamps, np.int64), np.frombuffer(values, np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    """One series on one snapshot."""
+
+    engine: StoreEngine
+    series: int
+    span: Span
+    waiting: WaitingRows
+    damaged: list[tuple[int, int, int]]
+
+    def fill(self, picture: Picture) -> None:
+        """Everything of the range, by summaries where they are enough."""
+        start_ns, width_ns = self.span.start_ns, picture.width_ns
+        inside = (start_ns, self.span.end_ns, start_ns, width_ns, start_ns, width_ns)
+        touching = (self.series, start_ns, self.span.end_ns)
+        if isinstance(picture, Line):
+            found = self.engine.fetch(_EXTREMES, *inside, *touching)
+        else:
+            found = self.engine.fetch(_SUMMARIES, *inside, start_ns, width_ns, *touching)
+        picture.add_summaries([row for row in found if row[0] >= 0])
+        self._fill_rows(picture, sorted(-row[0] for row in found if row[0] < 0))
+
+    def fill_all(self, picture: Picture) -> None:
+        """Every row of the range."""
+        self.damaged.clear()
+        numbers = self.engine.fetch(f"SELECT chunk {_TOUCHING}", self.series, self.span.start_ns, self.span.end_ns)
+        self._fill_rows(picture, sorted(row[0] for row in numbers))
+
+    def _fill_rows(self, picture: Picture, chunks: Sequence[int]) -> None:
+        for stamps, values in self._rows(chunks):
+            picture.add(*self.span.cut(stamps, values))
+        mine = self.waiting[0] == self.series
+        picture.add(*self.span.cut(self.waiting[1][mine], self.waiting[2][mine]))
+
+    def _rows(self, chunks: Sequence[int]) -> Iterator[tuple[Stamps, Values]]:
+        for some in slices(chunks):
+            query = (
+                "SELECT encoding, count, stamps, vals, first_ns, last_ns FROM metric_chunks"
+                f" WHERE chunk IN ({placeholders(len(some))}) ORDER BY last_ns"
+            )
+            rows = self.engine.fetch(query, *some)
+            try:
+                yield decode([(row[0], row[1], row[2], row[3]) for row in rows])
+            except ValueError:
+                yield from self._undamaged(rows)
+
+    def _undamaged(self, rows: Sequence[Row]) -> Iterator[tuple[Stamps, Values]]:
+        for row in rows:
+            try:
+                yield decode([(row[0], row[1], row[2], row[3])])
+            except ValueError:
+                self.damaged.append((row[4], row[5], row[1]))
