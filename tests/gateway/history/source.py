@@ -5,21 +5,33 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gateway.history.losses import Loss
+from gateway.objects import ObjectStore
+from gateway.store.compact import Compaction
 from gateway.store.engine import StoreEngine
 from gateway.store.history import StoredTopic, find_runs, gaps_between, newest_candidates, stored_topics
+from gateway.store.ledger import in_transaction
 from gateway.store.load import RunLoader
 from gateway.store.samples import SampleFilter, StoredBatch, StoredRun
+from metaros.clock import SystemClock
 
-__all__ = ["EngineSource"]
+__all__ = ["EngineSource", "compact_all"]
+
+
+def compact_all(engine: StoreEngine, objects: ObjectStore) -> int:
+    """Every batch becomes part of a segment, as the gateway's compaction makes it; how many segments there are then."""
+    work = Compaction(engine, in_transaction(engine), objects, clock=SystemClock())
+    while any(work.compact(due) for due in work.due(everything=True)):
+        pass
+    with engine.transaction(write=False):
+        return int(engine.fetch("SELECT count(*) FROM segments")[0][0])
 
 
 class EngineSource:
-    """`gateway.history.source.Source` over an engine; counts what it loads."""
+    """`gateway.history.source.Source` over an engine."""
 
-    def __init__(self, engine: StoreEngine) -> None:
-        self.engine = engine
-        self.loads = 0
-        self._loader = RunLoader()
+    def __init__(self, engine: StoreEngine, objects: ObjectStore | None = None) -> None:
+        self.engine, self.objects = engine, objects
+        self._loader = RunLoader(objects)
 
     def topics(self, robot_id: str) -> Sequence[StoredTopic]:
         return stored_topics(self.engine, robot_id)
@@ -28,7 +40,6 @@ class EngineSource:
         return find_runs(self.engine, robot_id, wanted, limit=limit, newest_first=newest_first)
 
     def load(self, run: StoredRun) -> StoredBatch:
-        self.loads += 1
         return self._loader.load(self.engine, run)
 
     def newest(self, robot_id: str, topic: str, t_ns: int) -> StoredRun | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import tracemalloc
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -53,9 +54,9 @@ def accounts(data: bytes) -> dict[str, Any]:
     return {key: json.loads(text) for key, text in record.metadata.items()}
 
 
-def test_messages_of_two_robots_in_one_file(engine: StoreEngine) -> None:
+def test_messages_of_two_robots_in_one_file(engine: StoreEngine, source: Callable[..., EngineSource]) -> None:
     commit(engine)
-    data = made(Export(EngineSource(engine), request()))
+    data = made(Export(source(), request()))
     found = messages(data)
     assert [message.log_time for _, message in found] == sorted(message.log_time for _, message in found)
     by_topic: dict[str, list[bytes]] = {}
@@ -76,9 +77,9 @@ def test_messages_of_two_robots_in_one_file(engine: StoreEngine) -> None:
     assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
 
 
-def test_a_piece_of_time_and_of_topics(engine: StoreEngine) -> None:
+def test_a_piece_of_time_and_of_topics(engine: StoreEngine, source: Callable[..., EngineSource]) -> None:
     commit(engine)
-    data = made(Export(EngineSource(engine), request({"r1": ("/scan",)}, start_ns=1025, end_ns=1030)))
+    data = made(Export(source(), request({"r1": ("/scan",)}, start_ns=1025, end_ns=1030)))
     assert [(channel.topic, message.log_time) for channel, message in messages(data)] == [
         ("/scan", stamp) for stamp in range(1025, 1031)
     ]

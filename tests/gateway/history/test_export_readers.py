@@ -13,14 +13,18 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from gateway.api.rest.export import MEDIA_TYPE
+from gateway.objects import open_objects
+from gateway.store.engines import open_engine
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.idl import message_class
 from metaros.link import pack_batch
 from tests.gateway.harness import DATA, EPOCH, ScriptedAgent, channel, client, running_gateway
+from tests.gateway.history.source import compact_all
 
 ROBOTS = ("sim_1", "sim_2", "sim_3")
 SPAN_S = 60
+DAY = {"start": "2026-09-21T00:00:00Z", "end": "2026-09-22T00:00:00Z"}
 START_NS = 1_790_000_000 * 10**9
 TOPICS = {  # name: type, rate in Hz
     "odom": ("nav_msgs/msg/Odometry", 20),
@@ -94,10 +98,24 @@ async def test_export_of_60_s_of_3_robots_is_what_was_published(tmp_path: Path) 
         for number, robot in enumerate(ROBOTS, 1):
             async with ScriptedAgent(ready, robot) as agent:
                 published |= await publish(agent, number)
-        await saved(http, path, robot=list(ROBOTS), start="2026-09-21T00:00:00Z", end="2026-09-22T00:00:00Z")
+        await saved(http, path, robot=list(ROBOTS), **DAY)
     assert sum(len(samples) for samples in published.values()) == 3 * SPAN_S * 78
     assert with_mcap(path) == published
     await asyncio.to_thread(check_with_rosbags, path, published)
+    assert await asyncio.to_thread(compacted, tmp_path / "data") > 0
+    async with running_gateway(tmp_path) as ready, client(ready) as http:
+        await saved(http, path, robot=list(ROBOTS), **DAY)
+    assert with_mcap(path) == published
+    await asyncio.to_thread(check_with_rosbags, path, published)
+
+
+def compacted(data_dir: Path) -> int:
+    """All that is stored there becomes segments; how many."""
+    engine, _ = open_engine("", data_dir)
+    try:
+        return compact_all(engine, open_objects("", data_dir))
+    finally:
+        engine.close()
 
 
 def with_mcap(path: Path) -> Published:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from typing import Any
 
 import orjson
@@ -42,9 +43,11 @@ def commit(engine: StoreEngine) -> None:
 @pytest.mark.parametrize(
     ("t_ns", "payload"), [(SECOND, b"1"), (5 * SECOND - 1, b"4"), (15 * SECOND, b"15"), (29 * SECOND, b"20")]
 )
-def test_the_newest_by_then(engine: StoreEngine, t_ns: int, payload: bytes) -> None:
+def test_the_newest_by_then(
+    engine: StoreEngine, source: Callable[..., EngineSource], t_ns: int, payload: bytes
+) -> None:
     commit(engine)
-    instant = read_instant(EngineSource(engine), "r1", ["/events", "/map"], t_ns=t_ns, max_age_ns=10 * SECOND)
+    instant = read_instant(source(), "r1", ["/events", "/map"], t_ns=t_ns, max_age_ns=10 * SECOND)
     facts, records = unpacked(pack_instant(instant))
     assert [(number, content) for number, _, content in records] == [(1, payload), (2, b"map")]
     assert [row["topic"] for row in facts["channels"]] == ["/events", "/map"]
@@ -53,18 +56,18 @@ def test_the_newest_by_then(engine: StoreEngine, t_ns: int, payload: bytes) -> N
     assert (facts["t_ms"], facts["missing"], facts["gaps"]) == (t_ns / 1e6, [], [])
 
 
-def test_why_there_is_none(engine: StoreEngine) -> None:
+def test_why_there_is_none(engine: StoreEngine, source: Callable[..., EngineSource]) -> None:
     commit(engine)
     Committer(engine).commit([gap_write(1, 4, stream_id=8, base=0)], now_ns=1)
-    source = EngineSource(engine)
-    late = read_instant(source, "r1", ["/events", "/map", "/none"], t_ns=31 * SECOND, max_age_ns=10 * SECOND)
+    now = source()
+    late = read_instant(now, "r1", ["/events", "/map", "/none"], t_ns=31 * SECOND, max_age_ns=10 * SECOND)
     facts, records = unpacked(pack_instant(late))
     assert [content for _, _, content in records] == [b"map"]
     assert facts["missing"] == [
         {"topic": "/events", "reason": "too_old", "nearest_ms": 20_000.0},
         {"topic": "/none", "reason": "not_stored", "nearest_ms": None},
     ]
-    early = read_instant(source, "r1", ["/events"], t_ns=2, max_age_ns=10)
+    early = read_instant(now, "r1", ["/events"], t_ns=2, max_age_ns=10)
     assert [item.reason for item in early.missing] == ["not_stored"]
     assert [(loss.count, loss.reason) for loss in early.losses] == [(4, "outbox_full")]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Callable
 
 import pytest
 
@@ -52,7 +53,9 @@ def test_texts_that_are_no_cursors(text: str) -> None:
 
 
 @pytest.mark.parametrize("newest_first", [False, True])
-def test_pages_one_after_another_have_every_message_once(engine: StoreEngine, newest_first: bool) -> None:
+def test_pages_one_after_another_have_every_message_once(
+    engine: StoreEngine, source: Callable[..., EngineSource], newest_first: bool
+) -> None:
     """Two topics with the same stamps; what arrives meanwhile where the pages have been changes nothing."""
     writes = [run_write(1 + 10 * n, [b"x"] * 10) for n in range(3)]
     writes.append(run_write(1, [b"y"] * 30, stream_id=8, topic="/other"))
@@ -60,7 +63,7 @@ def test_pages_one_after_another_have_every_message_once(engine: StoreEngine, ne
     committer.commit(writes, now_ns=1)
     found, after = [], None
     for _ in range(20):
-        page = read_page(EngineSource(engine), request(newest_first=newest_first, after=after))
+        page = read_page(source(), request(newest_first=newest_first, after=after))
         found += page.messages
         if page.next is None:
             break
@@ -74,13 +77,13 @@ def test_pages_one_after_another_have_every_message_once(engine: StoreEngine, ne
     assert len(places) == 60
 
 
-def test_a_page_ends_at_its_bytes(engine: StoreEngine) -> None:
+def test_a_page_ends_at_its_bytes(engine: StoreEngine, source: Callable[..., EngineSource]) -> None:
     large = bytes(LIMITS.history_page_bytes // 2)
     writes = [run_write(1, [large, large, b"small"]), run_write(4, [bytes(LIMITS.history_page_bytes + 1)])]
     Committer(engine).commit(writes, now_ns=1)
     pages, after = [], None
     while not pages or after is not None:
-        page = read_page(EngineSource(engine), request(after=after))
+        page = read_page(source(), request(after=after))
         pages.append([message.seq for message in page.messages])
         after = read_cursor(page.next, newest_first=False) if page.next else None
     assert pages == [[1, 2], [3], [4]]

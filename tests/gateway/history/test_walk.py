@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import pytest
 
 from gateway.errors import DamagedError, InvalidRequestError, PurgedError
 from gateway.history import walk as walks
 from gateway.history.walk import Walk
+from gateway.objects import open_objects
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
 from gateway.store.samples import SampleFilter, StoredBatch, StoredRun
-from tests.gateway.history.source import EngineSource
+from tests.gateway.history.source import EngineSource, compact_all
 from tests.gateway.store.samples import run_write
 
 ALL = {"robot_id": "r1", "topics": ("/events",), "start_ns": 0, "end_ns": 1 << 60}
@@ -26,46 +28,37 @@ def fill(engine: StoreEngine, *, batches: int = 9, size: int = 5) -> list[int]:
 
 
 class Compacting(EngineSource):
-    """Before each window, two neighbouring batches of the middle become one, as compaction makes it."""
+    """After the second window is found, and before it is loaded, all batches become segments."""
+
+    windows = 0
 
     def runs(self, robot_id: str, wanted: SampleFilter, *, newest_first: bool, limit: int) -> Sequence[StoredRun]:
         found = super().runs(robot_id, wanted, newest_first=newest_first, limit=limit)
-        with self.engine.transaction(write=True):
-            rows = self.engine.fetch(
-                "SELECT batch, count, last_ns, stamps, lengths, payload FROM sample_batches ORDER BY first_seq"
-            )
-            for one, two in zip(rows[::3], rows[1::3], strict=False):
-                self.engine.execute("DELETE FROM sample_batches WHERE batch = ?", two[0])
-                self.engine.execute(
-                    "UPDATE sample_batches SET count = ?, last_ns = ?, stamps = ?, lengths = ?, payload = ?"
-                    " WHERE batch = ?",
-                    *(one[1] + two[1], two[2], *(bytes(one[n]) + bytes(two[n]) for n in (3, 4, 5)), one[0]),
-                )
+        self.windows += 1
+        if self.windows == 2:
+            assert self.objects is not None
+            assert compact_all(self.engine, self.objects) == 1
         return found
-
-    def load(self, run: StoredRun) -> StoredBatch:
-        """As the store's loader does it: what was moved is found where it is now."""
-        wanted = SampleFilter(topics=("/events",))
-        for now in super().runs("r1", wanted, newest_first=False, limit=1000):
-            if now.first_seq <= run.first_seq and run.last_seq <= now.last_seq:
-                return super().load(now).cut(run.first_seq, run.count)
-        raise AssertionError(f"{run} is gone")
 
 
 @pytest.mark.parametrize("newest_first", [False, True])
 @pytest.mark.parametrize("window_runs", [1, 2, 256])
-def test_every_message_comes_once_in_order(engine: StoreEngine, newest_first: bool, window_runs: int) -> None:
+def test_every_message_comes_once_in_order(
+    engine: StoreEngine, source: Callable[..., EngineSource], newest_first: bool, window_runs: int
+) -> None:
     numbers = fill(engine)
-    walk = Walk(source=EngineSource(engine), newest_first=newest_first, window_runs=window_runs, **ALL)
+    walk = Walk(source=source(), newest_first=newest_first, window_runs=window_runs, **ALL)
     assert [message.seq for message in walk.messages()] == (numbers[::-1] if newest_first else numbers)
 
 
 @pytest.mark.parametrize("newest_first", [False, True])
-def test_compaction_between_windows_changes_nothing(engine: StoreEngine, newest_first: bool) -> None:
+def test_compaction_meanwhile_changes_nothing(engine: StoreEngine, tmp_path: Path, newest_first: bool) -> None:
     numbers = fill(engine, batches=20)
-    walk = Walk(source=Compacting(engine), newest_first=newest_first, window_runs=3, **ALL)
-    assert [message.seq for message in walk.messages()] == (numbers[::-1] if newest_first else numbers)
-    assert [int(message.payload) for message in walk.messages()] == (numbers[::-1] if newest_first else numbers)
+    source = Compacting(engine, open_objects("", tmp_path))
+    walk = Walk(source=source, newest_first=newest_first, window_runs=3, **ALL)
+    found = [(message.seq, int(message.payload)) for message in walk.messages()]
+    assert found == [(number, number) for number in (numbers[::-1] if newest_first else numbers)]
+    assert source.windows >= 3
 
 
 @pytest.mark.parametrize("newest_first", [False, True])
