@@ -1,6 +1,6 @@
 """Whether anybody is there at all, before a transport is blamed.
 
-TCP asks for a lost connection again after 1, 3, 7 … s. Here a new request leaves every half second, so that an agent
+TCP asks for a lost connection again after 1, 3, 7 … s. Here a new request leaves every quarter second, so that an agent
 is back soon after its network.
 """
 
@@ -16,7 +16,7 @@ from edge_agent.uplink.address import GatewayAddress
 __all__ = ["reach"]
 
 WITHIN_S = 3.0
-EVERY_S = 0.5
+EVERY_S = 0.25
 MOST_HOSTS = 4
 
 

@@ -16,7 +16,7 @@ __all__ = ["DEAD_PATH_S", "Connection", "OpenLane", "gateway_frame"]
 
 # When the other end's system confirms nothing for so long, the connection is dead: TCP's own pauses grow longer than
 # that, and a new connection is there sooner once the network is back.
-DEAD_PATH_S = 4.0
+DEAD_PATH_S = 3.0
 
 
 class Connection(Protocol):
