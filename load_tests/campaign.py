@@ -17,6 +17,7 @@ CAMPAIGNS = {
     "postgres": "200 times the same on PostgreSQL, its own kill -9 included",
     "partitions": "networks that cut, lose, flap, crawl and swallow, 50 cycles each",
     "disks": "full disks on the robot and on the gateway, 20 times each",
+    "history": "200 times kill -9 of a gateway that compacts, purges and exports",
     "simulator": "50,000 seeded worlds of the link's two halves",
     "recovery": "how long until `metaros agent` and `metaros gateway` are back after kill -9",
 }

@@ -39,7 +39,8 @@ class PostgresStack(LoadStack):
 
     def stored(self) -> Stored:
         """What the database has."""
-        return read_rows(lambda sql: self.server.ask(sql, self.robot_config.name), "$1")
+        data_dir = self.gateway_config.data_dir
+        return read_rows(lambda sql: self.server.ask(sql, self.robot_config.name), "$1", data_dir)
 
 
 def break_any(stack: LoadStack, rng: Random, act: str) -> None:

@@ -41,7 +41,7 @@ _DUE = """
     GROUP BY r.robot, r.id, b.event ORDER BY min(b.stored_ns)
 """
 _OLDEST = """
-    SELECT batch, stream_id, epoch, first_seq, count, length(payload) FROM sample_batches
+    SELECT batch, stream_id, epoch, first_seq, count, length(payload), stored_ns FROM sample_batches
     WHERE robot = ? AND event = ? AND first_ns >= 0 ORDER BY stored_ns, batch LIMIT ?
 """
 _BATCHES = (
@@ -138,14 +138,16 @@ class Compaction:
         """The oldest batches up to a segment's bounds, of one moment: their keys, and what they hold."""
         with self._engine.transaction(write=False):
             limit = self._pace.batches + len(self._unpackable)
-            picked, size_bytes = [], 0
+            picked: list[Row] = []
+            size_bytes = 0
             for row in self._engine.fetch(_OLDEST, due.robot, due.event, limit):
                 if row[0] in self._unpackable:
                     continue
+                # One commit's batches of a robot go together, so that retention, oldest first, leaves no holes.
+                if size_bytes >= self._pace.size_bytes and row[6] != picked[-1][6]:
+                    break
                 picked.append(row)
                 size_bytes += row[5]
-                if size_bytes >= self._pace.size_bytes:
-                    break
             channels = {row[0]: stored_channel(due.robot_id, row) for row in self._engine.fetch(_CHANNELS, due.robot)}
             rows: dict[int, Row] = {}
             for some in slices([row[0] for row in picked]):

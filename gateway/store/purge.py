@@ -16,7 +16,7 @@ from gateway.store.recordings import remove_recording
 from gateway.store.retention import CLASSES, Going, Holding, Retention, Usage, plan
 from gateway.store.schema import ROW_BYTES, TABLES
 
-__all__ = ["Purge", "class_bytes", "oldest_holdings", "plan_of", "total_bytes"]
+__all__ = ["Purge", "class_bytes", "oldest_holdings", "oldest_ns", "plan_of", "total_bytes"]
 
 _SLICE = 500  # rows deleted in one transaction
 
@@ -55,6 +55,15 @@ def class_bytes(engine: StoreEngine, name: str, *, since_ns: int = 0) -> int:
         size = f"{TABLES['metric_batches']} + {ROW_BYTES}"
         sums.append(f"(SELECT coalesce(sum({size}), 0) FROM metric_batches WHERE stored_ns >= ?)")
     return int(engine.fetch(f"SELECT CAST({' + '.join(sums)} AS BIGINT)", *[since_ns] * len(sums))[0][0])
+
+
+def oldest_ns(engine: StoreEngine, name: str) -> int | None:
+    """When the oldest of a class was stored; inside a transaction of the caller's."""
+    lowest = [
+        engine.fetch(f"SELECT min({time}) FROM {table} WHERE {condition}")[0][0]
+        for table, _, time, _, _, condition in _SOURCES[name]
+    ]
+    return min((int(found) for found in lowest if found is not None), default=None)
 
 
 def total_bytes(engine: StoreEngine) -> int:

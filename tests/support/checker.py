@@ -16,7 +16,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import zstandard
+from mcap.reader import make_reader
 
+from gateway.store.chunks import decode
 from metaros.link import BACKFILL_BIT, CHANNEL_MASK
 from tests.support.load_robot_samples import KINDS, LOST, Counters, number_in, payload, read_journal
 
@@ -89,17 +91,19 @@ def read_sqlite(path: Path, robot: str = "robot") -> Stored:
     connection = sqlite3.connect(f"file:{path}?mode=ro", uri=True)
     connection.row_factory = sqlite3.Row
     try:
-        return read_rows(lambda sql: connection.execute(sql, (robot,)), "?")
+        return read_rows(lambda sql: connection.execute(sql, (robot,)), "?", path.parent)
     finally:
         connection.close()
 
 
-def read_rows(query: Any, mark: str) -> Stored:
-    """Read a robot through `query(sql)`; rows answer by column name."""
+def read_rows(query: Any, mark: str, data_dir: Path) -> Stored:
+    """Read a robot through `query(sql)`, and its segments in the gateway's folder; rows answer by column name."""
     stored = Stored()
     of_robot = f"(SELECT robot FROM robots WHERE id = {mark})"
     for row in query(f"SELECT * FROM sample_batches WHERE robot = {of_robot} ORDER BY first_seq"):
         stored.batches.append(StoredBatch(key_of(row), int(row["first_seq"]), list(payloads_of(row))))
+    runs = f"SELECT * FROM segment_runs JOIN segments USING (segment) WHERE segment_runs.robot = {of_robot}"
+    stored.batches += read_segments(query(f"SELECT * FROM segments WHERE robot = {of_robot}"), query(runs), data_dir)
     for row in query(f"SELECT * FROM gaps WHERE robot = {of_robot} ORDER BY from_seq"):
         gap = (int(row["from_seq"]), int(row["to_seq"]), str(row["reason"]))
         stored.gaps.setdefault(key_of(row), []).append(gap)
@@ -111,8 +115,34 @@ def read_rows(query: Any, mark: str) -> Stored:
     ):
         close = ")" if "(" in where else ""
         for row in query(f"SELECT * FROM {table} WHERE {where} {of_robot}{close}"):
-            stored.metric_values += np.frombuffer(row["vals"], "<f8").tolist()
+            stored.metric_values += values_of(row)
     return stored
+
+
+def read_segments(segments: Iterable[Any], runs: Iterable[Any], data_dir: Path) -> Iterator[StoredBatch]:
+    """The runs of segments: the table says which samples there are, PyPI's own reader what they hold."""
+    files: dict[str, dict[tuple[Key, int], bytes]] = {}
+    for row in segments:
+        samples = files[str(row["object"])] = {}
+        with (data_dir / "objects" / str(row["object"])).open("rb") as file:
+            for _, channel, message in make_reader(file, validate_crcs=True).iter_messages():
+                key = (int(channel.metadata["epoch"]), int(channel.metadata["stream"]))
+                samples[key, message.sequence] = message.data
+        assert len(samples) == int(row["messages"]), f"{row['object']} holds {len(samples)} messages"
+    for row in runs:
+        samples, key, first = files[str(row["object"])], key_of(row), int(row["first_seq"])
+        numbers = range(first, first + int(row["count"]))
+        yield StoredBatch(key, first, [samples.pop((key, seq & 0xFFFFFFFF)) for seq in numbers])
+    left = sum(map(len, files.values()))
+    assert left == 0, f"{left} messages of segments are in no run"
+
+
+def values_of(row: Any) -> list[float]:
+    """The numbers of some metric rows, be they as they came or packed."""
+    if "encoding" not in row.keys():  # noqa: SIM118 - sqlite3.Row
+        return [float(value) for value in np.frombuffer(row["vals"], "<f8")]
+    chunk = (int(row["encoding"]), int(row["count"]), bytes(row["stamps"]), bytes(row["vals"]))
+    return [float(value) for value in decode([chunk])[1]]
 
 
 def key_of(row: Any) -> Key:

@@ -7,11 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import gateway.settings
+import gateway.store.compactor
+import gateway.store.writer
 from gateway.main import run
 from gateway.settings import Settings
+from gateway.store.compact import CompactPace
+from gateway.store.writer import Pace
 from tests.support.load_robot import die_with_parent, log_to
 
 __all__ = ["GatewayConfig", "run_gateway"]
+
+BUSY_COMPACTION = CompactPace(
+    size_bytes=48 << 10, small_bytes=0, age_s=0.5, batches=400, look_every_s=0.005, sweep_every_s=0.3, retry_s=0.05
+)
+BUSY_WRITER = Pace(merge_at_batches=32, merge_after_s=0.5, purge_every_s=0.05)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,6 +34,8 @@ class GatewayConfig:
     host: str = "127.0.0.1"
     heartbeat_s: float = 5.0
     store_url: str = ""
+    retention_rules: tuple[str, ...] = ()
+    busy: bool = False  # compacts, merges and purges all the time
     robot_messages_per_s: int = 0  # no quota: a campaign's robot sends as fast as it can
 
 
@@ -34,6 +45,9 @@ def run_gateway(config: GatewayConfig) -> None:
     log_to(config.folder / "gateway.log")
     if config.host != "127.0.0.1":  # in a network namespace of the campaign's own there is nobody else
         gateway.settings.is_loopback = lambda host: True
+    if config.busy:
+        vars(gateway.store.compactor)["CompactPace"] = lambda: BUSY_COMPACTION
+        vars(gateway.store.writer)["Pace"] = lambda: BUSY_WRITER
     known = {field.name for field in dataclasses.fields(Settings)}
     wanted = {
         "host": config.host,
@@ -43,6 +57,7 @@ def run_gateway(config: GatewayConfig) -> None:
         "heartbeat_s": config.heartbeat_s,
         "store_url": config.store_url or None,
         "retention_bytes": 1 << 40,
+        "retention_rules": config.retention_rules,
         "robot_messages_per_s": config.robot_messages_per_s,
         "robot_bytes_per_s": 0,
     }

@@ -262,6 +262,35 @@ def test_stamps_that_no_mcap_file_can_hold_stay_rows(engine: StoreEngine, object
     check(engine, objects, {1: b"before 1970", 2: b"after"})
 
 
+def test_what_one_commit_stored_goes_into_one_segment(engine: StoreEngine, objects: ObjectStore) -> None:
+    """Retention deletes by the time of storing: a commit cut in two could lose its later half first."""
+    committer = Committer(engine)
+    for commit in range(4):
+        writes = [run_write(1 + commit * 5 + place, [b"x" * 1500]) for place in range(5)]
+        committer.commit(writes, now_ns=commit)
+    work = compaction(engine, objects)
+    assert [work.compact(work.due(everything=True)[0]) for _ in range(4)] == [5, 5, 5, 5]
+
+
+def test_a_batch_that_cannot_be_packed_stops_no_other(
+    engine: StoreEngine, objects: ObjectStore, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A mistake of ours, or a damaged row: it stays as it came, and is said once."""
+    committer = Committer(engine)
+    for seq in range(1, 10):
+        committer.commit([run_write(seq, [b"%d" % seq])], now_ns=1)
+    with engine.transaction(write=True):
+        engine.execute("UPDATE sample_batches SET lengths = ? WHERE first_seq = 5", b"\x09\0\0\0")
+    work = compaction(engine, objects)
+    assert compact_all(work) == 8
+    assert "stays as it came" in caplog.text
+    caplog.clear()
+    assert compact_all(work) == 0
+    assert caplog.text == ""
+    assert set(content(engine, loader=RunLoader(objects))[0]) == set(range(1, 10))
+    assert compact_all(compaction(engine, objects)) == 0  # another process finds out by itself
+
+
 def test_a_segment_is_an_mcap_file_of_one_robot(engine: StoreEngine, objects: ObjectStore) -> None:
     expected = fill(engine)
     topics = stored_topics(engine, "r1")
