@@ -9,7 +9,7 @@ from starlette.types import ASGIApp
 
 from gateway.api.guard import Guard
 from gateway.api.problem import install_problems
-from gateway.api.rest import commands, export, health, history, recordings, robots, uplink
+from gateway.api.rest import commands, export, health, history, metrics, recordings, robots, uplink
 from gateway.api.services import Services
 from gateway.api.static import Dashboard
 from gateway.api.ws import link, stream, teleop
@@ -19,6 +19,7 @@ __all__ = ["ROUTERS", "create_api", "route_paths"]
 ROUTERS: tuple[APIRouter, ...] = (
     health.router,
     robots.router,
+    metrics.router,
     commands.router,
     uplink.router,
     history.router,

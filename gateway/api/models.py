@@ -204,9 +204,13 @@ class SeriesPiece(_Model):
 
 
 class MetricRange(_Model):
-    """The asked pieces in the asked order."""
+    """The asked pieces in the asked order, and what is missing of the robot's metric rows in this time.
+
+    A gap is [from_ms, to_ms, how many rows, reason].
+    """
 
     series: list[SeriesPiece]
+    gaps: list[tuple[float, float, int, str]]
 
 
 class DeclaredGap(_Model):

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
 from gateway.domain.channel import METRIC_STREAM
 from gateway.domain.lease import Lease
+from gateway.domain.sample import Gap
 from gateway.ingest.registry import ChannelState, RobotRecord
 from gateway.store.query import SeriesFacts, StoredGap
-from gateway.store.series import SeriesRange
+from gateway.store.series import DAMAGED, SeriesRange
 from metaros.link import BACKFILL_BIT, CHANNEL_MASK
 
-__all__ = ["gap_view", "range_view", "rfc3339", "robot_view", "series_view", "topic_view", "uplink_view"]
+__all__ = [
+    "gap_view",
+    "metric_gaps_view",
+    "range_view",
+    "rfc3339",
+    "robot_view",
+    "series_view",
+    "topic_view",
+    "uplink_view",
+]
 
 _MAX_CLASSES = 8  # of what an agent tells
 _DEPTH_FIELDS = ("name", "fresh_bytes", "backfill_bytes", "samples", "lost", "disk_bytes", "quota_bytes")
@@ -159,3 +169,10 @@ def range_view(piece: SeriesRange) -> dict[str, Any]:
         "max": piece.max,
         "count": piece.count,
     }
+
+
+def metric_gaps_view(gaps: Sequence[Gap], pieces: Sequence[SeriesRange]) -> list[list[Any]]:
+    """Declared losses, and rows that are stored and cannot be read, by time: [from_ms, to_ms, count, reason]."""
+    lost = [[gap.from_ns / 1e6, gap.to_ns / 1e6, gap.count, gap.reason] for gap in gaps]
+    damaged = [span for piece in pieces for span in piece.damaged]
+    return sorted([*lost, *([first / 1e6, last / 1e6, count, DAMAGED] for first, last, count in damaged)])

@@ -123,8 +123,10 @@ class Line:
         if rows:
             _, counts, low, high, low_ns, high_ns = zip(*rows, strict=True)
             self.count += sum(counts)
-            self._stamps.append(np.array(low_ns + high_ns, np.int64))
-            self._values.append(np.array(low + high, np.float64))
+            lows, highs = np.array(low_ns, np.int64), np.array(high_ns, np.int64)
+            two = lows != highs
+            self._stamps += [lows, highs[two]]
+            self._values += [np.array(low, np.float64), np.array(high, np.float64)[two]]
 
     def add(self, stamps: Stamps, values: Values) -> None:
         """Keep some rows, or their extremes."""
