@@ -1,7 +1,8 @@
 """The black box at work: a queue bounded in bytes between the tap's thread and one thread that writes the ring.
 
-The tap's thread pays one put a batch; payloads are copied, packed and compressed by the writer. What finds the queue
-full is lost to the black box alone, and noted with its publisher, so that every clip declares it.
+The tap's thread pays one append a batch. The writer copies, packs and compresses what has gathered, a few times a
+second: waking it for each sample would cost more than all the rest. What finds the queue full is lost to the black box
+alone, and noted with its publisher, so that every clip declares it.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import Any, Final, NamedTuple, TypeVar
 
 from edge_agent.blackbox.ring import Piece, Ring
@@ -30,6 +30,8 @@ __all__ = ["BlackBox", "Held"]
 
 T = TypeVar("T")
 LOG = logging.getLogger("metaros.agent.black_box")
+GATHER_S: Final = 0.2  # how long samples gather before the writer looks,
+GATHER_BYTES: Final = 4 << 20  # or how much of them
 TICK_S: Final = 1.0
 OVERHEAD_BYTES: Final = 512  # what a waiting sample weighs beside its payload
 _MOST_SOURCES: Final = 65_000  # publishers; an MCAP file knows no more channels
@@ -58,9 +60,6 @@ class _Call(NamedTuple):
             self.future.set_result(self.call(ring))
         except Exception as error:
             self.future.set_exception(error)
-
-
-_NOTHING: Final = _Batch((), 0, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +91,9 @@ class BlackBox:
         self._wanted = [Glob(pattern) for pattern in settings.topics]
         self._unwanted = [Glob(pattern) for pattern in settings.exclude]
         self._takes: dict[str, bool] = {}
-        self._queue: SimpleQueue[_Batch | _Call | None] = SimpleQueue()
+        self._waiting: list[_Batch | _Call] = []
+        self._wake = threading.Event()
+        self._ending = False
         self._lock = threading.Lock()
         self._waiting_bytes = self._overflow = 0
         self._sources: dict[tuple[int, bytes], Source] = {}
@@ -106,8 +107,10 @@ class BlackBox:
 
     def close(self) -> None:
         """Write what came, end the open file, stop the thread."""
+        with self._lock:
+            self._ending = True
+        self._wake.set()
         if self._thread.is_alive():
-            self._queue.put(None)
             self._thread.join()
 
     def take(self, arrivals: Sequence[Arrival]) -> None:
@@ -117,8 +120,10 @@ class BlackBox:
             full = self._waiting_bytes + size_bytes > self._queue_bytes
             if not full:
                 self._waiting_bytes += size_bytes
+                self._waiting.append(_Batch(arrivals, self._clock.wall_ns(), size_bytes))
         if not full:
-            self._queue.put(_Batch(arrivals, self._clock.wall_ns(), size_bytes))
+            if self._waiting_bytes > GATHER_BYTES:
+                self._wake.set()
             return
         for arrival in arrivals:
             if self._wants(arrival.channel.topic):
@@ -152,73 +157,71 @@ class BlackBox:
     def _on_writer(self, call: Callable[[Ring], T]) -> Future[T]:
         """Have the writer's thread do it after everything that came until now."""
         future: Future[T] = Future()
-        if self._thread.is_alive():
-            self._queue.put(_Call(call, future))
-        else:
+        with self._lock:
+            ending = self._ending
+            if not ending:
+                self._waiting.append(_Call(call, future))
+        if ending:
             future.set_exception(BlackBoxOffError("the black box is closed"))
+        self._wake.set()
         return future
 
     # -- the writer's thread -------------------------------------------------------------------------------------------
 
     def _run(self) -> None:
+        ring: Ring | None = None
         try:
             ring = self._open_ring()
         except Exception as error:  # a robot without a black box still works
             LOG.exception("the black box is off")
             self._failed = f"the black box cannot be opened: {error}"
-            self._discard()
-            return
-        self._work(ring)
-
-    def _work(self, ring: Ring) -> None:
         next_s = self._clock.monotonic_s() + TICK_S
-        while True:
-            try:
-                item = self._queue.get(timeout=TICK_S)
-            except Empty:
-                item = _NOTHING
-            try:
-                if item is None:
-                    ring.close_piece()
-                    return
-                if isinstance(item, _Batch):
-                    self._write(ring, item)
+        while not self._ending:
+            self._wake.wait(GATHER_S)
+            self._wake.clear()
+            self._all_that_waits(ring)
+            if ring is not None and self._clock.monotonic_s() >= next_s:
+                next_s = self._clock.monotonic_s() + TICK_S
+                self._tick(ring)
+        self._all_that_waits(ring)
+        if ring is not None:
+            ring.close_piece()
+
+    def _all_that_waits(self, ring: Ring | None) -> None:
+        with self._lock:
+            waiting, self._waiting = self._waiting, []
+        for item in waiting:
+            if isinstance(item, _Call):
+                if ring is None:
+                    item.future.set_exception(BlackBoxOffError(self._failed))
                 else:
                     item.run(ring)
-                if self._clock.monotonic_s() >= next_s or item is _NOTHING:
-                    next_s = self._clock.monotonic_s() + TICK_S
-                    ring.tick()
-                    self._note(ring)
+                continue
+            try:
+                if ring is not None:
+                    self._write(ring, item)
             except Exception:  # what nobody thought of must not end it
                 LOG.exception("the black box lost something")
+            with self._lock:
+                self._waiting_bytes -= item.size_bytes
+
+    def _tick(self, ring: Ring) -> None:
+        try:
+            ring.tick()
+            first_ns, last_ns = ring.span_ns
+            self._facts = _Facts(first_ns, last_ns, ring.size_bytes, ring.lost, ring.trouble)
+        except Exception:
+            LOG.exception("the black box does not keep its bounds")
 
     def _write(self, ring: Ring, batch: _Batch) -> None:
         takes, sources = self._takes, self._sources
-        try:
-            for channel, payload, _, stamp_ns, _, gid, sequence in batch.arrivals:
-                wanted = takes.get(channel.topic)
-                if wanted is None:
-                    wanted = self._wants(channel.topic)
-                if not wanted:
-                    continue
+        for channel, payload, _, stamp_ns, _, gid, sequence in batch.arrivals:
+            wanted = takes.get(channel.topic)
+            if wanted is None:
+                wanted = self._wants(channel.topic)
+            if wanted:
                 source = sources.get((channel.channel_id, gid)) or self._meet(channel, gid)
                 ring.write(source, sequence, batch.log_ns, stamp_ns, bytes(payload))
-        finally:
-            with self._lock:
-                self._waiting_bytes -= batch.size_bytes
-
-    def _note(self, ring: Ring) -> None:
-        first_ns, last_ns = ring.span_ns
-        self._facts = _Facts(first_ns, last_ns, ring.size_bytes, ring.lost, ring.trouble)
-
-    def _discard(self) -> None:
-        """There is no ring: what comes is let go."""
-        while (item := self._queue.get()) is not None:
-            if isinstance(item, _Batch):
-                with self._lock:
-                    self._waiting_bytes -= item.size_bytes
-            else:
-                item.future.set_exception(BlackBoxOffError(self._failed))
 
     # -- both threads --------------------------------------------------------------------------------------------------
 
