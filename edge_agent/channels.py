@@ -296,21 +296,22 @@ class Channels:
     def _extractor(
         self, topic: str, type_name: str, rule: TopicRule, fields: list[str], catalogue: Catalogue
     ) -> MetricExtractor | None:
-        """A reader of these fields as series, as many as there may be."""
-        fields = fields[: max(0, self._limits.series_per_robot - len(self._series))]
-        if not fields:
-            return None
-        ids = []
+        """A reader of these fields as series: of those that are known, and of as many others as there may be."""
+        ids: dict[str, int] = {}
         known = {series.series_id for _, series in self._series}
         for path in fields:
             name = series_name(topic, path, namespace=self._namespace)
-            ids.append(self._ids.series_number(name=name, topic=topic, field=path))
-            if ids[-1] not in known:
-                series = link_pb2.Series(series_id=ids[-1], name=name, topic=topic, field=path)
+            if name not in self._ids.series and len(self._series) >= self._limits.series_per_robot:
+                continue
+            number = ids[path] = self._ids.series_number(name=name, topic=topic, field=path)
+            if number not in known:
+                series = link_pb2.Series(series_id=number, name=name, topic=topic, field=path)
                 self._series.append((self.revision + 1, series))
+        if not ids:
+            return None
         return MetricExtractor(
-            tuple(ids),
-            field_reader(type_name, fields, catalogue),
+            tuple(ids.values()),
+            field_reader(type_name, list(ids), catalogue),
             rate_hz=rule.metrics_rate_hz,
             deadband=rule.deadband,
             deadband_max_s=rule.deadband_max_s,

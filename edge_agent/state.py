@@ -12,7 +12,7 @@ from pathlib import Path
 from edge_agent.command_log import CommandLog
 from edge_agent.config import Settings
 from edge_agent.errors import DiskError
-from edge_agent.outbox import Disk, OsDisk, Outbox
+from edge_agent.outbox import Disk, OsDisk, Outbox, forget_series
 from edge_agent.state_dir import default_state_dir, locked
 from edge_agent.store_id import StoreId
 from edge_agent.uplink_limit import stored_limit
@@ -76,6 +76,7 @@ def read_state(settings: Settings, directory: Path, clock: Clock) -> AgentState:
         classes=settings.outbox.classes(),
         reserve_bytes=settings.outbox.reserve_bytes,
     )
+    forget_series(outbox, outbox_disk)
     return AgentState(
         directory=directory,
         disk=disk,

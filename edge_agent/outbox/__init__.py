@@ -8,6 +8,7 @@ from edge_agent.outbox.ids import ChannelId, IdLog, SeriesId
 from edge_agent.outbox.log import Taken
 from edge_agent.outbox.outbox import Depth, Outbox, StreamRange
 from edge_agent.outbox.segment import Frame, Gap, Kind
+from edge_agent.outbox.series_use import forget_series
 from edge_agent.outbox.writer import OutboxWriter, run_steps, steps
 
 __all__ = [
@@ -27,6 +28,7 @@ __all__ = [
     "SeriesId",
     "StreamRange",
     "Taken",
+    "forget_series",
     "log_name",
     "run_steps",
     "steps",

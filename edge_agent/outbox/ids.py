@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -92,6 +92,12 @@ class IdLog:
         self.series[name] = series
         self._new.append(asdict(series))
         return series.series
+
+    def keep_series(self, held: Collection[int]) -> None:
+        """Forget all other series; their numbers are not given again."""
+        self.series = {name: series for name, series in self.series.items() if series.series in held}
+        with contextlib.suppress(DiskError):  # the file stays long for now
+            self._rewrite()
 
     def job(self) -> IdJob | None:
         """The job that writes what is new; None when nothing is."""
