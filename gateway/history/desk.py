@@ -22,7 +22,7 @@ from gateway.history.pages import PageRequest, message_facts, read_page
 from gateway.history.source import Source, StoreSource
 from gateway.history.timeline import timeline_facts
 from gateway.store import Store
-from gateway.store.history import StoredTopic
+from gateway.store.history import StoredTopic, topic_names
 from gateway.store.timeline import read_density
 from metaros.limits import LIMITS
 
@@ -51,6 +51,10 @@ class HistoryDesk:
     async def topics(self, robot_id: str) -> list[StoredTopic]:
         """What is stored of each topic of a robot, by name."""
         return await self._store.stored_topics(robot_id)
+
+    async def topic_names(self, robot_id: str) -> list[str]:
+        """Every topic of a robot of which messages were ever stored."""
+        return await self._store.read(lambda engine: topic_names(engine, robot_id))
 
     async def timeline(self, robot_id: str, *, start_ns: int, end_ns: int, buckets: int) -> bytes:
         """The counts and losses of a range, as JSON."""

@@ -15,12 +15,12 @@ from gateway.domain.records import Record, introduction, record_parts
 from gateway.errors import DamagedError, PurgedError
 from gateway.history.losses import Loss, loss_view
 from gateway.history.messages import Message
-from gateway.history.source import Source, loss_reason
-from gateway.store.samples import StoredBatch, StoredRun
+from gateway.history.source import Newest, Source, loss_reason
 from metaros.limits import LIMITS
 
 __all__ = ["Instant", "Missing", "instant_facts", "pack_instant", "read_instant"]
 
+TOGETHER = 8  # topics that are read at a time: what is loaded of them is many times what is shown
 _LENGTH = struct.Struct("<I")
 
 
@@ -46,23 +46,20 @@ class Instant:
 def read_instant(source: Source, robot_id: str, topics: Sequence[str], *, t_ns: int, max_age_ns: int) -> Instant:
     """Each topic's newest message at or before `t_ns`; of a latched topic at any age, else no older than that."""
     instant = Instant(t_ns)
-    size_bytes = 0
-    for topic in topics:
-        try:
-            run = source.newest(robot_id, topic, t_ns)
-            message = None if run is None else _last_by(source.load(run), run, t_ns)
-        except (DamagedError, PurgedError) as error:
-            instant.missing.append(Missing(topic, loss_reason(error)))
-            continue
-        if message is None:
-            instant.missing.append(Missing(topic, "not_stored"))
-        elif message.stamp_ns < t_ns - max_age_ns and not is_latched(message.channel.qos):
-            instant.missing.append(Missing(topic, "too_old", message.stamp_ns))
-        elif size_bytes + len(message.payload) > LIMITS.history_instant_bytes:
-            instant.missing.append(Missing(topic, "too_large", message.stamp_ns))
-        else:
-            instant.messages.append(message)
-            size_bytes += len(message.payload)
+    left_bytes = LIMITS.history_instant_bytes
+    for first in range(0, len(topics), TOGETHER):
+        some = topics[first : first + TOGETHER]
+        for topic, newest in zip(some, source.newest(robot_id, some, t_ns), strict=True):
+            found = _message(newest, t_ns)
+            if isinstance(found, str):
+                instant.missing.append(Missing(topic, found))
+            elif found.stamp_ns < t_ns - max_age_ns and not is_latched(found.channel.qos):
+                instant.missing.append(Missing(topic, "too_old", found.stamp_ns))
+            elif len(found.payload) > left_bytes:
+                instant.missing.append(Missing(topic, "too_large", found.stamp_ns))
+            else:
+                instant.messages.append(found)
+                left_bytes -= len(found.payload)
     instant.losses = source.losses(robot_id, start_ns=t_ns - max_age_ns, end_ns=t_ns)
     return instant
 
@@ -94,14 +91,18 @@ def instant_facts(instant: Instant) -> dict[str, Any]:
     }
 
 
-def _last_by(batch: StoredBatch, run: StoredRun, t_ns: int) -> Message | None:
-    """A run's newest message at or before `t_ns`."""
-    order = np.argsort(batch.stamps_ns, kind="stable")
-    fitting = order[batch.stamps_ns[order] <= t_ns]
+def _message(newest: Newest, t_ns: int) -> Message | str:
+    """The newest message at or before `t_ns`, or why there is none."""
+    if newest is None:
+        return "not_stored"
+    if isinstance(newest, (DamagedError, PurgedError)):
+        return loss_reason(newest)
+    order = np.argsort(newest.stamps_ns, kind="stable")
+    fitting = order[newest.stamps_ns[order] <= t_ns]
     if not len(fitting):
-        return None
+        return "not_stored"
     index = int(fitting[-1])
-    end = int(np.sum(batch.lengths[: index + 1], dtype=np.int64))
-    payload = batch.payload[end - int(batch.lengths[index]) : end]
-    stamp_ns, seq = int(batch.stamps_ns[index]), run.first_seq + index
-    return Message(batch.channel, run.stream_id, run.epoch, seq, stamp_ns, batch.receive_ns, payload)
+    end = int(np.sum(newest.lengths[: index + 1], dtype=np.int64))
+    payload = newest.payload[end - int(newest.lengths[index]) : end]
+    stamp_ns, seq = int(newest.stamps_ns[index]), newest.first_seq + index
+    return Message(newest.channel, newest.stream_id, newest.epoch, seq, stamp_ns, newest.receive_ns, payload)

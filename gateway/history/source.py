@@ -14,20 +14,18 @@ from typing import Any, Protocol, TypeVar
 from gateway.errors import DamagedError, PurgedError, StoreError
 from gateway.history.losses import MAX_LOSSES, Loss
 from gateway.store import Store
-from gateway.store.history import StoredTopic, TopicGap
+from gateway.store.history import TopicGap
 from gateway.store.samples import SampleFilter, StoredBatch, StoredRun
 
-__all__ = ["WAIT_S", "Source", "StoreSource", "loss_reason"]
+__all__ = ["WAIT_S", "Newest", "Source", "StoreSource", "loss_reason"]
 
 Result = TypeVar("Result")
+Newest = StoredBatch | DamagedError | PurgedError | None
 WAIT_S = 60.0
 
 
 class Source(Protocol):
     """Stored messages and losses. Every method may raise StoreError or ObjectStoreError."""
-
-    def topics(self, robot_id: str) -> Sequence[StoredTopic]:
-        """What is stored of each topic, by name."""
 
     def runs(self, robot_id: str, wanted: SampleFilter, *, newest_first: bool, limit: int) -> Sequence[StoredRun]:
         """Runs that hold anything wanted, of one moment: by lowest stamp, or by highest, descending."""
@@ -35,8 +33,8 @@ class Source(Protocol):
     def load(self, run: StoredRun) -> StoredBatch:
         """A run's samples; DamagedError or PurgedError when they cannot be had any more."""
 
-    def newest(self, robot_id: str, topic: str, t_ns: int) -> StoredRun | None:
-        """The run with the topic's newest sample at or before `t_ns`."""
+    def newest(self, robot_id: str, topics: Sequence[str], t_ns: int) -> Sequence[Newest]:
+        """Of each topic the run with its newest sample at or before `t_ns`, loaded; None where there is none."""
 
     def losses(self, robot_id: str, *, start_ns: int, end_ns: int) -> Sequence[Loss]:
         """The newest losses that touch the range."""
@@ -49,10 +47,6 @@ class StoreSource:
         self._store = store
         self._loop = loop
 
-    def topics(self, robot_id: str) -> Sequence[StoredTopic]:
-        """As in Source."""
-        return self._ask(self._store.stored_topics(robot_id))
-
     def runs(self, robot_id: str, wanted: SampleFilter, *, newest_first: bool, limit: int) -> Sequence[StoredRun]:
         """As in Source."""
         return self._ask(self._store.runs(robot_id, wanted, limit=limit, newest_first=newest_first))
@@ -61,9 +55,20 @@ class StoreSource:
         """As in Source."""
         return self._ask(self._store.load(run))
 
-    def newest(self, robot_id: str, topic: str, t_ns: int) -> StoredRun | None:
+    def newest(self, robot_id: str, topics: Sequence[str], t_ns: int) -> Sequence[Newest]:
         """As in Source."""
-        return self._ask(self._store.newest(robot_id, topic, t_ns))
+
+        async def one(topic: str) -> Newest:
+            try:
+                run = await self._store.newest(robot_id, topic, t_ns)
+                return None if run is None else await self._store.load(run)
+            except (DamagedError, PurgedError) as error:
+                return error
+
+        async def all_of_them() -> Sequence[Newest]:
+            return await asyncio.gather(*map(one, topics))
+
+        return self._ask(all_of_them())
 
     def losses(self, robot_id: str, *, start_ns: int, end_ns: int) -> Sequence[Loss]:
         """As in Source."""

@@ -14,7 +14,7 @@ from gateway.domain.sample import Gap
 from gateway.store.engine import Row, StoreEngine, placeholders, signed, slices, unsigned
 from gateway.store.samples import CHANNEL_COLUMNS, RUN_COLUMNS, SampleFilter, StoredRun, stored_channel, stored_run
 
-__all__ = ["StoredTopic", "TopicGap", "find_runs", "gaps_between", "newest_candidates", "stored_topics"]
+__all__ = ["StoredTopic", "TopicGap", "find_runs", "gaps_between", "newest_candidates", "stored_topics", "topic_names"]
 
 _BATCH = f"SELECT {RUN_COLUMNS}, length(b.payload) AS size_bytes, {{none}} FROM sample_batches b"
 _RUN = (
@@ -115,6 +115,13 @@ def stored_topics(engine: StoreEngine, robot_id: str) -> list[StoredTopic]:
         robot = _robot(engine, robot_id)
         rows = engine.fetch(query, robot, robot) if robot is not None else []
     return [StoredTopic(*row) for row in rows]
+
+
+def topic_names(engine: StoreEngine, robot_id: str) -> list[str]:
+    """Every topic of which messages were ever stored, by name; cheap, however many there are."""
+    query = "SELECT DISTINCT topic FROM channels JOIN robots USING (robot) WHERE id = ? ORDER BY topic"
+    with engine.transaction(write=False):
+        return [row[0] for row in engine.fetch(query, robot_id)]
 
 
 def gaps_between(engine: StoreEngine, robot_id: str, *, start_ns: int, end_ns: int, limit: int) -> list[TopicGap]:

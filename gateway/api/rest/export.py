@@ -51,8 +51,8 @@ async def export_mcap(
     topics: dict[str, tuple[str, ...]] = {}
     for robot_id in dict.fromkeys(robot):
         namespace = services.registry.get(robot_id).robot.namespace
-        stored = await services.history.topics(robot_id)
-        topics[robot_id] = chosen_topics((item.topic for item in stored), topic, namespace=namespace)
+        names = await services.history.topic_names(robot_id)
+        topics[robot_id] = chosen_topics(names, topic, namespace=namespace)
     if not topics:
         raise InvalidRequestError("robot is missing: name one at least")
     stream = services.history.export(ExportRequest(topics=topics, start_ns=start_ns, end_ns=end_ns))

@@ -95,8 +95,11 @@ async def get_instant(
     """The newest stored message of each topic at or before `t`: as the stream's records, or decoded."""
     services = services_of(request)
     t_ns, max_age_ns = parse_time(t, now_ns=services.clock.wall_ns()), parse_age(max_age)
-    named = _named(services, robot_id, topic)
-    topics = tuple(dict.fromkeys([*named, *await _topics(services, robot_id, topic)]))
+    namespace = services.registry.get(robot_id).robot.namespace
+    # What is asked for by its very name is in the answer, stored or not.
+    topics = tuple(dict.fromkeys(full_pattern(name, namespace) for name in topic or () if "*" not in name))
+    if topic is None or any("*" in name for name in topic):
+        topics = tuple(dict.fromkeys([*topics, *await _topics(services, robot_id, topic)]))
     show = rfc3339 if form == "json" else None
     body = await services.history.instant(robot_id, topics, t_ns=t_ns, max_age_ns=max_age_ns, show=show)
     return _json(body) if show is not None else Response(body, media_type=RECORDS_TYPE)
@@ -105,14 +108,8 @@ async def get_instant(
 async def _topics(services: Services, robot_id: str, patterns: list[str] | None) -> tuple[str, ...]:
     """The robot's stored topics that are asked for."""
     namespace = services.registry.get(robot_id).robot.namespace
-    stored = await services.history.topics(robot_id)
-    return chosen_topics((item.topic for item in stored), patterns, namespace=namespace)
-
-
-def _named(services: Services, robot_id: str, patterns: list[str] | None) -> list[str]:
-    """What is asked for by its very name: an answer speaks of it whether it is stored or not."""
-    namespace = services.registry.get(robot_id).robot.namespace
-    return [full_pattern(pattern, namespace) for pattern in patterns or () if "*" not in pattern]
+    names = await services.history.topic_names(robot_id)
+    return chosen_topics(names, patterns, namespace=namespace)
 
 
 def _json(body: bytes) -> Response:

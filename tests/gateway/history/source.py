@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from gateway.errors import DamagedError
 from gateway.history.losses import Loss
+from gateway.history.source import Newest
 from gateway.objects import ObjectStore
 from gateway.store.compact import Compaction
 from gateway.store.engine import StoreEngine
-from gateway.store.history import StoredTopic, find_runs, gaps_between, newest_candidates, stored_topics
+from gateway.store.history import find_runs, gaps_between, newest_candidates
 from gateway.store.ledger import in_transaction
 from gateway.store.load import RunLoader
 from gateway.store.samples import SampleFilter, StoredBatch, StoredRun
@@ -33,17 +35,21 @@ class EngineSource:
         self.engine, self.objects = engine, objects
         self._loader = RunLoader(objects)
 
-    def topics(self, robot_id: str) -> Sequence[StoredTopic]:
-        return stored_topics(self.engine, robot_id)
-
     def runs(self, robot_id: str, wanted: SampleFilter, *, newest_first: bool, limit: int) -> Sequence[StoredRun]:
         return find_runs(self.engine, robot_id, wanted, limit=limit, newest_first=newest_first)
 
     def load(self, run: StoredRun) -> StoredBatch:
         return self._loader.load(self.engine, run)
 
-    def newest(self, robot_id: str, topic: str, t_ns: int) -> StoredRun | None:
-        return self._loader.newest(self.engine, newest_candidates(self.engine, robot_id, topic, t_ns), t_ns)
+    def newest(self, robot_id: str, topics: Sequence[str], t_ns: int) -> Sequence[Newest]:
+        return [self._newest(robot_id, topic, t_ns) for topic in topics]
+
+    def _newest(self, robot_id: str, topic: str, t_ns: int) -> Newest:
+        try:
+            run = self._loader.newest(self.engine, newest_candidates(self.engine, robot_id, topic, t_ns), t_ns)
+            return None if run is None else self.load(run)
+        except DamagedError as error:
+            return error
 
     def losses(self, robot_id: str, *, start_ns: int, end_ns: int) -> Sequence[Loss]:
         found = gaps_between(self.engine, robot_id, start_ns=start_ns, end_ns=end_ns, limit=1000)
