@@ -1,0 +1,249 @@
+"""The black box with real processes: a link that is cut, something happens, and the minute is there in full afterwards.
+
+A robot's agent reaches its gateway through a proxy that is cut. Three topics go on at full rate meanwhile, two of them
+of the live class that nobody watches; somewhere in the middle there is a fault. `METAROS_CUT_S` sets how long the link
+is away.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+from mcap.reader import make_reader
+from rosbags.rosbag2 import Reader as RosReader
+
+from gateway.cli_http import GatewayClient
+from metaros.interfaces.sensor_msgs.msg import CompressedImage
+from metaros.interfaces.std_msgs.msg import String, UInt64
+from metaros.node import Context, Node
+from tests.support.cutting_proxy import CuttingProxy
+from tests.support.stack import Program, Stack
+from tests.support.waiting import wait_until
+
+pytestmark = pytest.mark.slow
+
+CUT_S = float(os.environ.get("METAROS_CUT_S", "12"))
+MARGIN_S = 3.0
+RATES_HZ = {"/robot/odom": 50.0, "/robot/imu": 200.0, "/robot/camera/compressed": 15.0}
+FAULT = "motor 2: stalled"
+
+
+@dataclass
+class Publisher:
+    """Publishes numbered messages on every topic at its rate, and knows when each left."""
+
+    context: Context
+    sent: dict[str, list[int]] = field(default_factory=lambda: {topic: [] for topic in RATES_HZ})
+    stop: threading.Event = field(default_factory=threading.Event)
+
+    @contextmanager
+    def running(self) -> Iterator[Publisher]:
+        """With a thread for each topic."""
+        with Node("base", namespace="/robot", context=self.context) as node:
+            self.faults = node.create_publisher(String, "fault", 10)
+            threads = [threading.Thread(target=self._publish, args=(node, topic)) for topic in RATES_HZ]
+            for thread in threads:
+                thread.start()
+            try:
+                yield self
+            finally:
+                self.stop.set()
+                for thread in threads:
+                    thread.join(30)
+
+    def between(self, topic: str, start_ns: int, end_ns: int) -> list[int]:
+        """The numbers of the messages that left then."""
+        return [number for number, left_ns in enumerate(self.sent[topic]) if start_ns <= left_ns <= end_ns]
+
+    def _publish(self, node: Node, topic: str) -> None:
+        image = topic.endswith("compressed")
+        publisher = node.create_publisher(CompressedImage if image else UInt64, topic, 100)
+        left, due_s = self.sent[topic], node.clock.monotonic_s()
+        while not self.stop.is_set():
+            number = len(left)
+            left.append(node.clock.wall_ns())
+            if image:
+                publisher.publish(CompressedImage(format="jpeg", data=number.to_bytes(8, "little") * 4000))
+            else:
+                publisher.publish(UInt64(data=number))
+            due_s += 1 / RATES_HZ[topic]
+            self.stop.wait(max(0.0, due_s - node.clock.monotonic_s()))
+
+
+@dataclass
+class World:
+    """A robot behind a proxy, publishing."""
+
+    stack: Stack
+    proxy: CuttingProxy
+    publisher: Publisher
+    agent: Program
+    gateway: Program
+
+    @property
+    def client(self) -> GatewayClient:
+        """Of the gateway's API."""
+        return GatewayClient(self.stack.url)
+
+    def online(self) -> bool:
+        """Whether the gateway has the robot's link."""
+        return self.stack.online() == {"robot"}
+
+    def save(self, **body: Any) -> dict[str, Any]:
+        """Ask for a recording."""
+        return dict(self.client.post("/api/v1/robots/robot/recordings", body))
+
+    def stored(self, recording: dict[str, Any]) -> dict[str, Any]:
+        """It, once the gateway has it."""
+        shown: dict[str, Any] = {}
+
+        def ended() -> bool:
+            shown.update(self.stack.get(f"/api/v1/recordings/{recording['id']}") or {"state": ""})
+            return shown["state"] in ("stored", "failed")
+
+        wait_until(ended, timeout_s=120)
+        assert shown["state"] == "stored", (shown, self.agent.output[-3000:])
+        return shown
+
+    def file(self, recording: dict[str, Any]) -> bytes:
+        """Its bytes."""
+        with self.client.open("GET", recording["url"]) as answer:
+            return b"".join(answer.pieces())
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> Iterator[World]:
+    """Everything runs, and the agent's tap has seen all topics."""
+    with Stack(tmp_path) as stack:
+        stack.router()
+        gateway = stack.gateway()
+        endpoint = f"tcp/127.0.0.1:{stack.zenoh_port}"
+        with (
+            CuttingProxy(stack.grpc_port) as proxy,
+            Context(connect=[endpoint], shared_memory="off") as context,
+            Publisher(context).running() as publisher,
+        ):
+            agent = stack.agent("robot", "--gateway", f"127.0.0.1:{proxy.port}")
+            world = World(stack, proxy, publisher, agent, gateway)
+            wait_until(world.online)
+            wait_until(lambda: set(RATES_HZ) <= set(stack.topics("robot")))
+            yield world
+
+
+def pause(seconds: float) -> None:
+    """The time that the story takes."""
+    threading.Event().wait(seconds)
+
+
+def cut_with_a_fault(world: World) -> tuple[int, int]:
+    """Cut the link, let something happen in the middle, mend it; when it was cut, and when it was back."""
+    clock = world.publisher.context.clock
+    pause(MARGIN_S)
+    world.proxy.cut_after(up=0)
+    wait_until(lambda: not world.online())
+    start_ns = clock.wall_ns()
+    pause(CUT_S / 2)
+    world.publisher.faults.publish(String(data=FAULT))
+    pause(CUT_S / 2)
+    end_ns = clock.wall_ns()
+    world.proxy.mend()
+    wait_until(world.online)
+    return start_ns, end_ns
+
+
+def numbers(blob: bytes) -> dict[str, list[int]]:
+    """The numbers in a file, by topic, in its order."""
+    found: dict[str, list[int]] = {}
+    for _schema, channel, message in make_reader(io.BytesIO(blob)).iter_messages():
+        if channel.topic in RATES_HZ:
+            data = message.data[-8:] if channel.topic.endswith("compressed") else message.data[4:12]
+            found.setdefault(channel.topic, []).append(int.from_bytes(data, "little"))
+    return found
+
+
+def check_full(world: World, blob: bytes, start_ns: int, end_ns: int) -> int:
+    """Every message that left between the two is in the file, once; how many those are."""
+    found, total = numbers(blob), 0
+    for topic, rate in RATES_HZ.items():
+        wanted = world.publisher.between(topic, start_ns, end_ns)
+        assert len(wanted) > rate * CUT_S / 4, f"{topic}: only {len(wanted)} were published"
+        assert set(wanted) <= set(found[topic]), f"{topic}: {len(set(wanted) - set(found[topic]))} are missing"
+        assert len(found[topic]) == len(set(found[topic])), f"{topic}: some are there twice"
+        total += len(wanted)
+    return total
+
+
+def test_the_minute_of_the_cut_is_there_in_full(world: World, tmp_path: Path) -> None:
+    start_ns, end_ns = cut_with_a_fault(world)
+    clock = world.publisher.context.clock
+    asked_s = clock.monotonic_s()
+    recording = world.stored(world.save(last_s=CUT_S + 2 * MARGIN_S))
+    took_s = clock.monotonic_s() - asked_s
+    blob = world.file(recording)
+
+    total = check_full(world, blob, start_ns, end_ns)
+    assert hashlib.sha256(blob).hexdigest() == recording["sha256"]
+    faults = [m.data for _, c, m in make_reader(io.BytesIO(blob)).iter_messages() if c.topic == "/robot/fault"]
+    assert [FAULT.encode() in data for data in faults] == [True]
+    assert recording["messages"] == sum(1 for _ in make_reader(io.BytesIO(blob)).iter_messages())
+    path = tmp_path / "clip.mcap"
+    path.write_bytes(blob)
+    with RosReader(path) as bag:
+        assert set(RATES_HZ) <= set(bag.topics)
+        assert sum(1 for _ in bag.messages()) == recording["messages"]
+    print(f"{total} messages of {CUT_S:g} s without a link, all there; {len(blob)} bytes stored {took_s:.1f} s after")
+
+
+def test_asked_without_a_link_it_comes_with_the_link(world: World) -> None:
+    pause(MARGIN_S)
+    start_ns = world.publisher.context.clock.wall_ns()
+    world.proxy.cut_after(up=0)
+    wait_until(lambda: not world.online())
+    pause(CUT_S / 2)
+    end_ns = world.publisher.context.clock.wall_ns()
+    asked = world.save(last_s=CUT_S / 2 + MARGIN_S)
+    assert asked["state"] == "requested"
+    pause(MARGIN_S)
+    world.proxy.mend()
+    blob = world.file(world.stored(asked))
+    total = check_full(world, blob, start_ns, end_ns - 10**9)
+    assert total > 0
+    assert max(numbers(blob)["/robot/imu"]) < len(world.publisher.sent["/robot/imu"]) - 200  # it ends when it was asked
+
+
+def test_deaths_of_both_sides_on_the_way_change_nothing(world: World) -> None:
+    start_ns, end_ns = cut_with_a_fault(world)
+    # So slow that everybody can die on the way.
+    with world.client.open("PUT", "/api/v1/robots/robot/uplink", body={"bytes_per_s": 100_000}):
+        pass
+    asked = world.save(last_s=CUT_S + 2 * MARGIN_S)
+    path = f"/api/v1/recordings/{asked['id']}"
+
+    def received(least: int) -> bool:
+        shown = world.stack.get(path) or {"received_bytes": 0, "state": ""}
+        return shown["received_bytes"] >= least or shown["state"] == "stored"
+
+    wait_until(lambda: received(1))
+    before = dict(world.stack.get(path))
+    assert before["state"] == "transferring"
+    world.gateway.kill()
+    world.gateway = world.stack.restart(world.gateway)
+    wait_until(world.online)
+    wait_until(lambda: received(before["received_bytes"] + 1))
+    os.kill(world.agent.process.pid, signal.SIGKILL)
+    world.agent.process.wait(10)
+    world.agent = world.stack.restart(world.agent)
+    recording = world.stored(asked)
+    check_full(world, world.file(recording), start_ns, end_ns)
+    kept = world.stack.folder / "agent-robot" / "recordings"
+    wait_until(lambda: not list(kept.glob("*.mcap")))
