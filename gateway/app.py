@@ -28,7 +28,8 @@ from gateway.objects import open_objects
 from gateway.recordings.desk import RecordingDesk, RobotSide
 from gateway.settings import Settings
 from gateway.store import Store
-from gateway.store.retention import Retention, class_limits
+from gateway.store.retention import retention_of
+from gateway.store.storage import Storage, StorageDesk
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS
@@ -45,12 +46,7 @@ class Gateway:
     def __init__(self, settings: Settings, *, clock: Clock) -> None:
         self.settings = settings
         self._clock = clock
-        retention = Retention(
-            age_s=settings.retention_days * 86400,
-            event_age_s=settings.event_retention_days * 86400,
-            size_bytes=settings.retention_bytes,
-            classes=class_limits(settings.retention_rules),
-        )
+        retention = retention_of(settings)
         self.objects = open_objects(settings.objects_url, settings.data_dir)
         self.store = Store(
             settings.data_dir,
@@ -60,6 +56,8 @@ class Gateway:
             url=settings.store_url,
             objects=self.objects,
         )
+        account = Storage(retention=retention, objects=self.objects, data_dir=settings.data_dir)
+        self.storage = StorageDesk(self.store, account, clock=clock)
         self.history = HistoryDesk(self.store)
         self.registry = Registry()
         self.hub = Hub()
@@ -90,6 +88,7 @@ class Gateway:
             registry=self.registry,
             links=self.links,
             store=self.store,
+            storage=self.storage,
             history=self.history,
             recordings=self.recordings,
             hub=self.hub,

@@ -7,6 +7,16 @@ from typing import Annotated
 
 import typer
 
+from gateway.cli_options import (
+    DataDir,
+    EventRetentionDays,
+    ObjectsUrl,
+    RetentionDays,
+    RetentionMib,
+    RetentionRules,
+    StoreUrl,
+)
+from gateway.cli_store import register as register_store
 from gateway.settings import MIB, Settings, default_data_dir
 
 __all__ = ["register"]
@@ -17,40 +27,8 @@ Port = Annotated[
 RobotsPort = Annotated[
     int | None, typer.Option(min=0, max=65535, help="Port robots connect to; default 8081, or a free one.")
 ]
-DataDir = Annotated[Path | None, typer.Option(file_okay=False, help="Where data is kept; default ~/.metaros/gateway.")]
-StoreUrl = Annotated[
-    str,
-    typer.Option(
-        "--store",
-        metavar="URL",
-        envvar="METAROS_STORE",
-        show_envvar=False,
-        help="postgresql://user@host/database instead of a file in the data directory.",
-    ),
-]
-ObjectsUrl = Annotated[
-    str,
-    typer.Option(
-        "--objects",
-        metavar="URL",
-        envvar="METAROS_OBJECTS",
-        show_envvar=False,
-        help="s3://bucket/prefix or file:///folder instead of a directory in the data directory.",
-    ),
-]
 AllowHost = Annotated[list[str] | None, typer.Option(help="Another name browsers may call this gateway by.")]
 AllowOrigin = Annotated[list[str] | None, typer.Option(help="Origin of another page that may use this gateway.")]
-RetentionDays = Annotated[float, typer.Option(min=0.01, help="How long series and messages are kept.")]
-EventRetentionDays = Annotated[float, typer.Option(min=0.01, help="How long events and the record of losses are kept.")]
-RetentionMib = Annotated[int, typer.Option(min=1, help="How large the store may grow before the oldest data goes.")]
-RetentionRules = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--retention",
-        metavar="CLASS=AGE,SIZE",
-        help="Bounds of metric, bulk, event or recording: bulk=3d,20GiB or metric=30d; repeat it for more.",
-    ),
-]
 TickMs = Annotated[float, typer.Option(min=0.0, max=100.0, help="How long live samples wait to share one write.")]
 HeartbeatS = Annotated[float, typer.Option(min=0.2, max=60.0, help="A link silent for three of these is dead.")]
 RobotMessages = Annotated[int, typer.Option(min=0, help="Samples and rows a second from one robot; 0 = no limit.")]
@@ -62,6 +40,7 @@ def register(app: typer.Typer) -> None:
     """Add the noun to `metaros`."""
     gateway = typer.Typer(invoke_without_command=True, help="Run the gateway: robots on one side, people on the other.")
     gateway.callback()(_gateway)
+    register_store(gateway)
     app.add_typer(gateway, name="gateway")
 
 

@@ -9,7 +9,7 @@ from starlette.types import ASGIApp
 
 from gateway.api.guard import Guard
 from gateway.api.problem import install_problems
-from gateway.api.rest import commands, export, health, history, metrics, recordings, robots, uplink
+from gateway.api.rest import commands, export, health, history, metrics, recordings, robots, store, uplink
 from gateway.api.services import Services
 from gateway.api.static import Dashboard
 from gateway.api.ws import link, stream, teleop
@@ -25,6 +25,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     history.router,
     export.router,
     recordings.router,
+    store.router,
     stream.router,
     teleop.router,
     link.router,

@@ -18,6 +18,7 @@ from gateway.live.hub import Hub
 from gateway.recordings.desk import RecordingDesk
 from gateway.settings import Settings
 from gateway.store import Store
+from gateway.store.storage import StorageDesk
 from metaros.clock import Clock
 
 __all__ = ["Services", "services_of"]
@@ -32,6 +33,7 @@ class Services:
     registry: Registry
     links: Links
     store: Store
+    storage: StorageDesk
     history: HistoryDesk
     recordings: RecordingDesk
     hub: Hub

@@ -11,10 +11,23 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
+from typing import Protocol
 
 from metaros.errors import ConfigError
 
-__all__ = ["CLASSES", "ClassLimit", "Going", "Holding", "Reason", "Retention", "Usage", "class_limits", "plan"]
+__all__ = [
+    "CLASSES",
+    "Bounds",
+    "ClassLimit",
+    "Going",
+    "Holding",
+    "Reason",
+    "Retention",
+    "Usage",
+    "class_limits",
+    "plan",
+    "retention_of",
+]
 
 EVENT, RECORDING = "event", "recording"
 CLASSES = ("metric", "bulk", EVENT, RECORDING)
@@ -57,11 +70,31 @@ class Retention:
     def before_ns(self, name: str, *, now_ns: int) -> int:
         """What of a class was stored before this time is too old."""
         age_s = self.limit(name).age_s
-        return now_ns - round((age_s if age_s is not None else self.age_s) * 1e9)
+        return max(0, now_ns - round((age_s if age_s is not None else self.age_s) * 1e9))
 
     def gaps_before_ns(self, *, now_ns: int) -> int:
         """The record of losses from before this time goes: it is kept as long as anything that could show the loss."""
         return min(self.before_ns(name, now_ns=now_ns) for name in ("metric", "bulk", EVENT))
+
+
+class Bounds(Protocol):
+    """What a gateway's settings say of it; days, bytes, and the rules `CLASS=AGE,SIZE`."""
+
+    @property
+    def retention_days(self) -> float:
+        """Of series, bulk messages and all else."""
+
+    @property
+    def event_retention_days(self) -> float:
+        """Of events, recordings and the record of losses."""
+
+    @property
+    def retention_bytes(self) -> int:
+        """Of all together."""
+
+    @property
+    def retention_rules(self) -> tuple[str, ...]:
+        """Of single classes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +145,16 @@ def class_limits(rules: Sequence[str]) -> dict[str, ClassLimit]:
             raise ConfigError(f"--retention {rule}: an age is more than 0, and a class is named once")
         found[match["class"]] = ClassLimit(age_s=age_s, size_bytes=size_bytes)
     return found
+
+
+def retention_of(settings: Bounds) -> Retention:
+    """The retention that a gateway's settings ask for."""
+    return Retention(
+        age_s=settings.retention_days * _UNITS_S["d"],
+        event_age_s=settings.event_retention_days * _UNITS_S["d"],
+        size_bytes=settings.retention_bytes,
+        classes=class_limits(settings.retention_rules),
+    )
 
 
 def plan(
