@@ -76,6 +76,7 @@ class Limits:
     recordings_unfinished: int = 16  # of one robot, asked for and not yet stored
     recordings_queue_bytes: int = 64 * MIB  # pieces of all robots that wait for the gateway's disk
     recording_reserve_bytes: int = 256 * MIB  # of the gateway's disk: recordings leave it free
+    recording_downloads: int = 16  # files of recordings that are being fetched at a time
     recording_age_s: float = 86_400.0  # a recording of which nothing was heard for so long is given up
     broker_topics: int = 1024  # ZeroMQ topics that the broker bridges; messages of further ones are counted as dropped
     broker_prefixes: int = 4096  # different ZeroMQ subscriptions that the broker follows

@@ -18,6 +18,7 @@ log = logging.getLogger(__name__)
 
 CUT_TIMEOUT_S = 120.0  # what an agent may take to cut
 AGAIN_S = 30.0
+FRESH_NS = 2 * 10**9  # until then "the last minute" may be said as such
 PASSING = frozenset({"busy", "expired", "timeout"})  # refusals after which the same may be asked again
 
 
@@ -79,7 +80,7 @@ class Asking:
                 from_ns=recording.from_ns,
                 to_ns=recording.to_ns,
                 topics=recording.topics,
-                last_ns=last_ns,
+                last_ns=last_ns if self._clock.wall_ns() - recording.requested_ns < FRESH_NS else 0,
             )
             await self._order(recording, link_pb2.Command(save_recording=save))
         except StoreError as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,10 +19,11 @@ from gateway.domain.recording import (
     is_recording_id,
     new_recording_id,
 )
-from gateway.errors import InvalidRequestError, RecordingNotStoredError, StoreError, UnknownRecordingError
+from gateway.errors import InvalidRequestError, RecordingNotStoredError, StoreError, TooManyError, UnknownRecordingError
 from gateway.objects import ObjectStore, chunks
 from gateway.recordings.arrivals import Arrivals, TellRobot
 from gateway.recordings.asking import Asking, RunCommand
+from gateway.recordings.download import Download
 from gateway.recordings.incoming import Incoming
 from gateway.recordings.rows import Database, Rows
 from gateway.recordings.shelf import Shelf
@@ -70,8 +71,11 @@ class RecordingDesk:
         self._limits = limits
         self._closed = False
         self._tasks: set[asyncio.Task[None]] = set()
-        self._pool = ThreadPoolExecutor(max_workers=4, thread_name_prefix="gateway-recordings")
-        self._shelf = Shelf(rows, objects, on_thread=self._on_thread, clock=clock)
+        self._downloads = 0
+        # Two pools: an object store that is slow must not hold up what comes from robots.
+        self._pool = ThreadPoolExecutor(max_workers=2, thread_name_prefix="gateway-recordings")
+        self._slow_pool = ThreadPoolExecutor(max_workers=4, thread_name_prefix="gateway-files")
+        self._shelf = Shelf(rows, objects, on_thread=self._on_slow_thread, clock=clock)
         self._asking = Asking(rows, robots.command, online=robots.online, spawn=self._spawn, clock=clock)
         self._arrivals = Arrivals(
             rows,
@@ -136,17 +140,21 @@ class RecordingDesk:
             raise UnknownRecordingError(f"there is no recording {recording_id[:40]!r}")
         return self._shown(found)
 
-    def content(self, recording: Recording, *, start: int = 0, size_bytes: int | None = None) -> Iterator[bytes]:
-        """A stored file's bytes, read while they are asked for, on the asker's thread.
+    def download(self, recording: Recording, *, start: int = 0, size_bytes: int | None = None) -> Download:
+        """A stored file, or a part of it.
 
         Raises:
             RecordingNotStoredError: its file is not here, or not yet.
-            ObjectStoreError, DamagedError: it cannot be read; while iterating.
+            TooManyError: too many files are being fetched.
         """
         if recording.state != STORED or recording.object is None:
             why = recording.message or f"it is {recording.state}"
             raise RecordingNotStoredError(f"recording {recording.id} has no file: {why}")
-        return chunks(self._objects, recording.object, start=start, size_bytes=size_bytes)
+        if self._downloads >= self._limits.recording_downloads:
+            raise TooManyError(f"{self._downloads} files are being fetched already; try again")
+        self._downloads += 1
+        content = chunks(self._objects, recording.object, start=start, size_bytes=size_bytes)
+        return Download(content, on_thread=self._on_slow_thread, closed=self._downloaded)
 
     async def delete(self, recording_id: str) -> None:
         """Delete a recording and its file, or give up an unfinished one; UnknownRecordingError when there is none."""
@@ -195,7 +203,8 @@ class RecordingDesk:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        for pool in (self._pool, self._slow_pool):
+            pool.shutdown(wait=False, cancel_futures=True)
 
     async def _ask_all(self, robot_id: str) -> None:
         for recording in await self._rows.unfinished(robot_id):
@@ -211,8 +220,14 @@ class RecordingDesk:
         received = self._arrivals.received(recording.id) if recording.unfinished else None
         return recording if received is None else replace(recording, received_bytes=received)
 
+    def _downloaded(self) -> None:
+        self._downloads -= 1
+
     async def _on_thread(self, job: Callable[..., Any], *args: Any) -> Any:
         return await asyncio.get_running_loop().run_in_executor(self._pool, job, *args)
+
+    async def _on_slow_thread(self, job: Callable[..., Any], *args: Any) -> Any:
+        return await asyncio.get_running_loop().run_in_executor(self._slow_pool, job, *args)
 
     def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
         if self._closed:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
+import logging
 import re
-from collections.abc import Iterator
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
+from starlette.types import Message, Receive, Scope, Send
 
 from gateway.api import models
 from gateway.api.models_recordings import Recording, RecordingList, RecordingRequest
@@ -19,13 +21,17 @@ from gateway.api.services import services_of
 from gateway.api.views import rfc3339
 from gateway.domain import recording as domain
 from gateway.errors import InvalidRequestError
+from gateway.recordings.download import Download
+from metaros.errors import MetarosError
 
 __all__ = ["router"]
 
 MAX_LISTED = 1000
 MEDIA_TYPE = "application/mcap"
+STALL_S = 60.0
 _RANGE = re.compile(r"bytes=(\d{0,19})-(\d{0,19})")
 
+log = logging.getLogger(__name__)
 router = APIRouter(prefix="/api/v1", tags=["recordings"], default_response_class=JsonResponse)
 
 
@@ -87,6 +93,7 @@ async def delete_recording(request: Request, recording_id: str) -> Response:
         416: {},
         404: {"model": models.Problem},
         409: {"model": models.Problem},
+        429: {"model": models.Problem},
     },
     response_class=StreamingResponse,
 )
@@ -94,7 +101,8 @@ async def get_file(request: Request, recording_id: str) -> Response:
     """The recording's MCAP file, streamed; one byte range may be asked for, so that a download goes on."""
     desk = services_of(request).recordings
     found = await desk.get(recording_id)
-    whole = desk.content(found)
+    if found.state != domain.STORED:
+        desk.download(found).close()  # says why there is none
     etag = f'"{found.sha256}"'
     headers = {
         "etag": etag,
@@ -106,12 +114,13 @@ async def get_file(request: Request, recording_id: str) -> Response:
         return Response(status_code=304, headers=headers)
     span = _span(request, found.size_bytes, etag)
     if span is None:
-        return _stream(whole, 200, found.size_bytes, headers)
+        return _FileResponse(desk.download(found), 200, found.size_bytes, headers)
     start, end = span
     if start >= end:
         return Response(status_code=416, headers={**headers, "content-range": f"bytes */{found.size_bytes}"})
     headers["content-range"] = f"bytes {start}-{end - 1}/{found.size_bytes}"
-    return _stream(desk.content(found, start=start, size_bytes=end - start), 206, end - start, headers)
+    part = desk.download(found, start=start, size_bytes=end - start)
+    return _FileResponse(part, 206, end - start, headers)
 
 
 def recording_view(item: domain.Recording) -> dict[str, Any]:
@@ -143,10 +152,34 @@ def file_name(item: domain.Recording) -> str:
     return f"{item.robot}_{moment}Z.mcap"
 
 
-def _stream(content: Iterator[bytes], status: int, size_bytes: int, headers: dict[str, str]) -> Response:
-    """Read on a thread piece by piece, as fast as the client takes it."""
-    all_headers = {**headers, "content-length": str(size_bytes)}
-    return StreamingResponse(content, status_code=status, headers=all_headers, media_type=MEDIA_TYPE)
+class _FileResponse(StreamingResponse):
+    """As fast as the client takes it; ended when it takes nothing, or when the rest cannot be read."""
+
+    def __init__(self, download: Download, status: int, size_bytes: int, headers: dict[str, str]) -> None:
+        all_headers = {**headers, "content-length": str(size_bytes)}
+        super().__init__(download.pieces(), status_code=status, headers=all_headers, media_type=MEDIA_TYPE)
+        self._download = download
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send it, and give the place to another whatever happens."""
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            self._download.close()
+
+    async def stream_response(self, send: Send) -> None:
+        """Each piece within STALL_S; an early end closes the connection before the promised length."""
+
+        async def bounded(message: Message) -> None:
+            async with asyncio.timeout(STALL_S):
+                await send(message)
+
+        try:
+            await super().stream_response(bounded)
+        except MetarosError as error:
+            log.warning("a download ended early: %s", error)
+        except TimeoutError:
+            log.warning("a download ended early: its reader took nothing for %.0f s", STALL_S)
 
 
 def _span(request: Request, size_bytes: int, etag: str) -> tuple[int, int] | None:

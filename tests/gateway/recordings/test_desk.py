@@ -19,6 +19,7 @@ from gateway.errors import (
     ObjectStoreError,
     RecordingNotStoredError,
     RobotOfflineError,
+    TooManyError,
     UnknownRecordingError,
 )
 from gateway.objects import DirectoryStore
@@ -101,6 +102,15 @@ async def opened(folder: Path) -> AsyncIterator[World]:
     finally:
         await world.desk.close()
         await world.store.close()
+
+
+async def fetched(world: World, recording: Recording, **span: int) -> bytes:
+    """The bytes of a stored file."""
+    download = world.desk.download(recording, **span)
+    try:
+        return b"".join([piece async for piece in download.pieces()])
+    finally:
+        download.close()
 
 
 async def test_the_span_is_by_the_robots_clock(tmp_path: Path) -> None:
@@ -199,7 +209,7 @@ async def test_an_object_store_that_is_away_holds_it_up(tmp_path: Path, monkeypa
         await world.until(lambda: world.told)
         world.part(asked, 0, BLOB)
         stored = await world.state(asked, STORED)
-        assert b"".join(world.desk.content(stored)) == BLOB
+        assert await fetched(world, stored) == BLOB
         await world.until(lambda: world.told[-1].stored)
         names = await world.store.read(
             lambda engine: engine.fetch("SELECT state, count(*) FROM objects GROUP BY state ORDER BY state")
@@ -219,7 +229,7 @@ async def test_a_whole_file_is_stored_by_the_next_gateway(tmp_path: Path) -> Non
         world.desk = world.another_desk()
         await world.desk.look()
         stored = await world.state(asked, STORED)
-        assert b"".join(world.desk.content(stored, start=5, size_bytes=7)) == BLOB[5:12]
+        assert await fetched(world, stored, start=5, size_bytes=7) == BLOB[5:12]
         await world.until(lambda: not partial.exists())
 
 
@@ -251,7 +261,7 @@ async def test_a_robot_that_cuts_again_sends_another_file(tmp_path: Path) -> Non
         assert [(wanted.offset, wanted.unwanted) for wanted in world.told] == [(0, False)]
         world.part(asked, 0, other, blob=other)
         stored = await world.state(asked, STORED)
-        assert b"".join(world.desk.content(stored)) == other
+        assert await fetched(world, stored) == other
 
 
 async def test_deleting_dooms_the_object(tmp_path: Path) -> None:
@@ -260,7 +270,7 @@ async def test_deleting_dooms_the_object(tmp_path: Path) -> None:
         world.part(asked)
         await world.until(lambda: world.told)
         with pytest.raises(RecordingNotStoredError):
-            world.desk.content(await world.desk.get(asked.id))
+            world.desk.download(await world.desk.get(asked.id))
         world.part(asked, 0, BLOB)
         await world.state(asked, STORED)
         await world.desk.delete(asked.id)
@@ -271,3 +281,22 @@ async def test_deleting_dooms_the_object(tmp_path: Path) -> None:
                 await world.desk.delete(gone)
             with pytest.raises(UnknownRecordingError):
                 await world.desk.get(gone)
+
+
+async def test_so_many_downloads_at_a_time(tmp_path: Path) -> None:
+    async with opened(tmp_path) as world:
+        asked = await world.desk.request("r1", last_s=60)
+        world.part(asked)
+        await world.until(lambda: world.told)
+        world.part(asked, 0, BLOB)
+        stored = await world.state(asked, STORED)
+        running = [world.desk.download(stored) for _ in range(16)]
+        with pytest.raises(TooManyError):
+            world.desk.download(stored)
+        running[3].close()
+        running[3].close()  # counts once
+        assert await fetched(world, stored) == BLOB
+        again = world.desk.download(stored)
+        with pytest.raises(TooManyError):
+            world.desk.download(stored)
+        again.close()

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
+from gateway.api import models_recordings as models
+from gateway.recordings.incoming import PartialFile
 from metaros._proto import link_pb2
 from metaros.clock import SystemClock
-from tests.gateway.harness import BACKFILL, client, running_gateway
+from tests.gateway.harness import BACKFILL, DATA, channel, client, running_gateway
 from tests.gateway.recordings.robot import PART, RecordingRobot, content
 
 BLOB = content(3 * 1024 * 1024 + 17)
@@ -31,6 +34,7 @@ async def when(http: httpx.AsyncClient, recording_id: str, good: Callable[[dict[
         while True:
             shown = dict((await http.get(f"/api/v1/recordings/{recording_id}")).json())
             if good(shown):
+                models.Recording.model_validate(shown)
                 return shown
 
 
@@ -62,7 +66,10 @@ async def test_the_last_minute_of_an_online_robot(tmp_path: Path) -> None:
         assert answer.content == BLOB
         assert answer.headers["content-type"] == "application/mcap"
         assert 'filename="sim_1_1970-01-01T00-00-05Z.mcap"' in answer.headers["content-disposition"]
-        assert list((tmp_path / "data" / "incoming").iterdir()) == []
+        async with asyncio.timeout(60):
+            while list((tmp_path / "data" / "incoming").iterdir()):
+                await http.get("/healthz")
+        models.RecordingList.model_validate_json((await http.get("/api/v1/recordings")).content)
 
 
 @pytest.mark.parametrize(
@@ -97,7 +104,7 @@ async def test_ranges_of_a_file(tmp_path: Path, headers: dict[str, str], status:
 async def test_asked_while_the_robot_is_away(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http:
         async with RecordingRobot(ready) as robot:
-            await when(http, "x", lambda shown: shown["code"] == "unknown_recording")
+            pass
         asked = await save(http)
         assert asked["state"] == "requested"
         async with RecordingRobot(ready, number=2) as robot:
@@ -269,6 +276,49 @@ async def test_requests_that_cannot_be(tmp_path: Path, body: dict[str, Any]) -> 
         answer = await http.post("/api/v1/robots/sim_1/recordings", json=body)
         assert (answer.status_code, answer.json()["code"]) == (400, "invalid_request")
         assert (await http.get("/api/v1/recordings")).json() == {"recordings": [], "next": None}
+
+
+async def test_a_file_that_is_gone_ends_the_download_early(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
+        asked = await save(http)
+        await robot.offer(asked["id"], BLOB)
+        await robot.deliver(asked["id"], BLOB)
+        for path in (tmp_path / "data" / "objects" / "recordings").iterdir():
+            path.unlink()
+        with pytest.raises(httpx.RemoteProtocolError):
+            await http.get(f"/api/v1/recordings/{asked['id']}/file.mcap")
+        assert (await http.get("/healthz")).status_code == 200
+
+
+async def test_a_disk_that_hangs_holds_nobody_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    go_on = threading.Event()
+    append = PartialFile.append
+
+    def hang(self: PartialFile, offset: int, pieces: Sequence[bytes]) -> int:
+        go_on.wait(60)
+        return append(self, offset, pieces)
+
+    monkeypatch.setattr(PartialFile, "append", hang)
+    async with running_gateway(tmp_path) as ready, client(ready) as http:
+        async with RecordingRobot(ready) as robot, RecordingRobot(ready, "sim_2", session=b"2" * 16) as other:
+            try:
+                asked = await save(http)
+                await robot.offer(asked["id"], BLOB)
+                assert (await robot.wanted()).offset == 0
+                for number in range(16):  # four times what it may send
+                    await robot.part(asked["id"], BLOB, number * PART % len(BLOB))
+                for agent in (robot, other):
+                    await agent.announce(channel(1, f"/{agent.robot}/chatter", "std_msgs/msg/String"))
+                    await agent.samples(1, 1, [b"x"])
+                    assert (await agent.next("ack", DATA)).ack.watermarks[0].seq == 1
+            finally:
+                go_on.set()
+            told = (await robot.wanted()).offset
+            while (again := (await robot.wanted()).offset) > told:
+                told = again
+            assert again % PART == 0  # sent back to what is on the disk
+            await robot.offer(asked["id"], BLOB)
+            assert (await robot.deliver(asked["id"], BLOB)).stored
 
 
 async def test_an_unknown_robot(tmp_path: Path) -> None:
