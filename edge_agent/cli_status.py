@@ -197,7 +197,7 @@ def box_line(box: Report, running: bool) -> str:
 
 def held(report: Report) -> bool:
     """Whether anything waits."""
-    return any(row["samples"] for row in report["classes"])
+    return any(row["samples"] for row in report["classes"]) or bool((report.get("recordings") or {}).get("count"))
 
 
 def headline(out: Output, report: Report) -> str:

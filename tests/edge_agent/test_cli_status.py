@@ -10,7 +10,7 @@ import typer
 from typer.testing import CliRunner
 
 from edge_agent.cli import register
-from edge_agent.cli_status import lines, rows_of
+from edge_agent.cli_status import box_line, lines, rows_of
 from edge_agent.state_dir import locked
 from tests.edge_agent.test_main import start
 from tests.edge_agent.test_report import filled
@@ -61,6 +61,29 @@ def test_what_a_stopped_agent_left_is_shown(home: Path) -> None:
     assert "no limit" in output
     code, output = status("-o", "json")
     assert [row["samples"] for row in json.loads(output)[0]["classes"]] == [3, 0, 5]
+
+
+def test_recordings_and_the_black_box_that_a_stopped_agent_left_are_shown(home: Path) -> None:
+    directory = home / ".metaros" / "agent" / "r1"
+    for name in ("outbox", "black_box", "recordings"):
+        (directory / name).mkdir(parents=True)
+    code, output = status("--name", "r1")
+    assert (code, "holds nothing" in output) == (0, True)
+    (directory / "black_box" / "000000000001.mcap").write_bytes(bytes(3000))
+    (directory / "recordings" / "01HZZZZZZZZZZZZZZZZZZZZZ01.mcap").write_bytes(bytes(2000))
+    code, output = status("--name", "r1")
+    assert "1 wait for the gateway, 2 kB" in output
+    assert "3 kB, until " in output
+    (report,) = json.loads(status("-o", "json")[1])
+    assert (report["black_box"]["size_bytes"], report["recordings"]) == (3000, {"count": 1, "size_bytes": 2000})
+
+
+def test_a_black_box_in_words() -> None:
+    box = {"from_ns": 0, "to_ns": 0, "size_bytes": 0, "quota_bytes": 0, "lost": 0}
+    assert box_line(box, running=True) == "off"
+    assert box_line({**box, "quota_bytes": 1000}, running=True) == "empty"
+    full = {**box, "from_ns": 1, "to_ns": 300_000_000_001, "size_bytes": 2_000_000, "quota_bytes": 4_000_000, "lost": 7}
+    assert box_line(full, running=True) == "the last 5 min 0 s, 2 MB of 4 MB, 7 lost"
 
 
 def test_an_agent_out_of_sight_is_known_by_its_lock(tmp_path: Path) -> None:
