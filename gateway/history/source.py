@@ -16,6 +16,7 @@ from gateway.history.losses import MAX_LOSSES, Loss
 from gateway.store import Store
 from gateway.store.history import TopicGap
 from gateway.store.samples import SampleFilter, StoredBatch, StoredRun
+from gateway.store.undated import undated_gaps
 
 __all__ = ["WAIT_S", "Newest", "Source", "StoreSource", "loss_reason"]
 
@@ -72,7 +73,9 @@ class StoreSource:
 
     def losses(self, robot_id: str, *, start_ns: int, end_ns: int) -> Sequence[Loss]:
         """As in Source."""
-        found = self._ask(self._store.gaps_between(robot_id, start_ns=start_ns, end_ns=end_ns, limit=MAX_LOSSES))
+        span = {"start_ns": start_ns, "end_ns": end_ns, "limit": MAX_LOSSES}
+        found = self._ask(self._store.gaps_between(robot_id, **span))
+        found += self._ask(self._store.read(lambda engine: undated_gaps(engine, robot_id, **span)))
         return [_loss(item) for item in found]
 
     def _ask(self, question: Coroutine[Any, Any, Result]) -> Result:
