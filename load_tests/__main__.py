@@ -14,6 +14,7 @@ BENCHMARKS = {
     "cdr": "CDR encode and decode against rosbags",
     "delivery": "durable samples from an agent's outbox to the gateway's disk, and live ones beside them",
     "executor": "shares of the fair executor and a critical node's timer beside them",
+    "history": "24 h of a series in 1000 buckets out of ten million stored rows, on SQLite and PostgreSQL",
     "ingest": "metric rows and samples through a real gateway",
     "memory": "resident size over an hour of 1 kHz, accelerated, and over images in shared memory",
     "peers": "Meta-ROS beside raw zenoh, cyclonedds-python, pyzmq, metaros 1.1.5 and rospy",
@@ -21,6 +22,7 @@ BENCHMARKS = {
     "record": "MCAP writers beside a plain file, PyPI's mcap and rosbags; a recorder on the wire",
     "restart": "kill -9 of a supervised node to the first message of its replacement, against bare python with zenoh",
     "service": "service round trips and action goals against raw eclipse-zenoh queries",
+    "storage": "bytes on the gateway's disk for an hour of a robot, beside raw CDR and a rosbags MCAP file",
     "timer": "how late timers are called, per executor",
 }
 

@@ -1,0 +1,22 @@
+"""The benchmark of stored series with few rows: that it measures what it says, not how fast."""
+
+from __future__ import annotations
+
+import pytest
+
+from load_tests import bench_history
+from tests.support.postgres import postgres_binaries
+
+
+def test_both_engines_and_shapes_answer(capsys: pytest.CaptureFixture[str]) -> None:
+    engines = "sqlite,postgres" if postgres_binaries() else "sqlite"
+    assert bench_history.main(["--quick", "--engines", engines]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()[1:-1]]
+    assert [line[0] for line in lines] == [name for name in engines.split(",") for _ in range(4)]
+    assert [line[4] for line in lines] == ["buckets", "lttb"] * (len(lines) // 2)
+    assert all(900 < int(line[5]) <= 1000 for line in lines)
+
+
+def test_a_limit_that_is_not_held_is_an_error() -> None:
+    options = ["--rows", "20000", "--queries", "1", "--engines", "sqlite", "--shapes", "one"]
+    assert bench_history.main([*options, "--limit-ms", "0"]) == 1
