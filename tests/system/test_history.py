@@ -1,0 +1,103 @@
+"""The real simulator, agents and gateway: what history gives back is what the nodes published, byte for byte."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+from tests.support.stack import Stack
+from tests.support.waiting import wait_until
+
+ROBOTS = ("sim_1", "sim_2", "sim_3")
+SPAN_S = 20
+Samples = dict[str, dict[int, bytes]]  # by topic: payload by the source's stamp
+
+
+def published(folder: Path) -> Samples:
+    """What the recorder heard on the robots' side."""
+    found: Samples = defaultdict(dict)
+    for path in folder.glob("*.mcap"):
+        with path.open("rb") as file:
+            for _schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
+                found[channel.topic][message.publish_time] = message.data
+    return found
+
+
+def metaros(*arguments: str) -> str:
+    """Run the command line to its end; what it printed."""
+    done = subprocess.run(
+        [sys.executable, "-m", "metaros", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env={**os.environ, "NO_COLOR": "1"},
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+def test_three_robots_come_back_as_they_were_published(tmp_path: Path) -> None:
+    with Stack(tmp_path) as stack:
+        stack.router()
+        stack.gateway()
+        bag = tmp_path / "bag"
+        stack.sim(robots=3)
+        for robot in ROBOTS:
+            stack.agent(robot)
+        wait_until(lambda: stack.online() == set(ROBOTS), timeout_s=60)
+        recorder = stack.start(
+            "recorder", "bag", "record", "--all", "--target", str(bag), "--duration", str(SPAN_S), ready=False
+        )
+        wait_until(lambda: recorder.process.poll() is not None, timeout_s=SPAN_S + 120)
+        assert recorder.process.returncode == 0, recorder.output
+        path = tmp_path / "export.mcap"
+        options = [option for robot in ROBOTS for option in ("--robot", robot)]
+        printed = metaros("history", "export", str(path), *options, "--start", "-10m", "--gateway", stack.url)
+        assert str(path) in printed
+        check(path, published(bag))
+        info = json.loads(metaros("bag", "info", str(path), "-o", "json"))
+        assert info["accounted"]
+        messages = metaros(
+            "history",
+            "messages",
+            "sim_2",
+            "--topics",
+            "odom",
+            "--start",
+            "-10m",
+            "-n",
+            "5",
+            "-o",
+            "json",
+            "--gateway",
+            stack.url,
+        )
+        assert [json.loads(line)["topic"] for line in messages.splitlines()] == ["/sim_2/odom"] * 5
+
+
+def check(path: Path, heard: Samples) -> None:
+    """Every exported message of the recorded time is one that was published, and no topic is missing."""
+    kept: dict[str, int] = defaultdict(int)
+    with AnyReader([path]) as reader:
+        for connection, stamp_ns, data in reader.messages():
+            if stamp_ns in heard[connection.topic]:
+                assert heard[connection.topic][stamp_ns] == bytes(data)
+                kept[connection.topic] += 1
+            assert connection.topic.split("/")[1] in ROBOTS
+    for robot in ROBOTS:
+        for topic, least in (
+            ("odom", SPAN_S),
+            ("scan", SPAN_S // 2),
+            ("imu", SPAN_S // 2),
+            ("battery_state", SPAN_S // 2),
+        ):
+            assert kept[f"/{robot}/{topic}"] >= least, dict(kept)
