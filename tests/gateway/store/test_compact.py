@@ -5,13 +5,12 @@ from __future__ import annotations
 import io
 import random  # noqa: TID251 - seeded
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
 
 from gateway.errors import ObjectStoreError, PurgedError, StoreError
-from gateway.objects import DirectoryStore, ObjectStore
+from gateway.objects import ObjectStore
 from gateway.store.commit import Committer
 from gateway.store.compact import Compaction, CompactPace
 from gateway.store.engine import StoreEngine
@@ -30,12 +29,6 @@ LATER_NS = 3 * 600 * 10**9
 
 class Killed(BaseException):
     """The process ends here."""
-
-
-@pytest.fixture
-def objects(tmp_path: Path) -> ObjectStore:
-    """An empty object store."""
-    return DirectoryStore(tmp_path / "objects")
 
 
 def compaction(
