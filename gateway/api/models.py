@@ -70,6 +70,16 @@ class ClassDepth(_Model):
     quota_bytes: int
 
 
+class BlackBox(_Model):
+    """What the robot still has of its last minutes, by its clock; `lost` messages did not reach its disk."""
+
+    from_: str | None = Field(alias="from")
+    to: str | None
+    size_bytes: int
+    quota_bytes: int
+    lost: int
+
+
 class Link(_Model):
     """The agent's connection. From `transport` on it is what the agent said last."""
 
@@ -88,6 +98,7 @@ class Link(_Model):
     clock_offset_ms: float
     forks: int
     epochs: int
+    black_box: BlackBox | None
 
 
 class Counts(_Model):

@@ -9,10 +9,12 @@ from typing import Any
 
 from gateway.domain.channel import METRIC_STREAM
 from gateway.domain.lease import Lease
+from gateway.domain.recording import plain_time
 from gateway.domain.sample import Gap
 from gateway.ingest.registry import ChannelState, RobotRecord
 from gateway.store.query import SeriesFacts, StoredGap
 from gateway.store.series import DAMAGED, SeriesRange
+from metaros._proto import link_pb2
 from metaros.link import BACKFILL_BIT, CHANNEL_MASK
 
 __all__ = [
@@ -85,6 +87,21 @@ def link_view(record: RobotRecord, *, now_s: float) -> dict[str, Any]:
         "clock_offset_ms": round(told.clock_offset_ns / 1e6, 3),
         "forks": record.forks,
         "epochs": record.epochs,
+        "black_box": black_box_view(told.black_box),
+    }
+
+
+def black_box_view(told: link_pb2.BlackBox) -> dict[str, Any] | None:
+    """What the robot could still save; None where it keeps no black box."""
+    if not told.quota_bytes:
+        return None
+    first_ns, last_ns = plain_time(told.from_ns), plain_time(told.to_ns)
+    return {
+        "from": rfc3339(first_ns) if first_ns else None,
+        "to": rfc3339(last_ns) if last_ns else None,
+        "size_bytes": told.size_bytes,
+        "quota_bytes": told.quota_bytes,
+        "lost": told.lost,
     }
 
 

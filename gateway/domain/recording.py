@@ -16,9 +16,11 @@ __all__ = [
     "Recording",
     "is_recording_id",
     "new_recording_id",
+    "plain_time",
 ]
 
 REQUESTED, CUTTING, TRANSFERRING, STORED, FAILED = "requested", "cutting", "transferring", "stored", "failed"
+LATEST_NS = 1 << 62  # in the year 2116
 UNFINISHED = (REQUESTED, CUTTING, TRANSFERRING)
 
 _ALPHABET = "0123456789ABCDEFGHJKMNPQRSTVWXYZ"  # Crockford's: no I, L, O, U
@@ -55,6 +57,11 @@ class Recording:
     def unfinished(self) -> bool:
         """Whether more is to come."""
         return self.state in UNFINISHED
+
+
+def plain_time(stamp_ns: int) -> int:
+    """A time that an agent told; 0 where it is none that a calendar could show."""
+    return stamp_ns if 0 < stamp_ns < LATEST_NS else 0
 
 
 def is_recording_id(text: str) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Coroutine
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.domain.recording import FAILED, STORED, TRANSFERRING, Recording
+from gateway.domain.recording import FAILED, STORED, TRANSFERRING, Recording, plain_time
 from gateway.errors import DamagedError, GatewayError, StoreError
 from gateway.recordings.asking import good_code
 from gateway.recordings.incoming import Incoming
@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 PROGRESS_S = 2.0  # between two updates of a recording's row
 KEEP_RETRY_S = 5.0
 MAX_OFFERS = 1024  # looked up at a time; more are offered again
-MAX_NS = 2**63 - 1
+MAX_COUNT = 2**63 - 1
 TellRobot = Callable[[str, link_pb2.RecordingWanted], None]
 
 
@@ -178,7 +178,11 @@ class Arrivals:
             "message": "",
         }
         if part.messages or part.from_ns:  # a part with data may have come without its offer, after a failed look-up
-            values |= {"first_ns": part.from_ns, "last_ns": part.to_ns, "messages": min(part.messages, MAX_NS)}
+            values |= {
+                "first_ns": plain_time(part.from_ns),
+                "last_ns": plain_time(part.to_ns),
+                "messages": min(part.messages, MAX_COUNT),
+            }
         if not await self._rows.change(asked.id, **values):
             self._unwanted(asked.robot, asked.id)
             return

@@ -18,6 +18,7 @@ from gateway.domain.recording import (
     Recording,
     is_recording_id,
     new_recording_id,
+    plain_time,
 )
 from gateway.errors import InvalidRequestError, RecordingNotStoredError, StoreError, TooManyError, UnknownRecordingError
 from gateway.objects import ObjectStore, chunks
@@ -105,7 +106,7 @@ class RecordingDesk:
             StoreError: the request cannot be stored now.
         """
         now_ns = self._clock.wall_ns()
-        robot_now_ns = now_ns - self._robots.clock_offset_ns(robot_id)
+        robot_now_ns = self.robot_now_ns(robot_id)
         if last_s is not None:
             span_ns = (robot_now_ns - round(last_s * 1e9), robot_now_ns)
         _check(span_ns, topics, now_ns=robot_now_ns)
@@ -126,7 +127,7 @@ class RecordingDesk:
 
     def robot_now_ns(self, robot_id: str) -> int:
         """What the robot's clock says now, as far as it is known."""
-        return self._clock.wall_ns() - self._robots.clock_offset_ns(robot_id)
+        return plain_time(self._clock.wall_ns() - self._robots.clock_offset_ns(robot_id))
 
     async def list(self, *, robot_id: str | None = None, limit: int, before: str | None = None) -> list[Recording]:
         """The newest recordings, newest first."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from functools import lru_cache
 from typing import Any
 
 from metaros._proto import link_pb2
@@ -16,6 +17,12 @@ def content(size_bytes: int, *, salt: int = 0) -> bytes:
     """Bytes of which no two pieces are alike."""
     digest = hashlib.shake_128(salt.to_bytes(4, "little"))
     return digest.digest(size_bytes)
+
+
+@lru_cache
+def digest(blob: bytes) -> bytes:
+    """Of a whole file, once."""
+    return hashlib.sha256(blob).digest()
 
 
 class RecordingRobot(ScriptedAgent):
@@ -58,6 +65,6 @@ class RecordingRobot(ScriptedAgent):
                 sent = min(len(blob), sent + part_bytes)
 
     async def _say(self, recording_id: str, blob: bytes, offset: int, data: bytes, **more: Any) -> None:
-        facts = {"size_bytes": len(blob), "sha256": hashlib.sha256(blob).digest(), **more}
+        facts = {"size_bytes": len(blob), "sha256": digest(blob), **more}
         part = link_pb2.RecordingPart(recording_id=recording_id, offset=offset, data=data, **facts)
         await self.send(BACKFILL, recording=part)

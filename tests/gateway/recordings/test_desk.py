@@ -122,6 +122,14 @@ async def test_the_span_is_by_the_robots_clock(tmp_path: Path) -> None:
         assert world.desk.robot_now_ns("r1") == asked.to_ns
 
 
+@pytest.mark.parametrize("offset_ns", [-(2**63), 2**63 - 1])
+async def test_a_robot_whose_clock_is_nowhere(tmp_path: Path, offset_ns: int) -> None:
+    async with opened(tmp_path) as world:
+        world.offset_ns = offset_ns
+        asked = await world.desk.request("r1", last_s=60)
+        assert (asked.from_ns, asked.to_ns) == (-60 * 10**9, 0)
+
+
 @pytest.mark.parametrize(
     "outcome",
     [

@@ -15,7 +15,7 @@ from gateway.api import models_recordings as models
 from gateway.recordings.incoming import PartialFile
 from metaros._proto import link_pb2
 from metaros.clock import SystemClock
-from tests.gateway.harness import BACKFILL, DATA, channel, client, running_gateway
+from tests.gateway.harness import BACKFILL, CONTROL, DATA, channel, client, running_gateway
 from tests.gateway.recordings.robot import PART, RecordingRobot, content
 
 BLOB = content(3 * 1024 * 1024 + 17)
@@ -319,6 +319,22 @@ async def test_a_disk_that_hangs_holds_nobody_up(tmp_path: Path, monkeypatch: py
             assert again % PART == 0  # sent back to what is on the disk
             await robot.offer(asked["id"], BLOB)
             assert (await robot.deliver(asked["id"], BLOB)).stored
+
+
+@pytest.mark.parametrize("stamp_ns", [-(2**63), 2**63 - 1])
+async def test_times_that_no_calendar_shows(tmp_path: Path, stamp_ns: int) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
+        asked = await save(http)
+        await robot.offer(asked["id"], BLOB, from_ns=stamp_ns, to_ns=stamp_ns, messages=2**64 - 1)
+        shown = await when(http, asked["id"], in_state("transferring"))
+        assert (shown["first"], shown["last"], shown["messages"]) == (None, None, 2**63 - 1)
+        box = link_pb2.BlackBox(from_ns=stamp_ns, to_ns=10**9, size_bytes=5, quota_bytes=7, lost=1)
+        await robot.send(CONTROL, statistics=link_pb2.TopicStatistics(link=link_pb2.LinkStatistics(black_box=box)))
+        async with asyncio.timeout(60):
+            while (told := (await http.get("/api/v1/robots/sim_1")).json()["link"]["black_box"]) is None:
+                continue
+        facts = {"size_bytes": 5, "quota_bytes": 7, "lost": 1}
+        assert told == {"from": None, "to": "1970-01-01T00:00:01.000Z", **facts}
 
 
 async def test_an_unknown_robot(tmp_path: Path) -> None:
