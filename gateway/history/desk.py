@@ -23,7 +23,7 @@ from gateway.history.source import Source, StoreSource
 from gateway.history.timeline import timeline_facts
 from gateway.store import Store
 from gateway.store.history import StoredTopic, topic_names
-from gateway.store.timeline import read_density
+from gateway.store.timeline import read_density, series_count
 from metaros.limits import LIMITS
 
 __all__ = ["ExportStream", "HistoryDesk"]
@@ -48,9 +48,11 @@ class HistoryDesk:
         """How many run now."""
         return len(self._running)
 
-    async def topics(self, robot_id: str) -> list[StoredTopic]:
-        """What is stored of each topic of a robot, by name."""
-        return await self._store.stored_topics(robot_id)
+    async def stored(self, robot_id: str) -> tuple[list[StoredTopic], int]:
+        """What is stored of each topic of a robot, by name, and how many series it has."""
+        return await self._store.stored_topics(robot_id), await self._store.read(
+            lambda engine: series_count(engine, robot_id)
+        )
 
     async def topic_names(self, robot_id: str) -> list[str]:
         """Every topic of a robot of which messages were ever stored."""

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from gateway.store.engine import Row, StoreEngine
 
-__all__ = ["Density", "read_density"]
+__all__ = ["Density", "read_density", "series_count"]
 
 Counts = npt.NDArray[np.int64]
 # A batch, a segment's run and a chunk of a series count alike: so many samples between two stamps.
@@ -48,6 +48,13 @@ def read_density(engine: StoreEngine, robot_id: str, *, start_ns: int, end_ns: i
     stamps = stamps[(stamps >= start_ns) & (stamps < end_ns)]
     fresh = np.bincount((stamps - start_ns) // width_ns, minlength=buckets).astype(np.int64)
     return Density(width_ns, _spread(messages, buckets), _spread(rows, buckets) + fresh)
+
+
+def series_count(engine: StoreEngine, robot_id: str) -> int:
+    """How many series the robot ever sent."""
+    with engine.transaction(write=False):
+        rows = engine.fetch("SELECT count(*) FROM series JOIN robots USING (robot) WHERE id = ?", robot_id)
+    return int(rows[0][0])
 
 
 def _spread(spans: Sequence[Row], buckets: int) -> Counts:

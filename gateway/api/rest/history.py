@@ -34,9 +34,8 @@ async def get_history(request: Request, robot_id: str) -> Response:
     """Which topics are stored, how much of them, from when to when."""
     services = services_of(request)
     services.registry.get(robot_id)
-    topics = await services.history.topics(robot_id)
-    series = await services.store.series(robot_id)
-    return JsonResponse(history_view(topics, series=len(series)))
+    topics, series = await services.history.stored(robot_id)
+    return JsonResponse(history_view(topics, series=series))
 
 
 @router.get("/timeline", responses={200: {"model": models_history.Timeline}, **UNKNOWN})
