@@ -54,6 +54,7 @@ _PUT_SEGMENT = """
     INSERT INTO segments (object, robot, event, first_ns, last_ns, stored_ns, size_bytes, messages)
     VALUES (?, ?, ?, ?, ?, ?, ?, ?)
 """
+_LONGER = "UPDATE channels SET longest_ns = ? WHERE channel = ? AND longest_ns < ?"
 _PUT_RUN = "INSERT INTO segment_runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
 
 
@@ -240,6 +241,11 @@ def _insert(engine: StoreEngine, due: Due, segment: Segment, name: str) -> None:
             for run in segment.runs
         ],
     )
+    longest: dict[int, int] = {}
+    for run in segment.runs:
+        longest[run.channel] = max(longest.get(run.channel, 0), run.last_ns - run.first_ns)
+    for channel, lasts_ns in sorted(longest.items()):
+        engine.execute(_LONGER, lasts_ns, channel, lasts_ns)
 
 
 def _give_up(engine: StoreEngine, name: str, now_ns: int) -> None:

@@ -7,6 +7,7 @@ both inside one transaction therefore sees each run exactly once.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 from gateway.domain.channel import Channel
@@ -14,18 +15,24 @@ from gateway.domain.sample import Gap
 from gateway.store.engine import Row, StoreEngine, placeholders, signed, slices, unsigned
 from gateway.store.samples import CHANNEL_COLUMNS, RUN_COLUMNS, SampleFilter, StoredRun, stored_channel, stored_run
 
-__all__ = ["StoredTopic", "TopicGap", "find_runs", "gaps_between", "newest_candidates", "stored_topics", "topic_names"]
+__all__ = [
+    "StoredTopic",
+    "TopicGap",
+    "find_runs",
+    "gaps_between",
+    "newest_candidates",
+    "stored_topics",
+    "topic_names",
+]
 
-_BATCH = f"SELECT {RUN_COLUMNS}, length(b.payload) AS size_bytes, {{none}} FROM sample_batches b"
-_RUN = (
-    f"SELECT {RUN_COLUMNS}, b.size_bytes, s.object, b.chunk_start, b.chunk_bytes, b.place"
-    " FROM segment_runs b JOIN segments s ON s.segment = b.segment"
-)
-_NONE = (
-    "CAST(NULL AS TEXT) AS object, CAST(NULL AS BIGINT) AS chunk_start, CAST(NULL AS BIGINT) AS chunk_bytes,"
-    " CAST(NULL AS BIGINT) AS place"
-)
-_BOTH = (_BATCH.format(none=_NONE), _RUN)
+_BATCHES = f"""
+    SELECT {RUN_COLUMNS}, length(b.payload) AS size_bytes, NULL, NULL, NULL, NULL FROM sample_batches b
+    WHERE b.channel IN ({{channels}})
+"""
+_RUNS = f"""
+    SELECT {RUN_COLUMNS}, b.size_bytes, s.object, b.chunk_start, b.chunk_bytes, b.place
+    FROM segment_runs b JOIN segments s ON s.segment = b.segment WHERE b.channel = ?
+"""
 _LOST_TOPIC = (
     "SELECT c.topic, c.class FROM {table} b JOIN channels c ON c.channel = b.channel"
     " WHERE b.robot = ? AND b.stream_id = ? AND b.epoch = ? ORDER BY b.first_seq DESC LIMIT 1"
@@ -57,6 +64,14 @@ class TopicGap:
     delivery: str
 
 
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """A channel, and how long its longest run in a segment lasts."""
+
+    channel: Channel
+    longest_ns: int
+
+
 def find_runs(
     engine: StoreEngine, robot_id: str, wanted: SampleFilter, *, limit: int, newest_first: bool = False
 ) -> list[StoredRun]:
@@ -64,19 +79,18 @@ def find_runs(
 
     They come by their lowest stamp; with `newest_first` by their highest one, descending.
     """
-    key = f"({'last_ns' if newest_first else 'first_ns'}, stream_id, epoch, first_seq)"
-    direction = " DESC" if newest_first else ""
-    order = ", ".join(column + direction for column in key.strip("()").split(", "))
     with engine.transaction(write=False):
-        channels = _channels(engine, robot_id, wanted)
-        if not channels:
-            return []
-        where, values = _conditions(wanted, newest_first=newest_first)
-        names = f"b.channel IN ({placeholders(len(channels))})"
-        halves = [f"{half} WHERE {' AND '.join([names, *where])}" for half in _BOTH]
-        both = f"SELECT * FROM ({halves[0]} UNION ALL {halves[1]}) AS runs ORDER BY {order} LIMIT ?"
-        rows = engine.fetch(both, *channels, *values, *channels, *values, limit)
-    return [stored_run(channels[row[0]], row) for row in rows]
+        known = _channels(engine, robot_id, wanted)
+        most = min(limit, 2 * limit // max(1, len(known)) + 16)
+        while True:
+            parts = _parts(engine, known, wanted, most, newest_first=newest_first)
+            runs = sorted(chain(*parts), key=lambda run: _sort_key(run, newest_first))
+            # A part that was cut says nothing of what follows its end.
+            ends = [_sort_key(part[-1], newest_first) for part in parts if len(part) == most]
+            sure = sum(_sort_key(run, newest_first) <= min(ends) for run in runs) if ends else limit
+            if sure >= limit or most == limit:
+                return runs[:limit]
+            most = min(limit, 8 * most)
 
 
 def newest_candidates(engine: StoreEngine, robot_id: str, topic: str, t_ns: int) -> list[StoredRun]:
@@ -84,17 +98,21 @@ def newest_candidates(engine: StoreEngine, robot_id: str, topic: str, t_ns: int)
 
     The newest run that ended by then comes first, if there is any, then those that go on after it, newest begin first.
     """
+    ended, across = "b.last_ns <= ? ORDER BY b.last_ns DESC LIMIT 1", "b.last_ns > ? AND b.first_ns <= ?"
+    before: list[Row] = []
+    after: list[Row] = []
     with engine.transaction(write=False):
-        channels = _channels(engine, robot_id, SampleFilter(topic=topic))
-        if not channels:
-            return []
-        names = f"b.channel IN ({placeholders(len(channels))})"
-        ended = [f"{half} WHERE {names} AND b.last_ns <= ? ORDER BY b.last_ns DESC LIMIT 1" for half in _BOTH]
-        before = [row for half in ended for row in engine.fetch(half, *channels, t_ns)]
-        across = [f"{half} WHERE {names} AND b.last_ns > ? AND b.first_ns <= ?" for half in _BOTH]
-        rows = [row for half in across for row in engine.fetch(half, *channels, t_ns, t_ns)]
-    runs = sorted((stored_run(channels[row[0]], row) for row in rows), key=lambda run: -run.first_ns)
-    last = max((stored_run(channels[row[0]], row) for row in before), key=lambda run: run.last_ns, default=None)
+        known = _channels(engine, robot_id, SampleFilter(topic=topic))
+        for number, channel in known.items():
+            batches = _BATCHES.format(channels="?")
+            before += engine.fetch(f"{batches} AND {ended}", number, t_ns)
+            before += engine.fetch(f"{_RUNS} AND {ended}", number, t_ns)
+            after += engine.fetch(f"{batches} AND {across}", number, t_ns, t_ns)
+            near = f"{_RUNS} AND {across} AND b.last_ns <= ?"
+            after += engine.fetch(near, number, t_ns, t_ns, _sum(t_ns, channel.longest_ns))
+    runs = sorted((stored_run(known[row[0]].channel, row) for row in after), key=lambda run: -run.first_ns)
+    done = (stored_run(known[row[0]].channel, row) for row in before)
+    last = max(done, key=lambda run: run.last_ns, default=None)
     return [last, *runs] if last is not None else runs
 
 
@@ -103,11 +121,12 @@ def stored_topics(engine: StoreEngine, robot_id: str) -> list[StoredTopic]:
     sums = (
         "channel, sum(count) AS samples, sum({size}) AS size_bytes, min(first_ns) AS first_ns, max(last_ns) AS last_ns"
     )
+    own = "channel IN (SELECT channel FROM channels WHERE robot = ?)"
     query = (
         "SELECT c.topic, c.schema_name, c.class, CAST(sum(h.samples) AS BIGINT), CAST(sum(h.size_bytes) AS BIGINT),"
         " min(h.first_ns), max(h.last_ns) FROM ("
-        f"SELECT {sums.format(size='length(payload)')} FROM sample_batches WHERE robot = ? GROUP BY channel"
-        f" UNION ALL SELECT {sums.format(size='size_bytes')} FROM segment_runs WHERE robot = ? GROUP BY channel"
+        f"SELECT {sums.format(size='length(payload)')} FROM sample_batches WHERE {own} GROUP BY channel"
+        f" UNION ALL SELECT {sums.format(size='size_bytes')} FROM segment_runs WHERE {own} GROUP BY channel"
         ") AS h JOIN channels c ON c.channel = h.channel"
         " GROUP BY c.topic, c.schema_name, c.class ORDER BY c.topic, c.schema_name, c.class"
     )
@@ -143,7 +162,7 @@ def _robot(engine: StoreEngine, robot_id: str) -> int | None:
     return int(rows[0][0]) if rows else None
 
 
-def _channels(engine: StoreEngine, robot_id: str, wanted: SampleFilter) -> dict[int, Channel]:
+def _channels(engine: StoreEngine, robot_id: str, wanted: SampleFilter) -> dict[int, _Known]:
     """The channels whose runs may be wanted, by number."""
     find = f"SELECT {CHANNEL_COLUMNS} FROM channels c JOIN robots r ON r.robot = c.robot WHERE r.id = ?"
     if wanted.topic is None and wanted.topics is None:
@@ -157,7 +176,59 @@ def _channels(engine: StoreEngine, robot_id: str, wanted: SampleFilter) -> dict[
             for some in slices(sorted(names))
             for row in engine.fetch(f"{find} AND c.topic IN ({placeholders(len(some))})", robot_id, *some)
         ]
-    return {row[0]: stored_channel(robot_id, row) for row in rows}
+    return {row[0]: _Known(stored_channel(robot_id, row), row[9]) for row in rows}
+
+
+def _order(newest_first: bool) -> str:
+    columns = ("last_ns" if newest_first else "first_ns", "stream_id", "epoch", "first_seq")
+    return ", ".join(f"b.{column}{' DESC' if newest_first else ''}" for column in columns)
+
+
+def _sort_key(run: StoredRun, newest_first: bool) -> tuple[int, int, int, int]:
+    """As the database orders them, where an epoch is a signed number; the first has the lowest."""
+    sign = -1 if newest_first else 1
+    stamp_ns, stream_id, epoch, first_seq = run.key(newest_first=newest_first)
+    return (sign * stamp_ns, sign * stream_id, sign * signed(epoch), sign * first_seq)
+
+
+def _parts(
+    engine: StoreEngine, known: dict[int, _Known], wanted: SampleFilter, most: int, *, newest_first: bool
+) -> list[list[StoredRun]]:
+    """What is wanted of batches and of each channel's segments, each part in order and at most so many runs long."""
+    where, values = _conditions(wanted, newest_first=newest_first)
+    tail = f" ORDER BY {_order(newest_first)} LIMIT ?"
+    parts = []
+    for some in slices(list(known)):
+        batches = " AND ".join([_BATCHES.format(channels=placeholders(len(some))), *where])
+        parts.append(engine.fetch(batches + tail, *some, *values, most))
+    for number, channel in known.items():
+        for near, bounds in _pieces(wanted, channel.longest_ns, newest_first=newest_first):
+            parts.append(engine.fetch(" AND ".join([_RUNS, *near, *where]) + tail, number, *bounds, *values, most))
+    return [[stored_run(known[row[0]].channel, row) for row in part] for part in parts]
+
+
+def _pieces(
+    wanted: SampleFilter, longest_ns: int, *, newest_first: bool
+) -> list[tuple[tuple[str, ...], tuple[int, ...]]]:
+    """Conditions for one channel's runs in segments, such that the answer lies together in an index.
+
+    The runs across the edge at which the order begins lie near it, as none lasts longer than `longest_ns`; the others
+    come in the order that is asked for.
+    """
+    start_ns, end_ns = wanted.start_ns, wanted.end_ns
+    if newest_first:
+        if end_ns is None:
+            return [((), ())]
+        across = (("b.last_ns > ?", "b.last_ns <= ?"), (end_ns, _sum(end_ns, longest_ns)))
+        return [across, (("b.last_ns <= ?",), (end_ns,))]
+    if start_ns is None:
+        return [((), ())]
+    across = (("b.first_ns < ?", "b.last_ns <= ?"), (start_ns, _sum(start_ns, longest_ns)))
+    return [across, (("b.first_ns >= ?",), (start_ns,))]
+
+
+def _sum(stamp_ns: int, span_ns: int) -> int:
+    return min(stamp_ns + span_ns, (1 << 63) - 1)
 
 
 def _conditions(wanted: SampleFilter, *, newest_first: bool) -> tuple[list[str], list[Any]]:

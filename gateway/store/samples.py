@@ -134,7 +134,8 @@ class StoredBatch:
 # What `stored_run` reads of a run `b`; a query appends size_bytes and the columns of the run's place.
 RUN_COLUMNS = "b.channel, b.stream_id, b.epoch, b.first_seq, b.count, b.first_ns, b.last_ns, b.receive_ns, b.stored_ns"
 CHANNEL_COLUMNS = (
-    "c.channel, c.topic, c.schema_name, c.type_hash, c.encoding, c.schema_encoding, c.schema, c.qos, c.class"
+    "c.channel, c.topic, c.schema_name, c.type_hash, c.encoding, c.schema_encoding, c.schema, c.qos, c.class,"
+    " c.longest_ns"
 )
 
 

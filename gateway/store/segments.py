@@ -20,11 +20,22 @@ from gateway.errors import CorruptObjectError
 from gateway.store.samples import StoredBatch
 from metaros.mcap import MalformedChunkError, McapFile, read_chunk, read_messages
 
-__all__ = ["CHUNK_BYTES", "MOST_CHUNK_BYTES", "Packed", "PackedRun", "Segment", "open_chunk", "pack", "unpack"]
+__all__ = [
+    "CHUNK_BYTES",
+    "MOST_CHUNK_BYTES",
+    "RUN_NS",
+    "Packed",
+    "PackedRun",
+    "Segment",
+    "open_chunk",
+    "pack",
+    "unpack",
+]
 
 Stamps = npt.NDArray[np.int64]
 Lengths = npt.NDArray[np.uint32]
 CHUNK_BYTES = 512 << 10  # uncompressed; what is read to get at one sample
+RUN_NS = 600 * 10**9  # what a run of several batches lasts at most: a clock that jumps begins a new one
 MOST_CHUNK_BYTES = 64 << 20  # of a chunk with a single batch: a sample has at most 16 MiB
 
 
@@ -55,10 +66,13 @@ class PackedRun:
     chunk_bytes: int = 0
 
     def takes(self, item: Packed) -> bool:
-        """Whether a batch goes on where this run ends."""
+        """Whether a batch goes on where this run ends, and does not make it too long."""
         batch = item.batch
         key = (item.channel, batch.stream_id, batch.epoch, batch.first_seq)
-        return key == (self.channel, self.stream_id, self.epoch, self.first_seq + self.count)
+        if key != (self.channel, self.stream_id, self.epoch, self.first_seq + self.count):
+            return False
+        first_ns, last_ns = int(batch.stamps_ns.min()), int(batch.stamps_ns.max())
+        return max(last_ns, self.last_ns) - min(first_ns, self.first_ns) <= RUN_NS
 
     def add(self, batch: StoredBatch) -> None:
         """Take a batch in."""

@@ -13,7 +13,9 @@ __all__ = ["SEGMENTS"]
 # with the transaction that no longer does; the row goes after its object. objects.since_ns: when it got that state
 # (of an upload: when it was last known to go on).
 # segment_runs.place: where in the uncompressed chunk the run's first message record begins; size_bytes: of payloads.
+# channels.longest_ns: no run of the channel in a segment lasts longer, so those across an instant are found near it.
 SEGMENTS = """
+    ALTER TABLE channels ADD COLUMN longest_ns {integer} NOT NULL DEFAULT 0;
     CREATE TABLE objects (
         name TEXT PRIMARY KEY,
         kind TEXT NOT NULL,
@@ -53,7 +55,8 @@ SEGMENTS = """
         size_bytes {integer} NOT NULL,
         UNIQUE (robot, stream_id, epoch, first_seq)
     );
-    CREATE INDEX segment_runs_range ON segment_runs (channel, last_ns, first_ns, count);
+    CREATE INDEX segment_runs_end ON segment_runs (channel, last_ns, first_ns, count, size_bytes);
+    CREATE INDEX segment_runs_begin ON segment_runs (channel, first_ns);
     CREATE INDEX segment_runs_segment ON segment_runs (segment);
     CREATE INDEX sample_batches_due ON sample_batches (robot, event, stored_ns);
     CREATE INDEX gaps_range ON gaps (robot, to_ns);

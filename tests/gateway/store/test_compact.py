@@ -50,11 +50,11 @@ def payload(seq: int) -> bytes:
     return b"%d " % seq * (seq % 40)
 
 
-def fill(engine: StoreEngine, *, batches: int = 40, seed: int = 1) -> dict[int, bytes]:
+def fill(engine: StoreEngine, *, batches: int = 24, seed: int = 1) -> dict[int, bytes]:
     """Batches of one to nine messages of two streams; what stream 7 holds."""
     rng, committer = random.Random(seed), Committer(engine)
     numbers = {7: 1, 8: 1}
-    for _ in range(batches):
+    for number in range(batches):
         writes: list[StreamWrite] = []
         for stream_id, first_seq in numbers.items():
             count = rng.randrange(1, 10)
@@ -64,7 +64,7 @@ def fill(engine: StoreEngine, *, batches: int = 40, seed: int = 1) -> dict[int, 
             )
             writes.append(run_write(first_seq, payloads, stream_id=stream_id, **kind))  # type: ignore[arg-type]
             numbers[stream_id] += count
-        committer.commit(writes, now_ns=1)
+        committer.commit(writes, now_ns=number)
     return {seq: payload(seq) for seq in range(1, numbers[7])}
 
 
