@@ -1,7 +1,8 @@
 """Stored messages as an MCAP file, in pieces: nothing is kept of it but the piece in the making and the index.
 
 The file is written by one thread, piece by piece as its reader takes them. Memory: the merge's bound
-(`LIMITS.export_hold_bytes` for all robots together), one chunk, and of every chunk written about 1 KiB of index.
+(`LIMITS.export_hold_bytes` for up to 16 robots together, 4 MiB for each beyond), one chunk, and of every chunk written
+about 1 KiB of index.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ __all__ = ["GAPS", "Export", "ExportRequest"]
 
 GAPS: Final = "metaros.gaps"
 CHUNK_BYTES: Final = 2 << 20
+LEAST_HOLD_BYTES: Final = 4 << 20  # of one robot: some chunks of its segments, or they would be read again and again
 WINDOW_RUNS: Final = 2048
 _NO_TOPIC: Final = "-"
 
@@ -87,7 +89,7 @@ class Export:
             start_ns=self._request.start_ns,
             end_ns=self._request.end_ns,
             window_runs=WINDOW_RUNS,
-            hold_bytes=LIMITS.export_hold_bytes // len(self._request.topics),
+            hold_bytes=max(LEAST_HOLD_BYTES, LIMITS.export_hold_bytes // len(self._request.topics)),
             stopped=self._stopped.is_set,
         )
 

@@ -13,7 +13,7 @@ import orjson
 from gateway.domain.qos import is_latched
 from gateway.domain.records import Record, introduction, record_parts
 from gateway.errors import DamagedError, PurgedError
-from gateway.history.losses import Loss, loss_view
+from gateway.history.losses import Loss, folded, loss_view
 from gateway.history.messages import Message
 from gateway.history.source import Newest, Source, loss_reason
 from metaros.limits import LIMITS
@@ -60,7 +60,8 @@ def read_instant(source: Source, robot_id: str, topics: Sequence[str], *, t_ns: 
             else:
                 instant.messages.append(found)
                 left_bytes -= len(found.payload)
-    instant.losses = source.losses(robot_id, start_ns=t_ns - max_age_ns, end_ns=t_ns)
+    losses = source.losses(robot_id, start_ns=t_ns - max_age_ns, end_ns=t_ns)
+    instant.losses = folded(loss for loss in losses if loss.topic in topics)
     return instant
 
 

@@ -15,14 +15,21 @@ import pytest
 from mcap.reader import make_reader
 
 from gateway.api import models_history
+from gateway.api.rest import export
 from gateway.api.rest.history import RECORDS_TYPE
 from gateway.api.rest.ranges import chosen_topics, full_pattern, parse_age
 from gateway.domain.records import split_records
 from gateway.errors import InvalidRequestError
+from gateway.history import desk
+from gateway.objects import open_objects
+from gateway.store.compact import Compaction, CompactPace
+from gateway.store.engines import open_engine
+from gateway.store.ledger import in_transaction
 from metaros._proto import link_pb2
 from metaros.cdr import codec
+from metaros.clock import SystemClock
 from metaros.interfaces.std_msgs.msg import String
-from metaros.limits import LIMITS
+from metaros.limits import LIMITS, Limits
 from tests.gateway.harness import DATA, EPOCH, ScriptedAgent, channel, client, running_gateway
 
 BASE = "/api/v1/robots/sim_1"
@@ -208,6 +215,61 @@ async def test_a_gateway_that_stops_leaves_no_shorter_file(tmp_path: Path) -> No
         with pytest.raises(httpx.RemoteProtocolError):
             async for _ in pieces:
                 pass
+
+
+async def test_a_reader_that_takes_nothing_gives_its_place_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(desk, "LIMITS", Limits(exports=1))
+    monkeypatch.setattr(export, "STALL_S", 0.1)
+    path = f"/api/v1/export.mcap?robot=sim_1&{RANGE}"
+    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
+        await make_noise(agent)
+        async with http.stream("GET", path) as answer, asyncio.timeout(60):
+            assert answer.status_code == 200
+            while (await http.get(f"{path}&topic=none")).status_code == 429:
+                pass
+
+
+async def test_damage_is_named_and_the_rest_is_served(tmp_path: Path) -> None:
+    """Of three segments one is gone and one has other bytes."""
+    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent:
+        await agent.announce(channel(1, "/sim_1/chatter", "std_msgs/msg/String"))
+        payload = codec(String).encode(String(data="x" * 100))
+        for number in range(3):
+            await agent.samples(1, 1 + 10 * number, [payload] * 10, stamp_ns=START_NS + number * 10**9)
+            await settled(agent, {1: 10 + 10 * number})
+    await asyncio.to_thread(damage, tmp_path / "data")
+    async with running_gateway(tmp_path) as ready, client(ready) as http:
+        answer = await http.get(f"/api/v1/export.mcap?robot=sim_1&{RANGE}")
+        reader = make_reader(io.BytesIO(answer.content), validate_crcs=True)
+        assert [message.log_time - START_NS for _, _, message in reader.iter_messages()] == list(range(10))
+        (record,) = reader.iter_metadata()
+        (loss,) = json.loads(record.metadata["/sim_1/chatter sim_1"])["losses"]
+        assert (loss["count"], loss["reason"], loss["from_ms"]) == (20, "damaged", (START_NS + 10**9) / 1e6)
+        page = await get(http, f"{BASE}/messages?{RANGE}")
+        assert (len(page["messages"]), [gap["count"] for gap in page["gaps"]]) == (10, [20])
+        at = await get(http, f"{BASE}/at?t=2001-09-09T01:46:50Z&topic=chatter&format=json")
+        assert at["missing"] == [{"topic": "/sim_1/chatter", "reason": "damaged", "nearest_ms": None}]
+
+
+def damage(data_dir: Path) -> None:
+    """Make three segments of what is there, delete the second and change the third."""
+    engine, _ = open_engine("", data_dir)
+    pace = CompactPace(size_bytes=1)
+    work = Compaction(engine, in_transaction(engine), open_objects("", data_dir), clock=SystemClock(), pace=pace)
+    while any(work.compact(due) for due in work.due(everything=True)):
+        pass
+    with engine.transaction(write=False):
+        names = [row[0] for row in engine.fetch("SELECT object FROM segments ORDER BY first_ns")]
+    engine.close()
+    assert len(names) == 3
+    (data_dir / "objects" / names[1]).unlink()
+    third = data_dir / "objects" / names[2]
+    content = bytearray(third.read_bytes())
+    middle = len(content) // 3
+    content[middle : middle + 50] = bytes(50)
+    third.write_bytes(content)
 
 
 def test_topics_by_name_and_pattern() -> None:

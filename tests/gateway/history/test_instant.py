@@ -58,7 +58,7 @@ def test_the_newest_by_then(
 
 def test_why_there_is_none(engine: StoreEngine, source: Callable[..., EngineSource]) -> None:
     commit(engine)
-    Committer(engine).commit([gap_write(1, 4, stream_id=8, base=0)], now_ns=1)
+    Committer(engine).commit([gap_write(11, 14, stream_id=7), gap_write(1, 9, stream_id=8)], now_ns=1)
     now = source()
     late = read_instant(now, "r1", ["/events", "/map", "/none"], t_ns=31 * SECOND, max_age_ns=10 * SECOND)
     facts, records = unpacked(pack_instant(late))
