@@ -71,5 +71,12 @@ class FakeRecordings:
             for name, size in sizes.items()
         ]
         head = {"total_bytes": sum(sizes.values()), "disk_free_bytes": 38_000_000_000, "classes": classes}
-        head |= {"growth_bytes_per_day": 410_000_000, "days_until_full": 92.6, "robots": [], "damaged": self.damaged}
+        head |= {
+            "growth_bytes_per_day": 410_000_000,
+            "days_until_bound": None,
+            "days_until_full": 92.6,
+            "robots": [],
+            "keep_bytes": None,
+            "damaged": self.damaged,
+        }
         return head

@@ -24,8 +24,8 @@ export const historyApi = {
     const query = new URLSearchParams([["t", rfc3339(tMs)], ...repeated("topic", topics), ["max_age", `${maxAgeS}s`]]);
     return requestBytes(`${robotPath(robot)}/at?${query}`, { signal });
   },
-  messages: async (robot: string, topic: string, startMs: number, endMs: number, limit: number, signal?: AbortSignal) => {
-    const query = new URLSearchParams([["topic", topic], ...spanned(startMs, endMs), ["limit", String(limit)], ["format", "cdr"]]);
+  messages: async (robot: string, topics: string[], startMs: number, endMs: number, limit: number, signal?: AbortSignal) => {
+    const query = new URLSearchParams([...repeated("topic", topics), ...spanned(startMs, endMs), ["limit", String(limit)], ["format", "cdr"]]);
     return (await request<{ messages: StoredMessage[] }>(`${robotPath(robot)}/messages?${query}`, { signal })).messages;
   },
   range: (robot: string, names: string[], startMs: number, endMs: number, points: number, signal?: AbortSignal) => {

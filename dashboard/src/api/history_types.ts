@@ -95,6 +95,9 @@ export interface StoreView {
   disk_free_bytes: number | null;
   growth_bytes_per_day: number | null;
   days_until_full: number | null;
+  /** The bound of everything together, and when it is reached: then the oldest goes. */
+  keep_bytes: number | null;
+  days_until_bound: number | null;
   classes: { class: string; bytes: number; oldest: string | null; keep_days: number | null; keep_bytes: number | null }[];
   robots: { robot: string; bytes: number }[];
   damaged: { object: string; robot: string | null; topic: string | null; start: string | null; end: string | null }[];

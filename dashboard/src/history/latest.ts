@@ -1,11 +1,9 @@
 /**
  * Questions of which only the newest answer counts, such as those of a cursor that is dragged.
  *
- * At most two are on their way; of those that wait only the newest is asked. An answer that comes after a newer one
- * is dropped, so what is shown never goes back.
+ * One preview (of a cursor that still moves) is on its way at a time, and beside it one question that is to stay; of
+ * those that wait only the newest is asked. An answer that comes after a newer one is dropped: nothing goes back.
  */
-
-const ON_THEIR_WAY = 2;
 
 export type Ask<T> = (signal: AbortSignal) => Promise<T>;
 
@@ -21,9 +19,14 @@ export class Latest<T> {
     private readonly onError: (error: unknown) => void,
   ) {}
 
-  ask(question: Ask<T>): void {
-    if (this.#running >= ON_THEIR_WAY) this.#waiting = question;
-    else void this.#run(question);
+  ask(question: Ask<T>, { preview = false } = {}): void {
+    this.#waiting = question;
+    if (this.#running < (preview ? 1 : 2)) this.#next();
+  }
+
+  /** What still waits is no preview any more. */
+  settle(): void {
+    if (this.#running < 2) this.#next();
   }
 
   /** Forget everything that is on its way. */
@@ -46,8 +49,12 @@ export class Latest<T> {
       if (!signal.aborted && number === this.#count) this.onError(error);
     }
     this.#running -= 1;
+    this.#next();
+  }
+
+  #next(): void {
     const next = this.#waiting;
     this.#waiting = null;
-    if (next && !signal.aborted) void this.#run(next);
+    if (next && !this.#abort.signal.aborted) void this.#run(next);
   }
 }

@@ -1,6 +1,6 @@
 /** What time the page shows: LIVE (null) or an instant, which the address holds as `t`. */
 
-import { computed, effect, signal } from "@preact/signals";
+import { batch, computed, effect, signal } from "@preact/signals";
 import { rfc3339 } from "../api/history";
 import { now } from "../live/age";
 import { place, setParam } from "../ui/url";
@@ -15,6 +15,9 @@ export const moment = computed(() => instant.value);
 /** What "now" is for everything shown: the instant, else the wall clock. */
 export const shownNow = computed(() => instant.value ?? now.value);
 
+/** Whether the instant still moves: a cursor is dragged, or time is played. */
+export const moving = signal(false);
+
 let written = "";
 let timer: ReturnType<typeof setTimeout> | undefined;
 
@@ -28,10 +31,13 @@ export function startMoment(): void {
   });
 }
 
-/** Show an instant, or LIVE. While `moving` the address follows a little later. */
-export function setMoment(ms: number | null, { moving = false } = {}): void {
-  instant.value = ms === null ? null : Math.round(ms);
-  if (moving) timer ??= setTimeout(write, WRITE_EVERY_MS);
+/** Show an instant, or LIVE. While it `moves` the address follows a little later. */
+export function setMoment(ms: number | null, { moves = false } = {}): void {
+  batch(() => {
+    instant.value = ms === null ? null : Math.round(ms);
+    moving.value = moves;
+  });
+  if (moves) timer ??= setTimeout(write, WRITE_EVERY_MS);
   else write();
 }
 

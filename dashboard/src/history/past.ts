@@ -33,7 +33,7 @@ interface Answer {
   tMs: number;
   watches: Watch[];
   at: AtAnswer;
-  around: Map<Watch, StoredMessage[]>;
+  around: StoredMessage[];
 }
 
 /** Why nothing is there: a declared loss between the sample and the instant, else what the gateway says. */
@@ -54,6 +54,7 @@ export class Past {
   #watches = new Set<Watch>();
   #tMs: number | null = null;
   #scheduled = false;
+  #preview = false;
   #latest = new Latest<Answer>(
     (answer) => this.#apply(answer),
     (error) => (this.problem.value = saidOf(error)),
@@ -64,11 +65,15 @@ export class Past {
     private readonly asks: Asks = historyApi,
   ) {}
 
-  /** Go to an instant. */
-  seek(tMs: number): void {
-    if (tMs === this.#tMs) return;
-    this.#tMs = tMs;
-    this.#schedule();
+  /** Go to an instant; a preview waits for the one before it. */
+  seek(tMs: number, { preview = false } = {}): void {
+    this.#preview = preview;
+    if (tMs !== this.#tMs) {
+      this.#tMs = tMs;
+      this.#ask();
+    } else if (!preview) {
+      this.#latest.settle();
+    }
   }
 
   watch(watch: Watch): () => void {
@@ -83,28 +88,31 @@ export class Past {
     this.#latest.close();
   }
 
-  /** One request for all that changed in this turn of the event loop. */
+  /** One request for all panels that come in this turn of the event loop. */
   #schedule(): void {
     if (this.#scheduled) return;
     this.#scheduled = true;
     queueMicrotask(() => {
-      this.#scheduled = false;
-      const tMs = this.#tMs;
-      const watches = [...this.#watches];
-      if (tMs !== null && watches.length > 0) this.#latest.ask((abort) => this.#load(tMs, watches, abort));
+      if (this.#scheduled) this.#ask();
     });
+  }
+
+  #ask(): void {
+    this.#scheduled = false;
+    const tMs = this.#tMs;
+    const watches = [...this.#watches];
+    if (tMs !== null && watches.length > 0) this.#latest.ask((abort) => this.#load(tMs, watches, abort), { preview: this.#preview });
   }
 
   async #load(tMs: number, watches: Watch[], abort: AbortSignal): Promise<Answer> {
     const topics = [...new Set(watches.map(({ topic }) => topic))];
-    const around = new Map<Watch, StoredMessage[]>();
     const wide = watches.filter(({ backS, aheadS }) => backS + aheadS > 0);
-    const [body] = await Promise.all([
+    const startMs = tMs - Math.max(0, ...wide.map(({ backS }) => backS)) * 1000;
+    const endMs = tMs + Math.max(0, ...wide.map(({ aheadS }) => aheadS)) * 1000;
+    const named = [...new Set(wide.map(({ topic }) => topic))];
+    const [body, around] = await Promise.all([
       this.asks.at(this.robot, tMs, topics, MAX_AGE_S, abort),
-      ...wide.map(async (watch) => {
-        const { topic, backS, aheadS } = watch;
-        around.set(watch, await this.asks.messages(this.robot, topic, tMs - backS * 1000, tMs + aheadS * 1000, MESSAGES, abort));
-      }),
+      wide.length > 0 ? this.asks.messages(this.robot, named, startMs, endMs, MESSAGES, abort) : [],
     ]);
     return { tMs, watches, at: parseAt(body), around };
   }
@@ -118,7 +126,9 @@ export class Past {
       const sample = at.records.get(watch.topic);
       watch.onInstant(tMs, absence(watch.topic, tMs, at.header, sample?.stampMs ?? null));
       if (!channel || !sample) continue;
-      const records = (around.get(watch) ?? []).map((message) => recordOf(message, channel.channel));
+      const [from, to] = [tMs - watch.backS * 1000, tMs + watch.aheadS * 1000];
+      const own = around.filter(({ topic, stamp_ms }) => topic === watch.topic && stamp_ms >= from && stamp_ms <= to);
+      const records = own.map((message) => recordOf(message, channel.channel));
       if (!records.some(({ stampMs }) => Math.abs(stampMs - sample.stampMs) < 0.01)) records.push(sample);
       for (const record of records.sort((a, b) => a.stampMs - b.stampMs)) watch.onRecord(channel, record);
     }

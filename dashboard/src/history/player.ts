@@ -22,7 +22,7 @@ export function play(): void {
     if (tMs === null) return pause();
     const next = tMs + (at - last) * speed.peek();
     last = at;
-    if (next < Date.now() - PRESENT_MS) return setMoment(next, { moving: true });
+    if (next < Date.now() - PRESENT_MS) return setMoment(next, { moves: true });
     pause();
     setMoment(null);
   }, STEP_MS);
@@ -30,5 +30,7 @@ export function play(): void {
 
 export function pause(): void {
   clearInterval(timer);
+  if (!playing.peek()) return;
   playing.value = false;
+  setMoment(moment.peek());
 }

@@ -7,31 +7,12 @@ import type { Ranged } from "../api/history_types";
 import { useLive } from "../ui/context";
 import { relativeTopic } from "../ui/format";
 import { Latest } from "./latest";
+import { trailOf } from "./path";
 
 /** How much of the path before the instant is drawn. */
 export const TRAIL_S = 300;
-const POINTS = 700;
-/** A silence of this length breaks the path. */
-const HOLE_MS = 15_000;
-const JUMP_M = 3;
-
-/** x and y in turn, NaN where the path is broken: what MapModel's trail is. */
-export function trailOf({ series }: Ranged): number[] {
-  const [xs, ys] = ["x", "y"].map((axis) => series.find(({ name }) => name.endsWith(`.position.${axis}`)));
-  if (!xs || !ys) return [];
-  const yAt = new Map(ys.stamp_ms.map((stamp, i) => [stamp, ys.mean[i]!]));
-  const trail: number[] = [];
-  let last: [number, number, number] | null = null;
-  xs.stamp_ms.forEach((stamp, i) => {
-    const x = xs.mean[i]!;
-    const y = yAt.get(stamp);
-    if (y === undefined) return;
-    if (last && (stamp - last[0] > HOLE_MS || Math.hypot(x - last[1], y - last[2]) > JUMP_M)) trail.push(NaN, NaN);
-    trail.push(x, y);
-    last = [stamp, x, y];
-  });
-  return trail;
-}
+const POINTS = 600;
+const AFTER_MS = 60;
 
 /** Call `onTrail` with the path up to the instant whenever it moves; never while LIVE. */
 export function useTrail(robot: string, namespace: string, odom: string, onTrail: (trail: number[]) => void): void {
@@ -44,6 +25,8 @@ export function useTrail(robot: string, namespace: string, odom: string, onTrail
     const tMs = at.value;
     if (!past) return;
     const stem = `${relativeTopic(odom, namespace).replace(/^\//, "").replaceAll("/", ".")}.pose.pose.position`;
-    latest.ask((abort) => historyApi.range(robot, [`${stem}.x`, `${stem}.y`], tMs - TRAIL_S * 1000, tMs, POINTS, abort));
+    // The scan is what is waited for; the path may come a moment after it.
+    const timer = setTimeout(() => latest.ask((abort) => historyApi.range(robot, [`${stem}.x`, `${stem}.y`], tMs - TRAIL_S * 1000, tMs, POINTS, abort)), AFTER_MS);
+    return () => clearTimeout(timer);
   });
 }

@@ -1,7 +1,7 @@
 /**
  * The page's side of the decode worker, with back-pressure.
  *
- * Each feed has one message in the worker at a time. What arrives meanwhile waits: one newest message in a feed of
+ * Each feed has one message in the worker at a time (`ahead` allows more). What arrives meanwhile waits: one newest message in a feed of
  * depth 1, up to `depth` in arrival order otherwise, and the oldest waiting one is dropped when there is no room.
  */
 
@@ -38,6 +38,13 @@ interface Waiting {
   payload: ArrayBuffer;
 }
 
+export interface FeedOptions {
+  depth: number;
+  image: boolean;
+  /** How many messages may be in the worker at once; pictures of more than one may come out of order. */
+  ahead?: number;
+}
+
 export class Decoder {
   #known = new Set<string>();
   #tickets = new Map<number, (answer: Answer) => void>();
@@ -52,7 +59,7 @@ export class Decoder {
   }
 
   /** A place to push records of one subscription; `onDecoded` is called in arrival order. */
-  feed(options: { depth: number; image: boolean }, onDecoded: (decoded: Decoded) => void): Feed {
+  feed(options: FeedOptions, onDecoded: (decoded: Decoded) => void): Feed {
     return new Feed(this, options, onDecoded);
   }
 
@@ -72,12 +79,12 @@ export class Decoder {
 export class Feed {
   dropped = 0;
   #waiting: Waiting[] = [];
-  #busy = false;
+  #busy = 0;
   #closed = false;
 
   constructor(
     private readonly decoder: Decoder,
-    private readonly options: { depth: number; image: boolean },
+    private readonly options: FeedOptions,
     private readonly onDecoded: (decoded: Decoded) => void,
   ) {}
 
@@ -97,11 +104,11 @@ export class Feed {
   }
 
   #advance(): void {
-    const next = this.#busy ? undefined : this.#waiting.shift();
+    const next = this.#busy >= (this.options.ahead ?? 1) ? undefined : this.#waiting.shift();
     if (!next) return;
-    this.#busy = true;
+    this.#busy += 1;
     this.decoder.decode(next, this.options.image, (answer) => {
-      this.#busy = false;
+      this.#busy -= 1;
       if (this.#closed) answer.bitmap?.close();
       else this.onDecoded({ ...next, ...answer });
       this.#advance();

@@ -18,9 +18,9 @@ import { FADE_EVERY_M, WallTiles } from "./wall_tiles";
 /** Enough to hold a burst of a replay; what is older than that is not needed. */
 const DEPTH = 64;
 /** At an instant: scans of the seconds before it, and poses on either side of each of them. */
-const SCANS_BACK_S = 3;
-const POSES_BACK_S = 5;
-const POSES_AHEAD_S = 1;
+const SCANS_BACK_S = 1.5;
+const POSES_BACK_S = 3;
+const POSES_AHEAD_S = 0.8;
 /** Ink of so far away is of another drive. */
 const SAME_WALLS_MS = 1_800_000;
 

@@ -89,3 +89,19 @@ test("two fingers pinch", () => {
 test("the scale bar is a round distance", () => {
   expect([scaleStep(32, 110), scaleStep(2, 110), scaleStep(400, 110)]).toEqual([2, 50, 0.2]);
 });
+
+test("at an instant the pose is that of the instant, and poses after it only place scans", () => {
+  const placed: number[][] = [];
+  const model = new MapModel((points) => placed.push([...points]));
+  model.addPose(pose(10, 5));
+  model.begin(150);
+  model.addPose(pose(100, 0));
+  model.addScan(scan(150, [1, 0, 0, 0]));
+  expect([model.pose!.x, model.hits[0]]).toEqual([0, 1]); // for want of a pose after it, and without ink
+  expect(placed).toEqual([]);
+  model.addPose(pose(200, 1));
+  expect([model.pose!.x, model.hits[0]]).toEqual([0.5, 1.5]);
+  expect([placed.length, model.trail]).toEqual([1, [5, 0]]);
+  model.begin(900);
+  expect([model.pose, model.hits.length]).toEqual([null, 0]);
+});

@@ -21,6 +21,8 @@ export const TRAIL_POINTS = 20_000;
 const TRAIL_STEP_M = 0.03;
 const JUMP_M = 3;
 const SCANS_WAITING = 20;
+/** At an instant after which nothing came, the last scan is put where the robot was within this time of it. */
+const NEAR_MS = 1500;
 
 export const yawOf = (q: { x: number; y: number; z: number; w: number }) =>
   Math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z));
@@ -126,6 +128,17 @@ export class MapModel {
       }
       return !oldest || scan.stampMs >= oldest.stampMs;
     });
+    if (this.untilMs !== null && this.seenFrom === null) this.#placeNear();
+  }
+
+  /** The newest waiting scan at the nearest pose, for want of one on either side; it leaves no ink. */
+  #placeNear(): void {
+    const scan = this.#waiting.at(-1);
+    const pose = this.#poses.at(-1);
+    if (!scan || !pose || Math.abs(scan.stampMs - pose.stampMs) > NEAR_MS) return;
+    this.hits = scanPoints(scan, pose);
+    this.seenFrom = { ...pose, stampMs: scan.stampMs };
+    this.allAround = Math.abs(scan.angleStep) * scan.ranges.length > 6.2;
   }
 
   #extendTrail(pose: Pose): void {

@@ -6,6 +6,7 @@ import { historyApi } from "../api/history";
 import type { Ranged, Span } from "../api/history_types";
 import { now } from "../live/age";
 import { Latest } from "../history/latest";
+import { moving } from "../history/moment";
 import { frameAround } from "../history/span";
 import { useLive } from "../ui/context";
 import { Card } from "../ui/parts";
@@ -14,7 +15,7 @@ import { Plot, type Frame } from "./plot";
 import { HOLE_S, Timeline } from "./timeline";
 
 /** Of what is loaded at once, so that moving a little needs no request: the shown span is half of it. */
-const POINTS = 800;
+const POINTS = 500;
 
 interface Track {
   spec: PlotSpec;
@@ -80,12 +81,16 @@ export function PastPlots({ robot, names, windowS }: { robot: string; names: str
   useSignalEffect(() => {
     const tMs = at.value;
     const series = tracks.flatMap(({ spec }) => spec.lines.map((line) => line.series));
+    const preview = moving.value;
     const near = Math.abs(tMs - asked.current) < windowMs / 4 && tMs < now.peek() - windowMs;
-    if (near || series.length === 0) return;
+    if (near || series.length === 0) {
+      if (!preview) latest.settle();
+      return;
+    }
     asked.current = tMs;
     const startMs = tMs - windowMs;
     const endMs = tMs + windowMs;
-    latest.ask(async (abort) => ({ startMs, endMs, ranged: await historyApi.range(robot, series, startMs, endMs, POINTS, abort) }));
+    latest.ask(async (abort) => ({ startMs, endMs, ranged: await historyApi.range(robot, series, startMs, endMs, POINTS, abort) }), { preview });
   });
   const frame = useComputed<Frame | null>(() => {
     const tMs = at.value;

@@ -115,6 +115,8 @@ export function Plot(props: PlotProps) {
   const plot = useRef<uPlot>(null);
   const library = useRef<typeof uPlot>(null);
   const hovered = useRef<number | null>(null);
+  const inView = useRef(true);
+  const pending = useRef(0);
 
   const data = (): uPlot.AlignedData => {
     const tables = props.timelines.map(({ times, values: numbers }) => [times, numbers] as uPlot.AlignedData);
@@ -129,6 +131,14 @@ export function Plot(props: PlotProps) {
       const value = at !== null && current ? current.data[i + 1]?.[at] : newest;
       const cell = values.current?.children[i]?.lastElementChild;
       if (cell) cell.textContent = fixed(value, props.digits, props.unit);
+    });
+  };
+  /** Painting is what costs: a plot that nobody sees waits for it. */
+  const update = () => {
+    pending.current ||= requestAnimationFrame(() => {
+      pending.current = 0;
+      if (inView.current) plot.current?.setData(data());
+      caption();
     });
   };
   const rebuild = () => {
@@ -153,9 +163,17 @@ export function Plot(props: PlotProps) {
       if (width) plot.current?.setSize({ width, height: props.height ?? 132 });
     });
     observer.observe(box.current!);
+    const watcher = new IntersectionObserver(([entry]) => {
+      inView.current = entry!.isIntersecting;
+      if (inView.current) update();
+    });
+    watcher.observe(box.current!);
     return () => {
       gone = true;
       observer.disconnect();
+      watcher.disconnect();
+      cancelAnimationFrame(pending.current);
+      pending.current = 0;
       plot.current?.destroy();
       plot.current = null;
     };
@@ -166,8 +184,7 @@ export function Plot(props: PlotProps) {
   useSignalEffect(() => {
     void props.version.value;
     void props.frame?.value;
-    plot.current?.setData(data());
-    caption();
+    update();
   });
   return (
     <>

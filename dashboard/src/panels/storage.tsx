@@ -29,7 +29,7 @@ export function StorageCard() {
       <Card title="What is kept" kind="storage" note={store.disk_free_bytes === null ? "" : `${bytes(store.disk_free_bytes)} of disk free`}>
         <div class="storage">
           <div class="storage-total">
-            <p class="big">{bytes(store.total_bytes)} <span class="uplink-state">stored</span></p>
+            <p class="big">{bytes(store.total_bytes)} <span class="uplink-state">{store.keep_bytes === null ? "stored" : `of at most ${bytes(store.keep_bytes)}`}</span></p>
             <Forecast store={store} />
           </div>
           <dl class="queues">
@@ -59,13 +59,14 @@ function keeps(days: number | null, limit: number | null): string {
   return parts.length > 0 ? `kept ${parts.join(" or ")}` : "kept for ever";
 }
 
-function Forecast({ store: { growth_bytes_per_day: growth, days_until_full: days } }: { store: StoreView }) {
+function Forecast({ store: { growth_bytes_per_day: growth, days_until_full: days, days_until_bound: bound } }: { store: StoreView }) {
   const grows = growth !== null && growth > 0 ? `Grows by ${bytes(growth)} a day.` : "";
   const soon = days !== null && days < FEW_DAYS;
   return (
     <p class="hint">
       {grows} {days !== null && <b class={soon ? "bad" : undefined}>The disk is full in {duration(days * DAY_S)}.</b>}
-      {days === null && (grows ? "" : "How fast it grows is not known yet.")}
+      {bound !== null && (days === null || bound < days) && ` The bound is reached in ${duration(bound * DAY_S)}; then the oldest goes.`}
+      {days === null && bound === null && (grows ? "" : "How fast it grows is not known yet.")}
     </p>
   );
 }

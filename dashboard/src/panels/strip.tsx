@@ -27,21 +27,20 @@ export function StripView({ window: shown, density, recordings, cursorMs, firstM
   const hover = useSignal<number | null>(null);
   const dragging = useRef(false);
   const { ref, redraw } = useCanvas((surface) => {
-    drawStrip(surface, { window: shown, density, recordings, cursorMs, hoverMs: hover.peek() }, palette.peek());
+    drawStrip(surface, { window: shown, density, recordings }, palette.peek());
   });
-  useEffect(redraw);
+  useEffect(redraw, [shown.startMs, shown.endMs, density, recordings]);
   useSignalEffect(() => {
-    if (palette.value || hover.value) redraw();
+    if (palette.value) redraw();
   });
 
-  const msAt = (event: PointerEvent) => {
-    const box = ref.current!.getBoundingClientRect();
-    return msOf(shown, box.width, event.clientX - box.left);
-  };
   const move = (event: PointerEvent, settled: boolean) => {
     const box = ref.current!.getBoundingClientRect();
+    const ms = msOf(shown, box.width, event.clientX - box.left);
+    hover.value = event.pointerType === "touch" ? null : ms;
+    if (!dragging.current) return;
     const isNow = shown.endMs > Date.now() - 2000 && event.clientX > box.right - SNAP_PX;
-    setMoment(isNow && settled ? null : msAt(event), { moving: !settled });
+    setMoment(isNow && settled ? null : ms, { moves: !settled });
   };
   const keyed = (event: KeyboardEvent) => {
     if (!steer(event, { atMs: cursorMs ?? Date.now(), spanMs: shown.endMs - shown.startMs, firstMs })) return;
@@ -73,17 +72,18 @@ export function StripView({ window: shown, density, recordings, cursorMs, firstM
         move(event, false);
       }}
       onPointerMove={(event) => {
-        hover.value = msAt(event);
-        if (dragging.current) move(event, false);
+        move(event, false);
       }}
       onPointerUp={(event) => {
-        if (dragging.current) move(event, true);
+        move(event, true);
         dragging.current = false;
       }}
       onPointerCancel={() => (dragging.current = false)}
       onPointerLeave={() => (hover.value = null)}
     >
       <canvas ref={ref} aria-hidden="true" />
+      {at !== null && <i class="hover-line" style={{ left: `${xOf(shown, 100, at)}%` }} />}
+      <i class={cursorMs === null ? "cursor cursor-live" : "cursor"} style={{ left: `${cursorMs === null ? 100 : xOf(shown, 100, cursorMs)}%` }} />
       {at !== null && <Bubble at={at} window={shown} density={density} recordings={recordings} />}
     </div>
   );
@@ -99,7 +99,7 @@ function steer(event: KeyboardEvent, now: { atMs: number; spanMs: number; firstM
   else if (event.key === "Home" && now.firstMs !== null) setMoment(now.firstMs);
   else if (event.key === " ") playing.peek() ? pause() : play();
   else if (step === undefined) return false;
-  else setMoment(now.atMs + step >= Date.now() ? null : now.atMs + step, { moving: true });
+  else setMoment(now.atMs + step >= Date.now() ? null : now.atMs + step);
   return true;
 }
 

@@ -1,4 +1,4 @@
-/** Paints the time bar's strip: density, losses, spells without a link, recordings, ticks and the cursor. */
+/** Paints the time bar's strip: density, losses, spells without a link, recordings and ticks. */
 
 import type { Density, Recording } from "../api/history_types";
 import { ticksOf, xOf, type Window } from "../history/span";
@@ -15,9 +15,6 @@ export interface Strip {
   window: Window;
   density: Density | null;
   recordings: Recording[];
-  /** The instant, or null: LIVE. */
-  cursorMs: number | null;
-  hoverMs: number | null;
 }
 
 export function drawStrip(surface: Surface, strip: Strip, colours: Palette): void {
@@ -30,8 +27,6 @@ export function drawStrip(surface: Surface, strip: Strip, colours: Palette): voi
     drawLosses(surface, strip, colours, ground);
   }
   drawMarks(surface, strip, colours);
-  if (strip.hoverMs !== null) drawLine(surface, xOf(strip.window, surface.width, strip.hoverMs), colours.muted, ground, 1, 0.6);
-  drawCursor(surface, strip, colours, ground);
 }
 
 function drawTicks({ context, width, height }: Surface, { window }: Strip, colours: Palette, ground: number): void {
@@ -113,27 +108,4 @@ function drawMarks(surface: Surface, { window, recordings }: Strip, colours: Pal
     context.fill();
   }
   context.globalAlpha = 1;
-}
-
-function drawLine({ context }: Surface, x: number, colour: string, ground: number, wide: number, alpha = 1): void {
-  context.globalAlpha = alpha;
-  context.fillStyle = colour;
-  context.fillRect(x - wide / 2, 0, wide, ground);
-  context.globalAlpha = 1;
-}
-
-function drawCursor(surface: Surface, { window, cursorMs }: Strip, colours: Palette, ground: number): void {
-  const { context, width } = surface;
-  const live = cursorMs === null;
-  const x = live ? width - 2 : xOf(window, width, cursorMs);
-  const colour = live ? colours.accent : colours["accent-2"];
-  drawLine(surface, x, colour, ground, 2);
-  context.fillStyle = colour;
-  context.beginPath();
-  context.arc(x, ground, live ? 3.5 : 5.5, 0, 2 * Math.PI);
-  context.fill();
-  if (live) return;
-  context.lineWidth = 2;
-  context.strokeStyle = colours.surface;
-  context.stroke();
 }

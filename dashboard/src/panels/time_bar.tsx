@@ -2,6 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import type { Recording } from "../api/history_types";
 import { ageText, now } from "../live/age";
 import { useDensity, useRecordings, useStored } from "../history/density";
 import { moment, setMoment } from "../history/moment";
@@ -12,6 +13,8 @@ import { place, setParam } from "../ui/url";
 import { SaveButton } from "./save_button";
 import { StripView } from "./strip";
 
+const NO_RECORDINGS: Recording[] = [];
+
 export function TimeBar({ robot }: { robot: string }) {
   const tMs = moment.value;
   const nowMs = now.value;
@@ -21,7 +24,7 @@ export function TimeBar({ robot }: { robot: string }) {
   const shown = windowFor(last.current, tMs, SPANS[span]!, nowMs);
   last.current = tMs === null ? null : shown;
   const density = useDensity(robot, shown);
-  const recordings = useRecordings(robot).value ?? [];
+  const recordings = useRecordings(robot).value ?? NO_RECORDINGS;
   const stored = useStored(robot).value;
   useEffect(() => pause, [robot]);
   useLiveKey();

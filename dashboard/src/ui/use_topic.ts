@@ -5,6 +5,9 @@ import type { Missing } from "../api/history_types";
 import type { Decoded } from "../live/decoder";
 import { useLive } from "./context";
 
+/** Messages of an instant come all at once. */
+const AHEAD = 32;
+
 export interface TopicOptions {
   robot: string;
   topic: string;
@@ -30,7 +33,7 @@ export function useTopic(options: TopicOptions, onDecoded: (decoded: Decoded, se
   instant.current = options.onInstant;
   useEffect(() => {
     if (!enabled) return;
-    const newFeed = () => decoder.feed({ depth, image }, (decoded) => handler.current(decoded, past ? decoded.stampMs : Date.now()));
+    const newFeed = () => decoder.feed({ depth, image, ahead: past && !image ? AHEAD : 1 }, (decoded) => handler.current(decoded, past ? decoded.stampMs : Date.now()));
     let feed = newFeed();
     const stop = past
       ? past.watch({

@@ -5,7 +5,7 @@ import { useSignalEffect } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
 import type { StoredTopic } from "../api/history_types";
 import type { Topic } from "../api/types";
-import { moment, shownNow } from "../history/moment";
+import { moment, moving, shownNow } from "../history/moment";
 import { Past } from "../history/past";
 import { LiveContext, useLive } from "../ui/context";
 
@@ -14,7 +14,7 @@ export function PastProvider({ robot, children }: { robot: string; children: Com
   const past = useMemo(() => new Past(robot), [robot]);
   const value = useMemo(() => ({ stream, decoder, past, at: shownNow }), [stream, decoder, past]);
   useSignalEffect(() => {
-    if (moment.value !== null) past.seek(moment.value);
+    if (moment.value !== null) past.seek(moment.value, { preview: moving.value });
   });
   useEffect(() => () => past.close(), [past]);
   return (
