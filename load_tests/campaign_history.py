@@ -5,7 +5,7 @@ retention deletes the oldest bulk messages at once. Meanwhile somebody exports. 
 gateway started once more: what it exports must be what its database and its segments hold, and those are compared with
 the robot's journal. Of what retention deletes, only the oldest may be gone, without a hole.
 
-    python -m load_tests.campaign history [--cycles 200] [--leg 50] [--seed N] [--keep]
+    python -m load_tests.campaign history [--postgres] [--cycles 200] [--leg 50] [--seed N] [--keep]
 """
 
 from __future__ import annotations
@@ -26,14 +26,16 @@ from urllib.parse import urlencode
 from mcap.reader import make_reader
 
 from gateway.objects import DirectoryStore
+from gateway.store.check import check as store_check
 from gateway.store.engines import open_engine
 from gateway.store.ledger import LEASE_S, in_transaction, sweep_objects
 from load_tests.campaign_kills import parser, run_legs
 from metaros.clock import SystemClock
 from metaros.errors import MetarosError
 from metaros.link import CHANNEL_MASK
-from tests.support.checker import Stored, Verdict, check
+from tests.support.checker import Stored, Verdict, check, read_rows
 from tests.support.load_robot_stack import LoadStack
+from tests.support.postgres import PostgresServer
 from tests.support.waiting import wait_until
 
 __all__ = ["HistoryStack", "main"]
@@ -47,11 +49,11 @@ class HistoryStack(LoadStack):
 
     legs = 0
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, url: str = "") -> None:
         HistoryStack.legs += 1
         self.purged = HistoryStack.legs % 2 == 0
         rules = KEPT if self.purged else ()
-        super().__init__(folder, gateway={"busy": True, "retention_rules": rules})
+        super().__init__(folder, gateway={"busy": True, "retention_rules": rules, "store_url": url})
         self.objects = DirectoryStore(self.gateway_config.data_dir / "objects")
 
     def export(self, timeout_s: float = 60.0) -> bytes:
@@ -101,16 +103,19 @@ class HistoryStack(LoadStack):
 
     def check_objects(self, verdict: Verdict) -> None:
         """After every lease is over, the object store holds what the ledger says, and segments are what it says."""
-        engine, _ = open_engine("", self.gateway_config.data_dir)
+        engine, _ = open_engine(self.gateway_config.store_url, self.gateway_config.data_dir)
         try:
             now_ns = SystemClock().wall_ns()
             for leases in (2, 4):
                 sweep_objects(in_transaction(engine), self.objects, now_ns=now_ns + round(leases * LEASE_S * 1e9))
+            report = store_check(engine, self.objects, deep=True, now_ns=now_ns)
             with engine.transaction(write=False):
                 known = {str(row[0]): str(row[1]) for row in engine.fetch("SELECT name, kind FROM objects")}
                 segments = {str(row[0]) for row in engine.fetch("SELECT object FROM segments")}
         finally:
             engine.close()
+        for found in (*report.damage, *report.orphans):
+            verdict.blame("wrong", 1, f"store check: {found}")
         there = {info.name for info in self.objects.names()}
         files = {path for path in (self.gateway_config.data_dir / "objects").rglob("*") if path.is_file()}
         verdict.blame("wrong", len(there - known.keys()), f"orphans: {sorted(there - known.keys())[:3]}")
@@ -119,6 +124,32 @@ class HistoryStack(LoadStack):
         verdict.blame("wrong", len(leaked), f"in the ledger or in segments alone: {sorted(leaked)[:3]}")
         verdict.blame("wrong", len(files) - len(there), "files beside the objects")
         verdict.blame("wrong", int(not segments), "nothing was compacted")
+
+
+class PostgresHistoryStack(HistoryStack):
+    """The same on a PostgreSQL of its own, which is killed, too."""
+
+    may_end = ("gateway",)  # one that starts while there is no database; a supervisor starts it again
+
+    def __init__(self, folder: Path) -> None:
+        self.server = PostgresServer()
+        try:
+            self.server.start()
+            super().__init__(folder, self.server.url)
+        except BaseException:
+            self.server.close()
+            raise
+
+    def __exit__(self, *exc: object) -> None:
+        try:
+            super().__exit__(*exc)
+        finally:
+            self.server.close()
+
+    def stored(self) -> Stored:
+        """What the database and the segments have."""
+        data_dir = self.gateway_config.data_dir
+        return read_rows(lambda sql: self.server.ask(sql, self.robot_config.name), "$1", data_dir)
 
 
 def declare_purged(stored: Stored, final: Any) -> None:
@@ -138,6 +169,12 @@ def declare_purged(stored: Stored, final: Any) -> None:
 def break_one(stack: LoadStack, rng: Random, act: str) -> None:
     """kill -9 at some moment of the act; then it runs again."""
     assert isinstance(stack, HistoryStack)
+    if act == "kill postgres":
+        assert isinstance(stack, PostgresHistoryStack)
+        stack.server.kill()
+        time.sleep(rng.uniform(0.0, 0.3))
+        stack.server.start()
+        return
     if act == "stop gateway":
         stack.signal("gateway", signal.SIGSTOP)
         time.sleep(rng.uniform(0.01, 0.3))
@@ -164,9 +201,14 @@ def export_quietly(stack: HistoryStack) -> None:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the campaign; exit code 1 when a sample was lost, stored twice, or wrong, or an object is left over."""
-    options = parser(__doc__, cycles=200)
-    options.set_defaults(leg=50)
-    return run_legs(options.parse_args(argv), HistoryStack, name="history", acts=ACTS, act_on=break_one)
+    made = parser(__doc__, cycles=200)
+    made.set_defaults(leg=50)
+    made.add_argument("--postgres", action="store_true", help="on PostgreSQL, which is killed, too")
+    options = made.parse_args(argv)
+    if not options.postgres:
+        return run_legs(options, HistoryStack, name="history", acts=ACTS, act_on=break_one)
+    acts = (*ACTS, ("kill postgres", 5))
+    return run_legs(options, PostgresHistoryStack, name="history --postgres", acts=acts, act_on=break_one)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from gateway.store.chunks import decode
 from metaros.link import BACKFILL_BIT, CHANNEL_MASK
 from tests.support.load_robot_samples import KINDS, LOST, Counters, number_in, payload, read_journal
 
-__all__ = ["Stored", "Verdict", "check", "read_sqlite"]
+__all__ = ["Stored", "Verdict", "check", "read_rows", "read_sqlite"]
 
 Key = tuple[int, int]  # epoch, stream
 METRIC = CHANNEL_MASK & ~CHANNEL_MASK  # the stream of metric rows, 0
