@@ -17,7 +17,7 @@ import numpy.typing as npt
 from gateway.domain.channel import METRIC_STREAM
 from gateway.domain.sample import Gap
 from gateway.store.buckets import Buckets, Line, Picture, Span
-from gateway.store.chunks import Stamps, Values, decode
+from gateway.store.chunks import TOGETHER, Stamps, Values, decode
 from gateway.store.engine import Row, StoreEngine, placeholders, slices
 from metaros.link import BACKFILL_BIT
 
@@ -30,7 +30,7 @@ WaitingRows = tuple[npt.NDArray[np.uint32], Stamps, Values]
 _INSIDE = """
     first_ns >= ? AND last_ns <= ? AND total IS NOT NULL AND (first_ns - ?) / ? = (last_ns - ?) / ?
 """  # in one bucket
-_TOUCHING = "FROM metric_chunks WHERE series = ? AND last_ns >= ? AND first_ns <= ? AND (valid > 0 OR valid IS NULL)"
+_TOUCHING = "FROM metric_chunks WHERE series = ? AND last_ns >= ? AND first_ns <= ? AND coalesce(valid, 1) > 0"
 _SUMMARIES = f"""
     SELECT place, CAST(sum(valid) AS BIGINT), min(low), max(high), sum(total) FROM (
         SELECT CASE WHEN {_INSIDE} THEN (first_ns - ?) / ? ELSE -chunk END AS place, valid, low, high, total {_TOUCHING}
@@ -152,11 +152,13 @@ class _Reading:
                 "SELECT encoding, count, stamps, vals, first_ns, last_ns FROM metric_chunks"
                 f" WHERE chunk IN ({placeholders(len(some))}) ORDER BY last_ns"
             )
-            rows = self.engine.fetch(query, *some)
-            try:
-                yield decode([(row[0], row[1], row[2], row[3]) for row in rows])
-            except ValueError:
-                yield from self._undamaged(rows)
+            found = self.engine.fetch(query, *some)
+            for first in range(0, len(found), TOGETHER):
+                rows = found[first : first + TOGETHER]
+                try:
+                    yield decode([(row[0], row[1], row[2], row[3]) for row in rows])
+                except ValueError:
+                    yield from self._undamaged(rows)
 
     def _undamaged(self, rows: Sequence[Row]) -> Iterator[tuple[Stamps, Values]]:
         for row in rows:
