@@ -71,7 +71,8 @@ class Shelf:
             async with self._refreshed(name):
                 await self._on_thread(self._put, name, path, size_bytes, sha256)
             return await self._rows.run(lambda engine: self._stored(engine, recording_id, name, size_bytes, sha256))
-        except BaseException:
+        except Exception:
+            # Not when this task is cancelled: its thread may still be putting, and the ledger's lease covers that.
             with contextlib.suppress(Exception):
                 await self._rows.run(lambda engine: self._doom_upload(engine, recording_id, name))
             raise

@@ -76,7 +76,6 @@ class Transfer:
         self._parts: deque[bytes] = deque()
         self._queued_bytes = 0
         self._expected = 0  # where the next part begins
-        self._told = -1
         self._hole = False  # something was dropped: the robot has to be sent back
         self._turning = False  # it was, and what it had sent before is still arriving
         self._offered = True
@@ -149,8 +148,7 @@ class Transfer:
     async def _receive(self) -> None:
         while self.offset < self._size_bytes and not self._stopped:
             if self._offered:
-                self._offered, self._told = False, -1
-                self._hole = self._turning = False
+                self._offered = self._hole = self._turning = False
                 self._drop()
                 self._tell()
             elif self._parts:
@@ -196,12 +194,9 @@ class Transfer:
         """The robot sends again from what is on the disk."""
         self._drop()
         self._hole, self._turning = False, True
-        if self.offset > self._told:
-            self._tell()
-        self._tell()
+        self._tell()  # again the offset told last, or a lower one
 
     def _tell(self) -> None:
-        self._told = self.offset
         if not self.paused:
             self._hooks.wanted(self.offset)
 

@@ -22,9 +22,9 @@ from gateway.errors import (
     TooManyError,
     UnknownRecordingError,
 )
-from gateway.objects import DirectoryStore
+from gateway.objects import DirectoryStore, ObjectStore
 from gateway.recordings.desk import RecordingDesk, RobotSide
-from gateway.store import RobotWrite, Store
+from gateway.store import RobotWrite, Store, ledger
 from gateway.store.retention import Retention
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
@@ -270,6 +270,37 @@ async def test_a_robot_that_cuts_again_sends_another_file(tmp_path: Path) -> Non
         world.part(asked, 0, other, blob=other)
         stored = await world.state(asked, STORED)
         assert await fetched(world, stored) == other
+
+
+async def test_stored_fetched_and_deleted_in_every_object_store(tmp_path: Path, objects: ObjectStore) -> None:
+    blob = bytes(range(256)) * 40_000  # more than one piece of an upload to S3
+    async with opened(tmp_path) as world:
+        await world.desk.close()
+        world.desk = world.another_desk(objects)
+        asked = await world.desk.request("r1", last_s=60)
+        world.part(asked, blob=blob)
+        sent = 0
+        while sent < len(blob):
+            await world.until(lambda sent=sent: world.told and world.told[-1].offset == sent)
+            world.part(asked, sent, blob[sent : sent + 250_000], blob=blob)
+            sent = min(len(blob), sent + 250_000)
+        stored = await world.state(asked, STORED)
+        assert await fetched(world, stored) == blob
+        assert await fetched(world, stored, start=5_000_000, size_bytes=3) == blob[5_000_000:5_000_003]
+        assert [item.size_bytes for item in objects.names("recordings/")] == [len(blob)]
+        await world.desk.delete(asked.id)
+        jobs = await asyncio.to_thread(sweep, world, asyncio.get_running_loop(), objects)
+        assert jobs == 1
+        assert list(objects.names()) == []
+
+
+def sweep(world: World, loop: asyncio.AbstractEventLoop, objects: ObjectStore) -> int:
+    """Housekeeping of the object store, on a thread."""
+
+    def run(job: Callable[..., Any], /) -> Any:
+        return asyncio.run_coroutine_threadsafe(world.store.run(job), loop).result(30)
+
+    return ledger.sweep_objects(run, objects, now_ns=world.clock.wall_ns())
 
 
 async def test_deleting_dooms_the_object(tmp_path: Path) -> None:

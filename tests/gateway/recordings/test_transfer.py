@@ -84,7 +84,7 @@ async def test_all_of_it_in_order(tmp_path: Path) -> None:
         await rig.until(lambda: rig.told == [0])
         for start in range(0, 256, 32):
             rig.part(start, start + 32)
-            await rig.until(lambda start=start: start == 224 or rig.told[-1] == start + 32)  # type: ignore[misc]
+            await rig.until(lambda start=start: start == 224 or rig.told[-1] == start + 32)
         assert await task
     assert rig.partial.path.read_bytes() == BLOB
     assert rig.told == list(range(0, 256, 32))
@@ -119,7 +119,7 @@ async def test_after_a_hole_the_robot_is_sent_back_once(tmp_path: Path) -> None:
         await rig.until(lambda: rig.told == [0, 0, 32, 64, 64] or rig.told == [0, 0, 32, 32, 64])
         for start in (64, 128, 192):
             rig.part(start, start + 64)
-            await rig.until(lambda start=start: start == 192 or rig.told[-1] == start + 64)  # type: ignore[misc]
+            await rig.until(lambda start=start: start == 192 or rig.told[-1] == start + 64)
         assert await task
 
 
@@ -148,7 +148,7 @@ async def test_all_transfers_together_hold_so_much(tmp_path: Path) -> None:
         await rig.until(lambda: rig.told == [0, 0])
         for start in range(0, 256, 32):
             rig.part(start, start + 32)
-            await rig.until(lambda start=start: start == 224 or rig.told[-1] == start + 32)  # type: ignore[misc]
+            await rig.until(lambda start=start: start == 224 or rig.told[-1] == start + 32)
         assert await task
 
 
@@ -172,7 +172,7 @@ async def test_a_wrong_checksum_begins_again_and_ends(tmp_path: Path) -> None:
     rig = Rig(tmp_path, sha256="00" * 32)
     async with rig.running() as task:
         for tries in (1, 2, 3):
-            await rig.until(lambda tries=tries: rig.told.count(0) == tries)  # type: ignore[misc]
+            await rig.until(lambda tries=tries: rig.told.count(0) == tries)
             rig.part(0, 128)
             await rig.until(lambda: rig.told[-1] == 128)
             rig.part(128, 256)
