@@ -44,6 +44,7 @@ class Limits:
     history_page_bytes: int = 4 * MIB  # payloads of one page of stored messages; one message may be larger
     history_decoded_bytes: int = 1 * MIB  # one stored message shown as JSON, which is several times as long
     history_instant_bytes: int = 64 * MIB  # payloads of one answer about an instant
+    segment_cache_bytes: int = 32 * MIB  # chunks of segments, unpacked, that were read last
     exports: int = 4  # MCAP exports that a gateway makes at a time
     export_hold_bytes: int = 64 * MIB  # of one export, read from the store and not yet written
     ros_name_chars: int = 256

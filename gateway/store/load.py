@@ -17,10 +17,10 @@ from gateway.objects import ObjectStore
 from gateway.store.engine import StoreEngine, signed
 from gateway.store.samples import Place, StoredBatch, StoredRun
 from gateway.store.segments import open_chunk, unpack
+from metaros.limits import LIMITS
 
-__all__ = ["CHUNK_CACHE_BYTES", "RunLoader"]
+__all__ = ["RunLoader"]
 
-CHUNK_CACHE_BYTES = 32 << 20
 _BATCH = (
     "SELECT b.receive_ns, b.stored_ns, b.stamps, b.lengths, b.payload FROM sample_batches b"
     " JOIN robots r ON r.robot = b.robot WHERE r.id = ? AND b.stream_id = ? AND b.epoch = ? AND b.first_seq = ?"
@@ -35,7 +35,7 @@ _RUN = (
 class RunLoader:
     """Loads runs, from any thread; each caller brings its own connection."""
 
-    def __init__(self, objects: ObjectStore | None = None, *, cache_bytes: int = CHUNK_CACHE_BYTES) -> None:
+    def __init__(self, objects: ObjectStore | None = None, *, cache_bytes: int = LIMITS.segment_cache_bytes) -> None:
         self._objects = objects
         self._cache = _ChunkCache(cache_bytes)
 
