@@ -62,14 +62,17 @@ def _check(
     """Name what is damaged: objects that are missing or differ, samples that are nowhere or twice. Exit code 1 then."""
     from gateway.store import check as checking
     from gateway.store.ledger import in_transaction
+    from gateway.store.mark import check_mark
     from metaros.cli.output import Output
 
     out = Output(output)
     with _opened(data_dir, store, objects) as it:
         run, now_ns = in_transaction(it.engine), it.clock.wall_ns()
         report = checking.check(it.engine, it.objects, deep=deep, now_ns=now_ns, on_object=_progress)
-        gone = checking.delete_orphans(run, it.objects, report, now_ns=now_ns) if delete_orphans else 0
+        gone = 0
         if delete_orphans:
+            check_mark(it.engine, run, it.objects, clock=it.clock)  # another store's objects are no orphans
+            gone = checking.delete_orphans(run, it.objects, report, now_ns=now_ns)
             report.orphans = [item for item in report.orphans if not str(item.object).startswith(checking.OURS)]
         run(lambda engine: checking.remember(engine, report))
     show_report(out, report, gone)
@@ -83,11 +86,13 @@ def _compact(
     """Move all received batches into segments now, and delete what is doomed."""
     from gateway.store.compact import Compaction
     from gateway.store.ledger import in_transaction, sweep_objects
+    from gateway.store.mark import check_mark
     from metaros.cli.output import Output, counted
 
     out = Output(output)
     with _opened(data_dir, store, objects) as it:
         run = in_transaction(it.engine)
+        check_mark(it.engine, run, it.objects, clock=it.clock)
         work = Compaction(it.engine, run, it.objects, clock=it.clock)
         batches = segments = 0
         for due in work.due(everything=True):
@@ -136,6 +141,7 @@ def _retention(
 ) -> None:
     """Delete what is too old or too much now; with --dry-run only say what that is."""
     from gateway.store.ledger import in_transaction, sweep_objects
+    from gateway.store.mark import check_mark
     from gateway.store.purge import Purge
     from metaros.cli.output import Output
 
@@ -145,6 +151,7 @@ def _retention(
         now_ns = it.clock.wall_ns()
         document = it.storage.plan_document(it.engine, now_ns=now_ns)
         if not dry_run:
+            check_mark(it.engine, in_transaction(it.engine), it.objects, clock=it.clock)
             purge = Purge(it.engine, it.storage.retention, now_ns=now_ns)
             while purge.step():
                 pass

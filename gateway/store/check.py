@@ -13,6 +13,7 @@ import orjson
 
 from gateway.objects import ObjectStore
 from gateway.store.check_objects import BadObject, bad_objects, orphans, read_ledger, unreadable
+from gateway.store.check_series import bad_chunks
 from gateway.store.check_streams import Fault, stream_faults
 from gateway.store.engine import StoreEngine
 from gateway.store.ledger import Transact, sweep_objects
@@ -35,7 +36,7 @@ _RECORDING = (
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """Something that is not as it should be. What is not known is None.
+    """Something that is not as it should be. What is not known is None; `topic` may be the name of a series.
 
     `what`: missing, size, corrupt or ledger (data is lost); hole, twice or ahead (of a stream); unused, orphan (space).
     """
@@ -70,7 +71,7 @@ def check(
     now_ns: int,
     on_object: Callable[[int, int], None] = lambda done, total: None,
 ) -> Report:
-    """Look at everything; with `deep` every object is read through, and `on_object` told how many are done.
+    """Look at everything; with `deep` every object and chunk is read through, and `on_object` told how many are done.
 
     Raises:
         StoreError, ObjectStoreError: one of the stores cannot be asked now; that is no damage.
@@ -86,13 +87,17 @@ def check(
         on_object(done, len(stored))
     for item in bad:
         report.damage += _lost(engine, item)
-    report.orphans = [Damage(item.what, item.detail, item.name) for item in orphans(engine, objects)]
+    for item in orphans(engine, objects):
+        (report.orphans if item.what == "orphan" else report.damage).extend(_lost(engine, item))
     with engine.transaction(write=False):
         robots = engine.fetch("SELECT robot, id FROM robots ORDER BY id")
     for number, robot_id in robots:
         streams, faults = stream_faults(engine, number)
         report.streams += streams
         report.damage += [_fault(engine, robot_id, fault) for fault in faults]
+    for chunk in bad_chunks(engine) if deep else ():
+        span = (chunk.first_ns, chunk.last_ns)
+        report.damage.append(Damage("corrupt", chunk.detail, None, chunk.robot, chunk.series, *span))
     return report
 
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from gateway.errors import CorruptObjectError, DamagedError, ObjectMissingError
 from gateway.objects import ObjectStore, chunks
 from gateway.store.engine import StoreEngine, unsigned
+from gateway.store.mark import MARK
 from gateway.store.segments import open_chunk, unpack
 
 __all__ = ["BadObject", "Ledger", "bad_objects", "orphans", "read_ledger", "unreadable"]
@@ -25,7 +26,7 @@ _RUNS = (
 
 
 class Entry(NamedTuple):
-    """A row of the ledger, and whether a segment or a recording refers to it."""
+    """A row of the ledger, and whether a segment or a recording refers to it; the mark needs nobody."""
 
     kind: str
     state: str
@@ -46,14 +47,18 @@ Ledger = dict[str, Entry]
 
 
 def read_ledger(engine: StoreEngine) -> Ledger:
-    """The whole ledger, of one moment, and what refers to an object that is not in it."""
+    """The whole ledger, of one moment."""
     query = (
-        "SELECT o.name, o.kind, o.state, o.size_bytes, o.sha256, s.object, r.object FROM objects o"
+        "SELECT o.name, o.kind, o.state, o.size_bytes, o.sha256, s.object IS NOT NULL, r.object IS NOT NULL"
+        " FROM objects o"
         " LEFT JOIN segments s ON s.object = o.name LEFT JOIN recordings r ON r.object = o.name"
     )
     with engine.transaction(write=False):
         rows = engine.fetch(query)
-    return {row[0]: Entry(row[1], row[2], row[3], row[4], row[5] is not None or row[6] is not None) for row in rows}
+    return {
+        name: Entry(kind, state, size_bytes, sha256, _needs_nobody(kind, state) or bool(segment or recording))
+        for name, kind, state, size_bytes, sha256, segment, recording in rows
+    }
 
 
 def bad_objects(engine: StoreEngine, objects: ObjectStore) -> Iterator[BadObject]:
@@ -72,7 +77,7 @@ def bad_objects(engine: StoreEngine, objects: ObjectStore) -> Iterator[BadObject
 
 
 def orphans(engine: StoreEngine, objects: ObjectStore) -> list[BadObject]:
-    """Objects that the ledger does not know."""
+    """Objects that the ledger does not know; one that is in use all the same is damage of the ledger."""
     listed = {info.name: info.size_bytes for info in objects.names()}
     ledger = read_ledger(engine)  # read later: it has every object that was there then, or has seen it go
     found = []
@@ -81,7 +86,10 @@ def orphans(engine: StoreEngine, objects: ObjectStore) -> list[BadObject]:
             objects.read(name, size_bytes=1)
         except DamagedError:
             continue  # it went meanwhile, as it should
-        found.append(BadObject(name, "orphan", f"{listed[name]} bytes that the ledger does not know"))
+        if _in_use(engine, name):
+            found.append(BadObject(name, "ledger", "it is in use, and the ledger does not know it"))
+        else:
+            found.append(BadObject(name, "orphan", f"{listed[name]} bytes that the ledger does not know"))
     return found
 
 
@@ -107,7 +115,20 @@ def read_ledger_entry(engine: StoreEngine, name: str) -> Entry | None:
     )
     with engine.transaction(write=False):
         rows = engine.fetch(query, name, name, name)
-    return next((Entry(row[0], row[1], row[2], row[3], bool(row[4])) for row in rows), None)
+    for kind, state, size_bytes, sha256, referred in rows:
+        return Entry(kind, state, size_bytes, sha256, _needs_nobody(kind, state) or bool(referred))
+    return None
+
+
+def _in_use(engine: StoreEngine, name: str) -> bool:
+    used = "SELECT object FROM segments WHERE object = ? UNION ALL SELECT object FROM recordings WHERE object = ?"
+    with engine.transaction(write=False):
+        return bool(engine.fetch(used, name, name))
+
+
+def _needs_nobody(kind: str, state: str) -> bool:
+    """Whether nothing has to refer to it: the mark that says whose objects these are."""
+    return kind == MARK and state == "stored"
 
 
 def _bad(objects: ObjectStore, name: str, entry: Entry) -> Iterator[BadObject]:

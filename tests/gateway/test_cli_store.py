@@ -73,6 +73,16 @@ def test_stats_and_retention(folder: Path) -> None:
     assert (code, "nothing is damaged" in out) == (0, True)
 
 
+def test_nothing_is_deleted_in_the_objects_of_another_store(folder: Path, tmp_path: Path) -> None:
+    assert store(folder, "compact")[0] == 0
+    objects = DirectoryStore(tmp_path / "others")
+    objects.put("segments/x", io.BytesIO(b"x"), size_bytes=1, sha256=hashlib.sha256(b"x").hexdigest())
+    for command in (("check", "--delete-orphans"), ("compact",), ("retention",)):
+        code, _, err = store(folder, *command, "--objects", (tmp_path / "others").as_uri())
+        assert (code, "is not the object store" in err) == (1, True), command
+    assert [info.name for info in objects.names()] == ["segments/x"]
+
+
 def test_there_must_be_a_store(tmp_path: Path) -> None:
     code, _, err = store(tmp_path / "none", "stats")
     assert (code, "there is no store" in err) == (2, True)

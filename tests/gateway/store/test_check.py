@@ -6,6 +6,7 @@ import hashlib
 import io
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from gateway.objects import ObjectStore
@@ -14,10 +15,12 @@ from gateway.store.commit import Committer
 from gateway.store.compact import Compaction
 from gateway.store.engine import StoreEngine
 from gateway.store.ledger import announce, doom, in_transaction, stored, sweep_objects
+from gateway.store.mark import check_mark
+from gateway.store.merge import merge_step
 from gateway.store.purge import Purge
 from gateway.store.retention import Retention
 from metaros.clock import ManualClock
-from tests.gateway.store.samples import gap_write, run_write
+from tests.gateway.store.samples import CPU, gap_write, run_write, write
 
 NOW_NS = 10**18
 
@@ -140,10 +143,46 @@ def test_what_comes_and_goes_is_no_orphan(full: StoreEngine, objects: ObjectStor
     assert (report.damage, report.orphans) == ([], [])
 
 
+def test_the_mark_is_used_and_missed(full: StoreEngine, objects: ObjectStore) -> None:
+    check_mark(full, in_transaction(full), objects, clock=ManualClock())
+    assert look(full, objects).damage == []
+    (mark,) = [info.name for info in objects.names("mark/")]
+    objects.delete(mark)
+    assert damages(look(full, objects)) == [("missing", mark, None)]
+
+
+def test_a_damaged_chunk_of_a_series(full: StoreEngine, objects: ObjectStore) -> None:
+    rng = np.random.default_rng(1)
+    items = [(CPU, 10 * i, float(value)) for i, value in enumerate(rng.normal(size=1000))]
+    Committer(full).commit([write(1000, *items)], now_ns=5)
+    assert merge_step(full, max_batches=10) == 1
+    assert look(full, objects).damage == []
+    with full.transaction(write=True):
+        number, blob = full.fetch("SELECT chunk, vals FROM metric_chunks ORDER BY chunk")[0]
+        full.execute("UPDATE metric_chunks SET vals = ? WHERE chunk = ?", bytes(blob)[:-7], number)
+    (damage,) = look(full, objects).damage
+    assert (damage.what, damage.robot, damage.topic, damage.first_ns) == ("corrupt", "r1", "host.cpu", 0)
+    assert look(full, objects, deep=False).damage == []
+
+
 def test_a_ledger_that_disagrees(full: StoreEngine, objects: ObjectStore) -> None:
     name = segment(full, event=1)
     change(full, "UPDATE objects SET state = 'doomed', since_ns = ? WHERE name = ?", NOW_NS, name)
     assert damages(look(full, objects)) == [("ledger", name, "/events")]
+
+
+def test_an_object_that_is_in_use_is_never_deleted_as_an_orphan(engine: StoreEngine, objects: ObjectStore) -> None:
+    if engine.shared:
+        return  # PostgreSQL itself keeps the row as long as something refers to it
+    Committer(engine).commit([run_write(1, [b"one"])], now_ns=1)
+    work = Compaction(engine, in_transaction(engine), objects, clock=ManualClock())
+    assert [work.compact(due) for due in work.due(everything=True)] == [1]
+    name = segment(engine, event=1)
+    change(engine, "DELETE FROM objects WHERE name = ?", name)
+    report = look(engine, objects)
+    assert (damages(report), report.orphans) == ([("ledger", name, "/events")], [])
+    assert delete_orphans(in_transaction(engine), objects, report, now_ns=NOW_NS) == 0
+    assert [info.name for info in objects.names()] == [name]
 
 
 def test_samples_that_are_nowhere_or_twice(full: StoreEngine, objects: ObjectStore) -> None:
