@@ -128,6 +128,30 @@ def test_robot_page_shows_pose_scan_camera_and_plots(up: Up, open_page: OpenPage
     save(phone, "robot-phone")
 
 
+def test_the_past_is_scrubbed_and_its_minute_is_saved(up: Up, open_page: OpenPage) -> None:
+    page = open_page(f"{up.url}/robots/sim_3?span=15m")
+    page.wait_for_function("() => Number(document.querySelector('.strip')?.dataset.messages) > 50")
+    page.get_by_role("slider", name="Instant shown").focus()
+    page.keyboard.press("Shift+ArrowLeft")  # 10 s before the present
+    page.wait_for_function(f"() => Number(document.querySelector({MAP!r})?.dataset.hits) > 50")
+    expect(page.locator("[data-card=teleop]")).to_have_count(0)
+    t_ms, before = page.locator(".timebar").get_attribute("data-t"), page.evaluate(POSE)
+    page.reload()
+    page.wait_for_function(f"() => Number(document.querySelector({MAP!r})?.dataset.hits) > 50")
+    assert page.locator(".timebar").get_attribute("data-t") == t_ms
+    assert page.evaluate(POSE) == before, "an address is an instant"
+    save(page, "robot-past")
+    page.goto(f"{up.url}/recordings")
+    page.get_by_label("Robot to record").select_option("sim_3")
+    page.get_by_role("button", name="Save last 60 s").click()
+    row = page.locator("tr[data-recording][data-state=stored]")
+    expect(row).to_contain_text("sim_3")
+    with page.expect_download() as download:
+        row.get_by_role("link", name="Download").click()
+    assert download.value.path().read_bytes().startswith(b"\x89MCAP0\r\n")
+    save(page, "recordings")
+
+
 def test_driving_turns_the_robot_and_letting_go_stops_it(up: Up, open_page: OpenPage) -> None:
     page = open_page(f"{up.url}/robots/sim_2")
     page.wait_for_function(f"() => Number(document.querySelector({MAP!r})?.dataset.scans) > 1")

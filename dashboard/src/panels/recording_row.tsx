@@ -40,8 +40,8 @@ export function RecordingRow({ recording, onDelete }: { recording: Recording; on
       <td class="cell-name"><Link href={robotHref(robot)} class="name-link">{robot}</Link></td>
       <td class="num" data-label="From" title={`${start} – ${end}`}>{clockTime(startMs)} <small>{dayText(startMs)}</small></td>
       <td class="end num" data-label="Length">{duration((endMs - startMs) / 1000)}</td>
-      <td class="end num" data-label="Messages">{integer(messages)}</td>
-      <td class="end num" data-label="Size">{bytes(size)}</td>
+      <td class="end num" data-label="Messages">{integer(messages || null)}</td>
+      <td class="end num" data-label="Size">{bytes(size || null)}</td>
       <td class="end cell-actions">
         <Link href={view} class="button">View</Link>
         {state === "stored" && <a class="button" href={recordingsApi.fileHref(id)} download={`${robot}-${start}.mcap`}>Download</a>}
