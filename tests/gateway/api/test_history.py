@@ -139,31 +139,46 @@ async def test_an_instant_as_records_and_as_json(tmp_path: Path) -> None:
         assert [item["reason"] for item in late["missing"]] == ["too_old"]
 
 
-@pytest.mark.parametrize(
-    ("path", "status", "what"),
-    [
-        ("/api/v1/robots/nobody/history", 404, "nobody"),
-        ("/api/v1/robots/nobody/at?t=now", 404, "nobody"),
-        (f"{BASE}/timeline?start=now&end=-1h", 400, "end"),
-        (f"{BASE}/timeline?buckets=0", 400, "buckets"),
-        (f"{BASE}/messages?limit=1001", 400, "limit"),
-        (f"{BASE}/messages?format=xml", 400, "format"),
-        (f"{BASE}/messages?cursor=AAAA", 400, "cursor"),
-        (f"{BASE}/messages?topic={'a' * 300}", 400, "topic"),
-        (f"{BASE}/messages?{'&'.join(['topic=a'] * 65)}", 400, "topic"),
-        (f"{BASE}/at", 400, "t"),
-        (f"{BASE}/at?t=now&max_age=long", 400, "max_age"),
-        (f"{BASE}/at?t=now&max_age=31d", 400, "max_age"),
-        ("/api/v1/export.mcap", 400, "robot"),
-        ("/api/v1/export.mcap?robot=sim_1&robot=nobody", 404, "nobody"),
-        ("/api/v1/export.mcap?robot=sim_1&start=now&end=-1h", 400, "end"),
-    ],
-)
-async def test_bad_questions_say_what(tmp_path: Path, path: str, status: int, what: str) -> None:
+BAD: list[tuple[str, int, str]] = [
+    ("/api/v1/robots/nobody/history", 404, "nobody"),
+    ("/api/v1/robots/nobody/at?t=now", 404, "nobody"),
+    (f"{BASE}/timeline?start=now&end=-1h", 400, "end"),
+    (f"{BASE}/timeline?buckets=0", 400, "buckets"),
+    (f"{BASE}/messages?limit=1001", 400, "limit"),
+    (f"{BASE}/messages?format=xml", 400, "format"),
+    (f"{BASE}/messages?cursor=AAAA", 400, "cursor"),
+    (f"{BASE}/messages?topic={'a' * 300}", 400, "topic"),
+    (f"{BASE}/messages?{'&'.join(['topic=a'] * 65)}", 400, "topic"),
+    (f"{BASE}/at", 400, "t"),
+    (f"{BASE}/at?t=now&max_age=long", 400, "max_age"),
+    (f"{BASE}/at?t=now&max_age=31d", 400, "max_age"),
+    ("/api/v1/export.mcap", 400, "robot"),
+    ("/api/v1/export.mcap?robot=sim_1&robot=nobody", 404, "nobody"),
+    ("/api/v1/export.mcap?robot=sim_1&start=now&end=-1h", 400, "end"),
+]
+
+
+async def test_bad_questions_say_what(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready):
-        answer = await http.get(path)
-        assert (answer.status_code, answer.headers["content-type"]) == (status, "application/problem+json")
-        assert what in answer.json()["detail"]
+        for path, status, what in BAD:
+            answer = await http.get(path)
+            assert (answer.status_code, answer.headers["content-type"]) == (status, "application/problem+json"), path
+            assert what in answer.json()["detail"], path
+
+
+async def test_too_many_questions_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With room for one, the others of a crowd hear so, and the one that is answered is answered."""
+    monkeypatch.setattr(desk, "WAITING", 1)
+    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
+        await fill(agent)
+        answers = await asyncio.gather(*(http.get(f"{BASE}/messages?{RANGE}") for _ in range(8)))
+        codes = [answer.status_code for answer in answers]
+        assert set(codes) <= {200, 429}
+        assert 200 in codes
+        assert {answer.json()["code"] for answer in answers if answer.status_code == 429} <= {"too_many"}
+        monkeypatch.setattr(desk, "WAITING", 0)
+        refused = await http.get(f"{BASE}/messages?{RANGE}")
+        assert (refused.status_code, refused.json()["code"]) == (429, "too_many")
 
 
 async def test_an_export_over_http(tmp_path: Path) -> None:
