@@ -29,11 +29,9 @@ class Limits:
     outbox_reserve_bytes: int = 16 * MIB  # kept free for events and for declaring losses on a full disk
     black_box_bytes: int = 512 * MIB  # on the robot's disk: the last minutes of everything; the oldest goes
     black_box_piece_bytes: int = 16 * MIB  # one file of it
-    black_box_queue_bytes: int = 64 * MIB  # samples that wait for the black box's disk; more are lost to it, and declared
+    black_box_queue_bytes: int = 64 * MIB  # samples that wait for the black box's disk; more are lost to it
     recordings: int = 16  # clips on the robot's disk that wait for the gateway; more are refused
     recordings_bytes: int = 1024 * MIB  # the same, in bytes
-    recording_part_bytes: int = 256 * KIB  # one piece of a clip on the link
-    recording_window_bytes: int = 1 * MIB  # of clips, sent and not yet on the gateway's disk
     live_bytes: int = 8 * MIB  # live samples that wait in the agent's memory; the oldest yields
     ingress_bytes: int = 64 * MIB  # samples taken from Zenoh but not yet handled by an executor or the agent
     uplink_least_bytes_per_s: int = 1000  # the smallest byte budget that a robot may be given
