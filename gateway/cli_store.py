@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = ["register"]
 
+SHOWN_OBJECTS = 50
 Deep = Annotated[bool, typer.Option("--deep", help="Read every object through and compare its checksum and samples.")]
 DeleteOrphans = Annotated[bool, typer.Option("--delete-orphans", help="Delete objects that the store does not know.")]
 DryRun = Annotated[bool, typer.Option("--dry-run", help="Only show what would be deleted, and why.")]
@@ -201,5 +202,7 @@ def _opened(data_dir: Path | None, store: str, objects: str, **bounds: Any) -> I
 
 
 def _progress(done: int, total: int) -> None:
-    if sys.stderr.isatty():
-        print(f"\r{done} of {total} objects", end="\n" if done == total else "", file=sys.stderr, flush=True)
+    """On a terminal, of what takes a while; the line goes again."""
+    if total >= SHOWN_OBJECTS and sys.stderr.isatty():
+        text = f"\r{done} of {total} objects" if done < total else "\r\x1b[K"
+        print(text, end="", file=sys.stderr, flush=True)
