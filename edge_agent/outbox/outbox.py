@@ -23,7 +23,7 @@ from edge_agent.outbox.disk import Disk
 from edge_agent.outbox.ids import IdLog
 from edge_agent.outbox.log import AppendJob, SegmentLog, Taken
 from edge_agent.outbox.pending import Lost, Pending, Row, Sample, pack
-from edge_agent.outbox.rewrite import RewriteJob
+from edge_agent.outbox.rewrite import RewriteJob, with_room
 from edge_agent.outbox.state import OutboxState
 from metaros.clock import Clock
 from metaros.errors import FrameError
@@ -97,7 +97,8 @@ class Outbox:
         self.lost = dict.fromkeys(classes, 0)  # samples that became gaps since the program started
         self.writer = writer
         self.state = self._open()
-        self._save(self.state.with_writer(writer, self._last()))
+        state = self.state.with_writer(writer, self._last())
+        with_room(lambda: self._save(state), self)
         self.ids = IdLog(disk, held={held.stream_id & CHANNEL_MASK for held in self.ranges()} - {0})
 
     # -- what came in -----------------------------------------------------------------------------------------------

@@ -7,16 +7,20 @@ one small file and not thousands.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
+from edge_agent.errors import DiskFullError
+from edge_agent.outbox.classes import LogName
 from edge_agent.outbox.disk import Disk
 from edge_agent.outbox.reader import Segment
 from edge_agent.outbox.segment import Frame, Gap, Kind, SegmentHeader, pack_frame, pack_header, scan
 
-__all__ = ["KEEP_ONE_IN", "RewriteJob"]
+__all__ = ["KEEP_ONE_IN", "RewriteJob", "Yields", "with_room"]
 
 KEEP_ONE_IN = 10
+BLOCK_BYTES = 4096  # what a file takes of a disk
 
 
 @dataclass(slots=True, kw_only=True)
@@ -38,16 +42,35 @@ class RewriteJob:
 
     def run(self) -> None:
         """Raises DiskError; the old file is then still whole."""
-        segment = self.segment
+        self._put(self._content())
+
+    def cut(self) -> bool:
+        """The same where not even a small file finds space: empty the old one first; False where that gives too little.
+
+        A crash in between leaves a file without its end, which is found and declared when it is read. Raises DiskError.
+        """
+        data = self._content()
+        if (self.segment.end - self.segment.start) // BLOCK_BYTES < -(-len(data) // BLOCK_BYTES):
+            return False
+        self.disk.append(self.segment.name, self.segment.start, b"")
+        self._put(data)
+        return True
+
+    def _put(self, data: bytes) -> None:
+        self.disk.replace(self.segment.name, data)
+        self.end = len(data)
+
+    def _content(self) -> bytes:
+        """The new file."""
+        self.lost, segment = 0, self.segment
         found = scan(self.disk.read(segment.name, 0, segment.end), segment.start)
         self._sound = found.state == "clean"
         first = self.before.header if self.before is not None else segment.header
         frames = list(self._thinned(found.frames)) if self.thin else list(self._gaps(found.frames, first.last))
         self.header = replace(first, until=self.last, rewritten="thinned" if self.thin else "dropped")
         head = pack_header(self.header)
-        data = head + b"".join(map(pack_frame, frames))
-        self.disk.replace(segment.name, data)
-        self.start, self.end = len(head), len(data)
+        self.start = len(head)
+        return head + b"".join(map(pack_frame, frames))
 
     def _gaps(self, frames: list[Frame], first: Mapping[int, int]) -> Iterator[Frame]:
         """One gap a stream, over everything the segment, and the dropped one before it, stood for."""
@@ -95,3 +118,33 @@ class RewriteJob:
                 self.lost += max(0, last_seq - max(from_seq - 1, self.acked.get(stream, 0)))
                 gap = Gap(from_seq, last_seq, "disk_corrupt", 0, 0)
                 yield Frame.of_gap(stream, gap, wall_ns=self.wall_ns, mono_ns=0)
+
+
+class Yields(Protocol):
+    """Who has something to give up on a full disk."""
+
+    def relief_job(self, name: LogName) -> RewriteJob | None:
+        """The next job that frees some of it, None when nothing yields."""
+
+    def rewritten(self, job: RewriteJob, *, done: bool) -> None:
+        """It was run."""
+
+
+def with_room(save: Callable[[], None], yields: Yields) -> None:
+    """Save, if need be in the place of the oldest samples that may go. Raises DiskError when none is left."""
+    passed: list[RewriteJob] = []
+    try:
+        while True:
+            try:
+                return save()
+            except DiskFullError:
+                job = yields.relief_job("event")
+                if job is None:
+                    raise
+                if job.cut():
+                    yields.rewritten(job, done=True)
+                else:
+                    passed.append(job)  # as long as it is not given back, the next one is told
+    finally:
+        for job in passed:
+            yields.rewritten(job, done=False)
