@@ -6,6 +6,8 @@ import io
 import json
 import tracemalloc
 from collections.abc import Callable
+from contextlib import redirect_stdout
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,7 +20,10 @@ from gateway.history.export import GAPS, Export, ExportRequest
 from gateway.store.commit import Committer
 from gateway.store.engine import StoreEngine
 from gateway.store.samples import StoredBatch, StoredRun
+from metaros.cli.bag_view import bag_facts, print_bag
+from metaros.cli.output import Output
 from metaros.limits import Limits
+from metaros.record import open_bag
 from tests.gateway.history.source import EngineSource
 from tests.gateway.store.samples import gap_write, run_write
 
@@ -101,6 +106,22 @@ def test_losses_are_in_the_file(engine: StoreEngine) -> None:
     assert (declared["count"], declared["reason"]) == (10, "outbox_full")
     (damaged,) = found["/scan r1"]["losses"]
     assert (damaged["count"], damaged["reason"], damaged["topic"]) == (40, "damaged", "/scan")
+
+
+def test_bag_info_tells_the_losses(engine: StoreEngine, tmp_path: Path) -> None:
+    commit(engine)
+    path = tmp_path / "export.mcap"
+    path.write_bytes(made(Export(EngineSource(engine), request())))
+    facts = bag_facts(open_bag(path))
+    assert {topic["topic"]: topic["missing"] for topic in facts["topics"]} == {
+        "/r1/events": {"outbox_full": 10},
+        "/r2/events": {},
+        "/scan": {},
+    }
+    printed = io.StringIO()
+    with redirect_stdout(printed):
+        print_bag(Output(), facts, verbose=True)
+    assert "10 on 1 topic: 10 outbox_full" in printed.getvalue()
 
 
 def test_nothing_stored_is_a_sound_empty_file(engine: StoreEngine) -> None:
