@@ -39,7 +39,7 @@ COMPRESSION_NONE: Compression
 COMPRESSION_ZSTD: Compression
 
 class AgentFrame(_message.Message):
-    __slots__ = ("hello", "announce", "batches", "metrics", "gap", "statistics", "result", "heartbeat", "resumed", "recording")
+    __slots__ = ("hello", "announce", "batches", "metrics", "gap", "statistics", "result", "heartbeat", "resumed", "recording", "proof")
     HELLO_FIELD_NUMBER: _ClassVar[int]
     ANNOUNCE_FIELD_NUMBER: _ClassVar[int]
     BATCHES_FIELD_NUMBER: _ClassVar[int]
@@ -50,6 +50,7 @@ class AgentFrame(_message.Message):
     HEARTBEAT_FIELD_NUMBER: _ClassVar[int]
     RESUMED_FIELD_NUMBER: _ClassVar[int]
     RECORDING_FIELD_NUMBER: _ClassVar[int]
+    PROOF_FIELD_NUMBER: _ClassVar[int]
     hello: Hello
     announce: Announce
     batches: Batches
@@ -60,10 +61,11 @@ class AgentFrame(_message.Message):
     heartbeat: Heartbeat
     resumed: Resumed
     recording: RecordingPart
-    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., announce: _Optional[_Union[Announce, _Mapping]] = ..., batches: _Optional[_Union[Batches, _Mapping]] = ..., metrics: _Optional[_Union[MetricBatch, _Mapping]] = ..., gap: _Optional[_Union[Gap, _Mapping]] = ..., statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ..., result: _Optional[_Union[CommandResult, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., resumed: _Optional[_Union[Resumed, _Mapping]] = ..., recording: _Optional[_Union[RecordingPart, _Mapping]] = ...) -> None: ...
+    proof: Proof
+    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., announce: _Optional[_Union[Announce, _Mapping]] = ..., batches: _Optional[_Union[Batches, _Mapping]] = ..., metrics: _Optional[_Union[MetricBatch, _Mapping]] = ..., gap: _Optional[_Union[Gap, _Mapping]] = ..., statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ..., result: _Optional[_Union[CommandResult, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., resumed: _Optional[_Union[Resumed, _Mapping]] = ..., recording: _Optional[_Union[RecordingPart, _Mapping]] = ..., proof: _Optional[_Union[Proof, _Mapping]] = ...) -> None: ...
 
 class GatewayFrame(_message.Message):
-    __slots__ = ("welcome", "ack", "demand", "command", "teleop", "heartbeat", "goodbye", "retry_later", "recording_wanted")
+    __slots__ = ("welcome", "ack", "demand", "command", "teleop", "heartbeat", "goodbye", "retry_later", "recording_wanted", "challenge")
     WELCOME_FIELD_NUMBER: _ClassVar[int]
     ACK_FIELD_NUMBER: _ClassVar[int]
     DEMAND_FIELD_NUMBER: _ClassVar[int]
@@ -73,6 +75,7 @@ class GatewayFrame(_message.Message):
     GOODBYE_FIELD_NUMBER: _ClassVar[int]
     RETRY_LATER_FIELD_NUMBER: _ClassVar[int]
     RECORDING_WANTED_FIELD_NUMBER: _ClassVar[int]
+    CHALLENGE_FIELD_NUMBER: _ClassVar[int]
     welcome: Welcome
     ack: Ack
     demand: Demand
@@ -82,10 +85,11 @@ class GatewayFrame(_message.Message):
     goodbye: Goodbye
     retry_later: RetryLater
     recording_wanted: RecordingWanted
-    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ack: _Optional[_Union[Ack, _Mapping]] = ..., demand: _Optional[_Union[Demand, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., teleop: _Optional[_Union[Teleop, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ..., retry_later: _Optional[_Union[RetryLater, _Mapping]] = ..., recording_wanted: _Optional[_Union[RecordingWanted, _Mapping]] = ...) -> None: ...
+    challenge: Challenge
+    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ack: _Optional[_Union[Ack, _Mapping]] = ..., demand: _Optional[_Union[Demand, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., teleop: _Optional[_Union[Teleop, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ..., retry_later: _Optional[_Union[RetryLater, _Mapping]] = ..., recording_wanted: _Optional[_Union[RecordingWanted, _Mapping]] = ..., challenge: _Optional[_Union[Challenge, _Mapping]] = ...) -> None: ...
 
 class Hello(_message.Message):
-    __slots__ = ("protocol", "robot_id", "session_id", "session_number", "lane", "agent_version", "namespace", "hostname", "labels", "streams", "writers", "epochs")
+    __slots__ = ("protocol", "robot_id", "session_id", "session_number", "lane", "agent_version", "namespace", "hostname", "labels", "streams", "writers", "epochs", "certificates")
     class LabelsEntry(_message.Message):
         __slots__ = ("key", "value")
         KEY_FIELD_NUMBER: _ClassVar[int]
@@ -105,6 +109,7 @@ class Hello(_message.Message):
     STREAMS_FIELD_NUMBER: _ClassVar[int]
     WRITERS_FIELD_NUMBER: _ClassVar[int]
     EPOCHS_FIELD_NUMBER: _ClassVar[int]
+    CERTIFICATES_FIELD_NUMBER: _ClassVar[int]
     protocol: int
     robot_id: str
     session_id: bytes
@@ -117,7 +122,22 @@ class Hello(_message.Message):
     streams: _containers.RepeatedCompositeFieldContainer[StreamState]
     writers: _containers.RepeatedScalarFieldContainer[str]
     epochs: _containers.RepeatedScalarFieldContainer[int]
-    def __init__(self, protocol: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[bytes] = ..., session_number: _Optional[int] = ..., lane: _Optional[_Union[Lane, str]] = ..., agent_version: _Optional[str] = ..., namespace: _Optional[str] = ..., hostname: _Optional[str] = ..., labels: _Optional[_Mapping[str, str]] = ..., streams: _Optional[_Iterable[_Union[StreamState, _Mapping]]] = ..., writers: _Optional[_Iterable[str]] = ..., epochs: _Optional[_Iterable[int]] = ...) -> None: ...
+    certificates: _containers.RepeatedScalarFieldContainer[bytes]
+    def __init__(self, protocol: _Optional[int] = ..., robot_id: _Optional[str] = ..., session_id: _Optional[bytes] = ..., session_number: _Optional[int] = ..., lane: _Optional[_Union[Lane, str]] = ..., agent_version: _Optional[str] = ..., namespace: _Optional[str] = ..., hostname: _Optional[str] = ..., labels: _Optional[_Mapping[str, str]] = ..., streams: _Optional[_Iterable[_Union[StreamState, _Mapping]]] = ..., writers: _Optional[_Iterable[str]] = ..., epochs: _Optional[_Iterable[int]] = ..., certificates: _Optional[_Iterable[bytes]] = ...) -> None: ...
+
+class Challenge(_message.Message):
+    __slots__ = ("nonce", "audience")
+    NONCE_FIELD_NUMBER: _ClassVar[int]
+    AUDIENCE_FIELD_NUMBER: _ClassVar[int]
+    nonce: bytes
+    audience: str
+    def __init__(self, nonce: _Optional[bytes] = ..., audience: _Optional[str] = ...) -> None: ...
+
+class Proof(_message.Message):
+    __slots__ = ("signature",)
+    SIGNATURE_FIELD_NUMBER: _ClassVar[int]
+    signature: bytes
+    def __init__(self, signature: _Optional[bytes] = ...) -> None: ...
 
 class StreamState(_message.Message):
     __slots__ = ("stream_id", "epoch", "first_seq", "last_seq", "base_seq")
