@@ -13,6 +13,11 @@
     │   ├── BodyTooLargeError        the body is over its limit                         body_too_large
     │   ├── LeaseRequiredError       an actuator topic without a valid lease            lease_required
     │   ├── LeaseTakenError          somebody else drives this robot                    lease_taken
+    │   ├── SignInError              nobody known may do this                           sign_in
+    │   ├── CredentialsError         a key, session, password or token is not good      bad_credentials
+    │   ├── CsrfError                a session's mutation without its CSRF token        csrf
+    │   ├── ForbiddenError           the role does not suffice                          forbidden
+    │   ├── TooManyRequestsError     too often; says when to come back                  too_many_requests
     │   └── TooManyError             a bounded table is full                            too_many
     ├── RobotError                   the robot's fault
     │   ├── RobotOfflineError        the robot has no link now                          robot_offline
@@ -48,9 +53,12 @@ __all__ = [
     "CommandRefusedError",
     "CommandTimeoutError",
     "CorruptObjectError",
+    "CredentialsError",
+    "CsrfError",
     "DamagedError",
     "ErrorRow",
     "FencedError",
+    "ForbiddenError",
     "ForkedError",
     "GatewayError",
     "HostError",
@@ -69,8 +77,10 @@ __all__ = [
     "RequestError",
     "RobotError",
     "RobotOfflineError",
+    "SignInError",
     "StoreError",
     "TooManyError",
+    "TooManyRequestsError",
     "UnknownRecordingError",
     "UnknownRobotError",
     "UnknownTopicError",
@@ -160,6 +170,40 @@ class LeaseTakenError(RequestError):
     def __init__(self, message: str, *, holder: str) -> None:
         super().__init__(message)
         self.holder = holder
+
+
+class SignInError(RequestError):
+    """Nobody known may do this: it needs a session or a key."""
+
+    code = "sign_in"
+
+
+class CredentialsError(RequestError):
+    """A key, session, password or token that is wrong, expired or revoked: which of them is not told."""
+
+    code = "bad_credentials"
+
+
+class CsrfError(RequestError):
+    """A mutation with a session's cookie and without the session's token in X-CSRF-Token."""
+
+    code = "csrf"
+
+
+class ForbiddenError(RequestError):
+    """Who asks is known, and its role does not suffice; the message names the permission."""
+
+    code = "forbidden"
+
+
+class TooManyRequestsError(RequestError):
+    """Too often; the same is welcome after `retry_after_s`."""
+
+    code = "too_many_requests"
+
+    def __init__(self, message: str, *, retry_after_s: float) -> None:
+        super().__init__(message)
+        self.retry_after_s = retry_after_s
 
 
 class TooManyError(RequestError):
@@ -293,6 +337,10 @@ ERRORS: tuple[ErrorRow, ...] = (
     ErrorRow("invalid_field", 400, "INVALID_ARGUMENT", "A value does not fit its field"),
     ErrorRow("unknown_type", 400, "INVALID_ARGUMENT", "No such interface type is known"),
     ErrorRow("malformed_cdr", 400, "INVALID_ARGUMENT", "The bytes are no CDR of that type"),
+    ErrorRow("sign_in", 401, "UNAUTHENTICATED", "Sign in, or send a key"),
+    ErrorRow("bad_credentials", 401, "UNAUTHENTICATED", "The credentials are not good, or not any more"),
+    ErrorRow("csrf", 403, "PERMISSION_DENIED", "The session's token is missing from X-CSRF-Token"),
+    ErrorRow("forbidden", 403, "PERMISSION_DENIED", "The role does not suffice"),
     ErrorRow("host_not_allowed", 403, "PERMISSION_DENIED", "The Host header is not allowed"),
     ErrorRow("origin_not_allowed", 403, "PERMISSION_DENIED", "The Origin is not allowed"),
     ErrorRow("out_of_scope", 403, "PERMISSION_DENIED", "The topic or service is not the robot's own"),
@@ -311,6 +359,7 @@ ERRORS: tuple[ErrorRow, ...] = (
     ErrorRow("unsupported_media_type", 415, "INVALID_ARGUMENT", "Send application/json or application/cdr"),
     ErrorRow("busy", 429, "RESOURCE_EXHAUSTED", "The robot has too many commands under way"),
     ErrorRow("too_many", 429, "RESOURCE_EXHAUSTED", "A bounded table is full"),
+    ErrorRow("too_many_requests", 429, "RESOURCE_EXHAUSTED", "Too often: come back later"),
     ErrorRow("purged", 410, "NOT_FOUND", "It is not stored any more"),
     ErrorRow("internal", 500, "INTERNAL", "The gateway failed"),
     ErrorRow("unsupported", 501, "UNIMPLEMENTED", "The robot's agent cannot do that"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import orjson
@@ -18,11 +19,12 @@ from gateway.errors import (
     InvalidRequestError,
     LeaseTakenError,
     RequestError,
+    TooManyRequestsError,
     error_row,
 )
 from metaros.errors import MetarosError
 
-__all__ = ["JsonResponse", "error_code", "install_problems", "problem", "problem_bytes"]
+__all__ = ["JsonResponse", "error_code", "install_problems", "problem", "problem_bytes", "problem_headers"]
 
 PROBLEM_TYPE = "application/problem+json"
 
@@ -67,13 +69,22 @@ def problem_bytes(error: MetarosError) -> tuple[ErrorRow, bytes]:
     }
     if isinstance(error, LeaseTakenError):
         document["holder"] = error.holder
+    if isinstance(error, TooManyRequestsError):
+        document["retry_after_s"] = error.retry_after_s
     return row, orjson.dumps(document)
+
+
+def problem_headers(error: MetarosError) -> dict[str, str]:
+    """What a problem says in headers as well: when to come back, and how to say who one is."""
+    if isinstance(error, TooManyRequestsError):
+        return {"retry-after": str(max(1, math.ceil(error.retry_after_s)))}
+    return {"www-authenticate": "Bearer"} if error_row(error).http == 401 else {}
 
 
 def problem(error: MetarosError) -> Response:
     """An error as a response."""
     row, body = problem_bytes(error)
-    return Response(body, status_code=row.http, media_type=PROBLEM_TYPE)
+    return Response(body, status_code=row.http, media_type=PROBLEM_TYPE, headers=problem_headers(error))
 
 
 def install_problems(app: FastAPI) -> None:

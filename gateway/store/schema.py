@@ -10,9 +10,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gateway.store.migrations.audit import AUDIT
 from gateway.store.migrations.recordings import RECORDINGS
+from gateway.store.migrations.robot_identity import ROBOT_IDENTITY
 from gateway.store.migrations.segments import SEGMENTS
 from gateway.store.migrations.series import SERIES
+from gateway.store.migrations.users import USERS
 
 __all__ = ["CHUNK_SAMPLES", "MIGRATIONS", "ROW_BYTES", "TABLES", "Dialect", "migration"]
 
@@ -129,6 +132,9 @@ MIGRATIONS: tuple[str, ...] = (
     SEGMENTS,
     SERIES,
     RECORDINGS,
+    USERS,
+    ROBOT_IDENTITY,
+    AUDIT,
 )
 
 ROW_BYTES = 100  # what a row of these occupies beside them, with its index entries

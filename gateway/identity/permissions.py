@@ -1,0 +1,75 @@
+"""The one table of permissions: every route, RPC and socket names a row of it, and nothing else decides.
+
+A row says the least role, whether it is about one robot (which then has to be in the principal's scope), whether it
+changes something (then a browser's session needs its CSRF token, and the audit log keeps it), and who may ask at all:
+"people" with a role, "anyone" without a credential, or "robots" with an identity of their own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from gateway.domain.principal import Principal, Role
+
+__all__ = ["PERMISSIONS", "Permission", "permission"]
+
+
+@dataclass(frozen=True, slots=True)
+class Permission:
+    """One row: `least` counts for people only."""
+
+    name: str
+    least: Role
+    meaning: str
+    robots: bool = False
+    mutates: bool = False
+    who: Literal["people", "anyone", "robots"] = "people"
+
+    def granted(self, principal: Principal) -> bool:
+        """Whether the principal's kind and role suffice; its scope is the caller's to check."""
+        if self.who == "anyone":
+            return True
+        if self.who == "robots":  # nobody known may knock: a robot proves itself in its first frames
+            return principal.kind in ("robot", "anonymous")
+        return principal.kind != "robot" and principal.role >= self.least
+
+
+_V, _O, _A, _N = Role.VIEWER, Role.OPERATOR, Role.ADMIN, Role.NONE
+
+PERMISSIONS: tuple[Permission, ...] = (
+    Permission("health.read", _N, "whether the gateway lives and is ready", who="anyone"),
+    Permission("api.read", _N, "the description of this API", who="anyone"),
+    Permission("page.read", _N, "the dashboard's files, which hold no data", who="anyone"),
+    Permission("sessions.open", _N, "sign in", mutates=True, who="anyone"),
+    Permission("sessions.close", _V, "sign out", mutates=True),
+    Permission("self.read", _V, "who one is, and what one may do"),
+    Permission("self.write", _V, "change one's own password", mutates=True),
+    Permission("robots.read", _V, "robots, their topics and links", robots=True),
+    Permission("telemetry.read", _V, "live samples, values and series", robots=True),
+    Permission("history.read", _V, "stored messages and losses", robots=True),
+    Permission("history.export", _V, "stored messages as files", robots=True),
+    Permission("recordings.read", _V, "recordings and their files", robots=True),
+    Permission("recordings.save", _O, "ask for a clip of a black box", robots=True, mutates=True),
+    Permission("recordings.delete", _O, "delete a recording", robots=True, mutates=True),
+    Permission("robots.publish", _O, "publish on a robot", robots=True, mutates=True),
+    Permission("robots.call", _O, "call a robot's service", robots=True, mutates=True),
+    Permission("robots.drive", _O, "drive a robot", robots=True, mutates=True),
+    Permission("robots.configure", _O, "change a robot's byte budget", robots=True, mutates=True),
+    Permission("store.read", _V, "what the store holds and will delete"),
+    Permission("keys.own", _V, "make, list and revoke one's own keys", mutates=True),
+    Permission("keys.manage", _A, "everybody's keys", mutates=True),
+    Permission("users.manage", _A, "users, their roles and robots", mutates=True),
+    Permission("robots.enrol", _A, "make and list enrolment tokens", mutates=True),
+    Permission("robots.revoke", _A, "end a robot's identity", robots=True, mutates=True),
+    Permission("audit.read", _A, "the audit log and its verification"),
+    Permission("agent.enrol", _N, "a robot's first certificate, by a token", mutates=True, who="anyone"),
+    Permission("agent.link", _N, "a robot's link, by its identity", who="robots"),
+)
+
+_BY_NAME = {row.name: row for row in PERMISSIONS}
+
+
+def permission(name: str) -> Permission:
+    """The row of that name; KeyError for one that the table lacks, which is a mistake of ours."""
+    return _BY_NAME[name]
