@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from cryptography.hazmat.primitives.asymmetric import ec, ed25519, rsa
 
-from metaros.link.proof import link_proof, renew_proof, sign, verify
+from metaros.link.proof import link_statement, renew_statement, sign, verify
 
 HELLO: dict[str, Any] = {"robot_id": "arm", "session_id": b"s" * 16, "session_number": 7, "lane": 1}
 KEYS: dict[str, Callable[[], Any]] = {
@@ -21,7 +21,7 @@ KEYS: dict[str, Callable[[], Any]] = {
 @pytest.mark.parametrize("kind", KEYS)
 def test_a_signature_is_its_keys_alone(kind: str) -> None:
     key, other = KEYS[kind](), KEYS[kind]()
-    text = link_proof(b"n" * 32, "fleet", **HELLO)
+    text = link_statement(b"n" * 32, audience="fleet", **HELLO)
     signature = sign(key, text)
     assert verify(key.public_key(), text, signature)
     assert not verify(other.public_key(), text, signature)
@@ -31,18 +31,23 @@ def test_a_signature_is_its_keys_alone(kind: str) -> None:
 
 def test_every_part_of_a_hello_is_bound() -> None:
     texts = [
-        link_proof(b"n" * 32, "fleet", **HELLO),
-        link_proof(b"m" * 32, "fleet", **HELLO),
-        link_proof(b"n" * 32, "other", **HELLO),
-        link_proof(b"n" * 32, "fleetarm", **{**HELLO, "robot_id": ""}),
+        link_statement(b"n" * 32, audience="fleet", **HELLO),
+        link_statement(b"m" * 32, audience="fleet", **HELLO),
+        link_statement(b"n" * 32, audience="other", **HELLO),
+        link_statement(b"n" * 32, audience="fleetarm", **{**HELLO, "robot_id": ""}),
         *(
-            link_proof(b"n" * 32, "fleet", **{**HELLO, name: value})
+            link_statement(b"n" * 32, audience="fleet", **{**HELLO, name: value})
             for name, value in (("robot_id", "leg"), ("session_id", b"t" * 16), ("session_number", 8), ("lane", 2))
         ),
-        renew_proof(b"n" * 32, "fleet", b"csr"),
-        renew_proof(b"n" * 32, "fle", b"etcsr"),
+        renew_statement(b"n" * 32, audience="fleet", robot_id="arm", csr_der=b"csr"),
+        renew_statement(b"n" * 32, audience="fleet", robot_id="ar", csr_der=b"mcsr"),
     ]
     assert len(set(texts)) == len(texts)
+
+
+def test_a_challenge_has_its_size() -> None:
+    with pytest.raises(ValueError, match="32 bytes"):
+        link_statement(b"n" * 31, audience="fleet", **HELLO)
 
 
 def test_other_kinds_of_keys_are_no_robots() -> None:
