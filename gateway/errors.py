@@ -17,6 +17,7 @@
     │   ├── CredentialsError         a key, session, password or token is not good      bad_credentials
     │   ├── CsrfError                a session's mutation without its CSRF token        csrf
     │   ├── ForbiddenError           the role does not suffice                          forbidden
+    │   ├── IdentityError            a robot's token, certificate or proof is refused: its code says which one
     │   ├── TooManyRequestsError     too often; says when to come back                  too_many_requests
     │   └── TooManyError             a bounded table is full                            too_many
     ├── RobotError                   the robot's fault
@@ -27,7 +28,9 @@
     │   ├── ProtocolError            a frame breaks the protocol                        protocol
     │   ├── FencedError              a newer session of this robot is alive             fenced
     │   ├── ForkedError              another copy of the robot's outbox has spoken      forked
-    │   └── UnsettledError           what its last process sent is still being stored   unsettled
+    │   ├── UnsettledError           what its last process sent is still being stored   unsettled
+    │   └── UnprovenError            it is not who it says; has the code of an IdentityError
+    ├── AuthorityError               this gateway cannot issue certificates now         ca_unavailable
     ├── StoreError                   the store cannot do it now                         store_unavailable
     │   ├── UnstorableError          these values can never be stored                   store_unavailable
     │   └── PurgedError              what was found is not stored any more              purged
@@ -42,13 +45,14 @@ The library's errors (`metaros.errors`) pass through with their own codes; the t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
+from gateway.error_rows import ERRORS, ErrorRow
 from metaros.errors import MetarosError
 
 __all__ = [
     "ERRORS",
+    "AuthorityError",
     "BodyTooLargeError",
     "CommandRefusedError",
     "CommandTimeoutError",
@@ -62,6 +66,7 @@ __all__ = [
     "ForkedError",
     "GatewayError",
     "HostError",
+    "IdentityError",
     "InvalidRequestError",
     "LeaseRequiredError",
     "LeaseTakenError",
@@ -84,6 +89,7 @@ __all__ = [
     "UnknownRecordingError",
     "UnknownRobotError",
     "UnknownTopicError",
+    "UnprovenError",
     "UnsettledError",
     "UnstorableError",
     "error_row",
@@ -196,6 +202,14 @@ class ForbiddenError(RequestError):
     code = "forbidden"
 
 
+class IdentityError(RequestError):
+    """A robot's token, request, certificate or proof is not good; `code` is one of the rows and names which and why."""
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__(message)
+        self.code = code  # type: ignore[misc]
+
+
 class TooManyRequestsError(RequestError):
     """Too often; the same is welcome after `retry_after_s`."""
 
@@ -272,6 +286,21 @@ class UnsettledError(LinkError):
     retry_after_ms = 50  # about a commit
 
 
+class UnprovenError(LinkError):
+    """A robot did not prove that it is who it says; the code is that of the IdentityError behind it."""
+
+    def __init__(self, code: str, message: str, *, retry_after_ms: int) -> None:
+        super().__init__(message)
+        self.code = code  # type: ignore[misc]
+        self.retry_after_ms = retry_after_ms
+
+
+class AuthorityError(GatewayError):
+    """The gateway's certificate authority cannot issue now: its key is not here, or cannot be read."""
+
+    code = "ca_unavailable"
+
+
 class StoreError(GatewayError):
     """The store cannot do it now."""
 
@@ -319,65 +348,6 @@ class PurgedError(StoreError):
 
     code = "purged"
 
-
-@dataclass(frozen=True, slots=True)
-class ErrorRow:
-    """What a code means to a client."""
-
-    code: str
-    http: int
-    grpc: str
-    title: str
-
-
-ERRORS: tuple[ErrorRow, ...] = (
-    ErrorRow("invalid_request", 400, "INVALID_ARGUMENT", "The request does not fit"),
-    ErrorRow("invalid_name", 400, "INVALID_ARGUMENT", "A ROS name breaks the grammar"),
-    ErrorRow("invalid_definition", 400, "INVALID_ARGUMENT", "An interface definition cannot be parsed"),
-    ErrorRow("invalid_field", 400, "INVALID_ARGUMENT", "A value does not fit its field"),
-    ErrorRow("unknown_type", 400, "INVALID_ARGUMENT", "No such interface type is known"),
-    ErrorRow("malformed_cdr", 400, "INVALID_ARGUMENT", "The bytes are no CDR of that type"),
-    ErrorRow("sign_in", 401, "UNAUTHENTICATED", "Sign in, or send a key"),
-    ErrorRow("bad_credentials", 401, "UNAUTHENTICATED", "The credentials are not good, or not any more"),
-    ErrorRow("csrf", 403, "PERMISSION_DENIED", "The session's token is missing from X-CSRF-Token"),
-    ErrorRow("forbidden", 403, "PERMISSION_DENIED", "The role does not suffice"),
-    ErrorRow("host_not_allowed", 403, "PERMISSION_DENIED", "The Host header is not allowed"),
-    ErrorRow("origin_not_allowed", 403, "PERMISSION_DENIED", "The Origin is not allowed"),
-    ErrorRow("out_of_scope", 403, "PERMISSION_DENIED", "The topic or service is not the robot's own"),
-    ErrorRow("not_found", 404, "NOT_FOUND", "There is nothing at this path"),
-    ErrorRow("unknown_robot", 404, "NOT_FOUND", "No such robot"),
-    ErrorRow("unknown_recording", 404, "NOT_FOUND", "No such recording"),
-    ErrorRow("unknown_topic", 404, "NOT_FOUND", "No such topic"),
-    ErrorRow("method_not_allowed", 405, "UNIMPLEMENTED", "This path does not take that method"),
-    ErrorRow("duplicate", 409, "ALREADY_EXISTS", "The robot has seen this command before"),
-    ErrorRow("recording_not_stored", 409, "FAILED_PRECONDITION", "The recording has no file here, or not yet"),
-    ErrorRow("lease_required", 409, "FAILED_PRECONDITION", "A valid teleop lease is required"),
-    ErrorRow("lease_taken", 409, "FAILED_PRECONDITION", "Somebody else holds the teleop lease"),
-    ErrorRow("type_hash_mismatch", 409, "FAILED_PRECONDITION", "The robot's type has the same name but other fields"),
-    ErrorRow("body_too_large", 413, "RESOURCE_EXHAUSTED", "The body is over its limit"),
-    ErrorRow("too_large", 413, "RESOURCE_EXHAUSTED", "The message is over its limit"),
-    ErrorRow("unsupported_media_type", 415, "INVALID_ARGUMENT", "Send application/json or application/cdr"),
-    ErrorRow("busy", 429, "RESOURCE_EXHAUSTED", "The robot has too many commands under way"),
-    ErrorRow("too_many", 429, "RESOURCE_EXHAUSTED", "A bounded table is full"),
-    ErrorRow("too_many_requests", 429, "RESOURCE_EXHAUSTED", "Too often: come back later"),
-    ErrorRow("purged", 410, "NOT_FOUND", "It is not stored any more"),
-    ErrorRow("internal", 500, "INTERNAL", "The gateway failed"),
-    ErrorRow("unsupported", 501, "UNIMPLEMENTED", "The robot's agent cannot do that"),
-    ErrorRow("command_refused", 502, "FAILED_PRECONDITION", "The robot refused or failed the command"),
-    ErrorRow("robot_offline", 503, "UNAVAILABLE", "The robot is offline"),
-    ErrorRow("unavailable", 503, "UNAVAILABLE", "Nobody on the robot answers that"),
-    ErrorRow("store_unavailable", 503, "UNAVAILABLE", "The store cannot do it now"),
-    ErrorRow("objects_unavailable", 503, "UNAVAILABLE", "The object store cannot do it now"),
-    ErrorRow("objects_refused", 503, "UNAVAILABLE", "The object store refuses the gateway"),
-    ErrorRow("damaged", 500, "DATA_LOSS", "What was stored cannot be read"),
-    ErrorRow("object_missing", 500, "DATA_LOSS", "A stored object is not there"),
-    ErrorRow("object_corrupt", 500, "DATA_LOSS", "A stored object holds something else"),
-    ErrorRow("not_ready", 503, "UNAVAILABLE", "The gateway is not ready"),
-    ErrorRow("expired", 504, "DEADLINE_EXCEEDED", "The command came too late and was not executed"),
-    ErrorRow("timeout", 504, "DEADLINE_EXCEEDED", "No answer in time"),
-    ErrorRow("protocol", 400, "INVALID_ARGUMENT", "A frame breaks the link protocol"),
-    ErrorRow("fenced", 409, "ABORTED", "A newer session of this robot is alive"),
-)
 
 _BY_CODE = {row.code: row for row in ERRORS}
 
