@@ -215,8 +215,15 @@ def test_the_tables_of_both_are_the_same(tmp_path: Path, engine: StoreEngine) ->
             query = "SELECT table_name FROM information_schema.tables WHERE table_schema = current_schema()"
             tables = {row[0] for row in engine.fetch(query)} - {"metaros_schema"}
     assert tables == {
+        "api_keys",
+        "authorities",
+        "certificates",
+        "enrolment_tokens",
+        "identity_changes",
+        "robot_identities",
         "channels",
         "gaps",
+        "login_failures",
         "meta",
         "metric_batches",
         "metric_chunks",
@@ -227,6 +234,9 @@ def test_the_tables_of_both_are_the_same(tmp_path: Path, engine: StoreEngine) ->
         "segment_runs",
         "segments",
         "series",
+        "sessions",
+        "sign_in_links",
         "streams",
+        "users",
         "writers",
     }

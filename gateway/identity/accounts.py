@@ -1,0 +1,205 @@
+"""What the API asks about accounts: each question is one transaction, and every change is known at the door at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from gateway.domain.account import ApiKey, User
+from gateway.domain.principal import Principal, Role
+from gateway.errors import CredentialsError, ForbiddenError, InvalidRequestError
+from gateway.identity import keys, users
+from gateway.identity.keys import KeyRequest, NewKey
+from gateway.identity.master import MasterKey
+from gateway.identity.passwords import Passwords, check_password
+from gateway.identity.signin import (
+    Link,
+    SignedIn,
+    begin_password,
+    end_password,
+    follow_link,
+    forget_failures,
+    make_link,
+)
+from gateway.identity.store_door import StoreDoor
+from gateway.store import Store, accounts, api_keys
+from gateway.store.engine import StoreEngine
+from gateway.store.sessions import end_session
+from metaros.clock import Clock
+from metaros.limits import LIMITS
+
+__all__ = ["Accounts"]
+
+Result = TypeVar("Result")
+
+
+class Accounts:
+    """Users, sessions and keys of a running gateway."""
+
+    def __init__(self, store: Store, door: StoreDoor, master: MasterKey, *, clock: Clock) -> None:
+        self.passwords = Passwords()
+        self._store = store
+        self._door = door
+        self._master = master
+        self._clock = clock
+
+    async def sign_in(self, name: str, password: str, *, address: str) -> SignedIn:
+        """Open a session for a name and its password.
+
+        Raises:
+            CredentialsError: one of them is wrong, or the user is disabled: which is not told, not even by the time.
+            TooManyRequestsError: too many attempts failed, or too many passwords are being compared.
+        """
+        self.passwords.check_room()
+        now_ns = self._clock.wall_ns()
+        user = await self._store.run(lambda engine: begin_password(engine, name, address=address, now_ns=now_ns))
+        good = await self.passwords.verify(user.password if user is not None else "", password)
+        if user is None or not good:
+            raise CredentialsError("the name or the password is wrong")
+        new_hash = await self.passwords.hash(password) if self.passwords.outdated(user.password) else ""
+        return await self._store.run(
+            lambda engine: end_password(engine, user, name=name, address=address, now_ns=now_ns, new_hash=new_hash)
+        )
+
+    async def follow_link(self, token: str, *, address: str) -> SignedIn:
+        """Open a session by a one-time link; CredentialsError when it is not good."""
+        now_ns = self._clock.wall_ns()
+        return await self._store.run(lambda engine: follow_link(engine, token, now_ns=now_ns, address=address))
+
+    async def make_link(self, name: str = "") -> tuple[User, Link]:
+        """A sign-in link for a user; without a name for the first admin, who is made where there is none."""
+
+        def job(engine: StoreEngine) -> tuple[User, Link]:
+            now_ns = self._clock.wall_ns()
+            user = users.user_named(engine, name) if name else users.first_admin(engine, now_ns=now_ns)
+            if user.disabled:
+                raise InvalidRequestError(f"{user.name} is disabled")
+            return user, make_link(engine, user, now_ns=now_ns)
+
+        return await self._store.run(job)
+
+    async def sign_out(self, principal: Principal) -> None:
+        """End the session that asks."""
+        await self._change(lambda engine: end_session(engine, principal.session_id))
+
+    async def change_own_password(self, principal: Principal, old: str, new: str, *, address: str) -> None:
+        """Set one's own password, and end one's other sessions. Who has none yet need not know it.
+
+        Raises:
+            CredentialsError: the old password is wrong.
+            ForbiddenError: a key asks; passwords are people's.
+        """
+        if principal.kind != "user":
+            raise ForbiddenError("only who has signed in changes their password")
+        self.passwords.check_room()
+        now_ns = self._clock.wall_ns()
+        check_password(new, name=principal.name)
+        user = await self._store.run(
+            lambda engine: begin_password(engine, principal.name, address=address, now_ns=now_ns)
+        )
+        if user is None or (user.password and not await self.passwords.verify(user.password, old)):
+            raise CredentialsError("the old password is wrong")
+        hashed = await self.passwords.hash(new)
+
+        def job(engine: StoreEngine) -> None:
+            forget_failures(engine, principal.name, address=address)
+            users.change_user(engine, principal.name, password_hash=hashed, but_session=principal.session_id)
+
+        await self._change(job)
+
+    async def list_users(self) -> list[User]:
+        """Everybody, by name."""
+        return await self._read(lambda engine: accounts.list_users(engine, limit=LIMITS.users))
+
+    async def create_user(self, name: str, *, role: Role, robots: tuple[str, ...], password: str) -> User:
+        """Make a user, with a password or without."""
+        hashed = await self._hashed(name, password) if password else ""
+        now_ns = self._clock.wall_ns()
+        return await self._change(
+            lambda engine: users.create_user(
+                engine, name, role=role, robots=robots, password_hash=hashed, now_ns=now_ns
+            )
+        )
+
+    async def change_user(
+        self,
+        name: str,
+        *,
+        role: Role | None,
+        robots: tuple[str, ...] | None,
+        disabled: bool | None,
+        password: str | None,
+    ) -> User:
+        """Change what is given."""
+        hashed = await self._hashed(name, password) if password is not None else None
+        return await self._change(
+            lambda engine: users.change_user(
+                engine, name, role=role, robots=robots, disabled=disabled, password_hash=hashed
+            )
+        )
+
+    async def delete_user(self, name: str) -> User:
+        """Delete a user with their sessions and keys."""
+        return await self._change(lambda engine: users.delete_user(engine, name))
+
+    async def list_keys(self, principal: Principal) -> list[tuple[ApiKey, str]]:
+        """Keys with their users' names: one's own, or everybody's for an admin."""
+
+        def job(engine: StoreEngine) -> list[tuple[ApiKey, str]]:
+            everybody = principal.role >= Role.ADMIN
+            found = api_keys.list_keys(engine, user_id=None if everybody else principal.id, limit=LIMITS.keys_listed)
+            names = {user.id: user.name for user in accounts.list_users(engine, limit=LIMITS.users)}
+            return [(key, names.get(key.user_id or "", "")) for key in found]
+
+        return await self._read(job)
+
+    async def create_key(self, principal: Principal, wanted: KeyRequest) -> NewKey:
+        """Make a key for who asks. A key makes keys only as an admin, and these are nobody's.
+
+        Raises:
+            ForbiddenError: it would reach further than who asks.
+        """
+        if principal.kind != "user" and principal.role < Role.ADMIN:
+            raise ForbiddenError("a key does not make keys: sign in")
+        if principal.kind != "user" and not keys.covers(principal.robots, wanted.robots):
+            raise ForbiddenError("the key would see robots that you do not see")
+        now_ns = self._clock.wall_ns()
+
+        def job(engine: StoreEngine) -> NewKey:
+            owner = accounts.get_user(engine, principal.id) if principal.kind == "user" else None
+            if owner is None and principal.kind == "user":
+                raise CredentialsError("this user is gone")
+            return keys.create_key(engine, wanted, owner=owner, master=self._master, now_ns=now_ns)
+
+        return await self._store.run(job)
+
+    async def revoke_key(self, principal: Principal, key_id: str) -> ApiKey:
+        """Delete one's own key, or for an admin anybody's; UnknownKeyError where there is none to delete."""
+        only = None if principal.role >= Role.ADMIN else principal.id
+        return await self._change(lambda engine: keys.revoke_key(engine, key_id, user_id=only))
+
+    async def lambda_secret(self, key_id: str) -> tuple[Principal, str] | None:
+        """Whose a key with the scope "lambda" is, and its secret, to check a signature with; None: there is none."""
+        now_ns = self._clock.wall_ns()
+        return await self._read(lambda engine: keys.key_secret(engine, key_id, self._master, now_ns=now_ns))
+
+    def close(self) -> None:
+        """Let the threads go."""
+        self.passwords.close()
+
+    async def _hashed(self, name: str, password: str) -> str:
+        check_password(password, name=name)
+        return await self.passwords.hash(password)
+
+    async def _change(self, job: Callable[[StoreEngine], Result]) -> Result:
+        try:
+            return await self._store.run(job)
+        finally:
+            self._door.forget()
+
+    async def _read(self, job: Callable[[StoreEngine], Result]) -> Result:
+        def read(engine: StoreEngine) -> Result:
+            with engine.transaction(write=False):
+                return job(engine)
+
+        return await self._store.read(read)

@@ -1,0 +1,38 @@
+"""The errors of accounts: what is wrong with a change of users and keys. Their codes are rows of the gateway's table.
+
+RequestError
+├── UnknownUserError         there is no such user                              unknown_user
+├── UnknownKeyError          there is no such key                               unknown_key
+├── UserExistsError          the user's name is taken                           user_exists
+└── LastAdminError           nobody could look after the gateway any more       last_admin
+"""
+
+from __future__ import annotations
+
+from gateway.errors import RequestError
+
+__all__ = ["LastAdminError", "UnknownKeyError", "UnknownUserError", "UserExistsError"]
+
+
+class UnknownUserError(RequestError):
+    """There is no user of that name."""
+
+    code = "unknown_user"
+
+
+class UnknownKeyError(RequestError):
+    """There is no such key, or it is somebody else's."""
+
+    code = "unknown_key"
+
+
+class UserExistsError(RequestError):
+    """The name is taken."""
+
+    code = "user_exists"
+
+
+class LastAdminError(RequestError):
+    """The last admin who may sign in cannot be removed, disabled or given a lesser role."""
+
+    code = "last_admin"

@@ -1,0 +1,98 @@
+"""The door: keys and sessions of the database as principals, remembered for a moment.
+
+A principal that was found good is not looked up again for `REMEMBERED_S`; so what is revoked through another gateway,
+or beside this one on its data directory, ends within that time, and through this gateway at once.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from typing import TypeVar
+
+from gateway.domain.principal import Principal
+from gateway.errors import StoreError
+from gateway.identity import sessions
+from gateway.identity.keys import key_principal, parse_key
+from gateway.identity.secret_text import same_secret, secret_hash
+from gateway.store import Store
+from gateway.store.api_keys import key_and_owner, touch_key
+from gateway.store.engine import StoreEngine
+from gateway.store.sessions import find_session, touch_session
+from metaros.clock import Clock
+from metaros.limits import LIMITS
+
+__all__ = ["REMEMBERED_S", "StoreDoor"]
+
+Result = TypeVar("Result")
+REMEMBERED_S = 2.0
+USED_S = 300.0  # how exactly it is kept when a key or session was used last
+SECOND_NS = 10**9
+
+
+class StoreDoor:
+    """A `Door` on the store. Remembers hashes of credentials only, and no bad ones."""
+
+    def __init__(self, store: Store, *, clock: Clock) -> None:
+        self._store = store
+        self._clock = clock
+        self._known: dict[str, tuple[Principal, float]] = {}
+
+    async def by_key(self, text: str) -> Principal | None:
+        """The principal of an API key; None for one that is unknown, malformed, expired or revoked."""
+        digest = secret_hash(text)
+        if known := self._remembered(digest):
+            return known
+        key_id, secret = parse_key(text) or ("", "")
+        found = await self._read(lambda engine: key_and_owner(engine, key_id))
+        good = same_secret(found[0].secret_hash if found is not None else "", secret)
+        if found is None or not good:
+            return None
+        now_ns = self._clock.wall_ns()
+        principal = key_principal(*found, now_ns=now_ns)
+        if principal is not None:
+            self._remember(digest, principal)
+            if now_ns - found[0].used_ns >= USED_S * SECOND_NS:
+                await self._note(lambda engine: touch_key(engine, key_id, now_ns=now_ns))
+        return principal
+
+    async def by_session(self, token: str) -> Principal | None:
+        """The principal of a session's token, with its id and CSRF token; None for one that is not or no more."""
+        digest = secret_hash(token)
+        if known := self._remembered(digest):
+            return known
+        found = await self._read(lambda engine: find_session(engine, digest))
+        now_ns = self._clock.wall_ns()
+        if found is None or not sessions.live(*found, now_ns=now_ns):
+            return None
+        principal = sessions.session_principal(*found, token)
+        self._remember(digest, principal)
+        if now_ns - found[0].seen_ns >= USED_S * SECOND_NS:
+            await self._note(lambda engine: touch_session(engine, digest, now_ns=now_ns))
+        return principal
+
+    def forget(self) -> None:
+        """Look everybody up again: somebody's rights have changed."""
+        self._known.clear()
+
+    def _remembered(self, digest: str) -> Principal | None:
+        principal, until_s = self._known.get(digest, (None, 0.0))
+        return principal if self._clock.monotonic_s() < until_s else None
+
+    def _remember(self, digest: str, principal: Principal) -> None:
+        self._known.pop(digest, None)
+        while len(self._known) >= LIMITS.principals_remembered:
+            self._known.pop(next(iter(self._known)))
+        self._known[digest] = (principal, self._clock.monotonic_s() + REMEMBERED_S)
+
+    async def _note(self, job: Callable[[StoreEngine], object]) -> None:
+        """Write when it was used, where that is possible: a full disk locks nobody out."""
+        with contextlib.suppress(StoreError):
+            await self._store.run(job)
+
+    async def _read(self, job: Callable[[StoreEngine], Result]) -> Result:
+        def read(engine: StoreEngine) -> Result:
+            with engine.transaction(write=False):
+                return job(engine)
+
+        return await self._store.read(read)
