@@ -10,6 +10,7 @@ from typing import Any
 from starlette.types import ASGIApp
 
 from gateway.api import create_api
+from gateway.api.attendance import Attendance
 from gateway.api.services import Services
 from gateway.api.views import robot_view
 from gateway.domain.channel import LIVE
@@ -19,6 +20,8 @@ from gateway.fleet.commands import CommandDesk
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.history.desk import HistoryDesk
+from gateway.identity.door import Door
+from gateway.identity.local import Doors, LocalKey
 from gateway.ingest.links import LinkHooks, Links
 from gateway.ingest.quota import Quota
 from gateway.ingest.registry import Registry, RobotRecord, SeriesState
@@ -43,7 +46,7 @@ LOADED_ROBOTS = 256  # of how many robots the newest values are read at start
 class Gateway:
     """Everything but the listening sockets: start, run beside the servers, stop."""
 
-    def __init__(self, settings: Settings, *, clock: Clock) -> None:
+    def __init__(self, settings: Settings, *, clock: Clock, door: Door | None = None) -> None:
         self.settings = settings
         self._clock = clock
         retention = retention_of(settings)
@@ -74,6 +77,9 @@ class Gateway:
         self.recordings = RecordingDesk(
             self.store, self.objects, settings.data_dir / "incoming", self._robot_side(), clock=clock, limits=limits
         )
+        self.local_key = LocalKey(settings.data_dir)
+        self.door = Doors(self.local_key, *([door] if door is not None else []))
+        self.attendance = Attendance(self.door)
         self._demand = DemandBook()
         self._demand_revision = 0
         self._stale: set[str] = set()
@@ -84,6 +90,8 @@ class Gateway:
         """The HTTP and WebSocket application."""
         services = Services(
             settings=self.settings,
+            door=self.door,
+            attendance=self.attendance,
             clock=self._clock,
             registry=self.registry,
             links=self.links,
@@ -105,6 +113,7 @@ class Gateway:
     async def start(self) -> None:
         """Know the robots of earlier days; start the store."""
         self.store.start(self.links.committed, self.links.refused)
+        self.local_key.write()
         stored = sorted(await self.store.robots(), key=lambda item: -item.last_seen_ns)
         for position, item in enumerate(stored):
             record = self.registry.add(RobotRecord(item.robot, seen_ns=item.last_seen_ns))
@@ -119,9 +128,11 @@ class Gateway:
             group.create_task(self._tick())
             group.create_task(self._tell_demand())
             group.create_task(self.recordings.run())
+            group.create_task(self.attendance.run())
 
     async def stop(self) -> None:
         """Commit what is queued and close the store; the servers are down by now."""
+        self.local_key.remove()
         self.history.close()
         await self.recordings.close()
         await self.store.close()

@@ -33,6 +33,9 @@ TickMs = Annotated[float, typer.Option(min=0.0, max=100.0, help="How long live s
 HeartbeatS = Annotated[float, typer.Option(min=0.2, max=60.0, help="A link silent for three of these is dead.")]
 RobotMessages = Annotated[int, typer.Option(min=0, help="Samples and rows a second from one robot; 0 = no limit.")]
 RobotBytes = Annotated[int, typer.Option(min=0, help="Bytes of them a second from one robot; 0 = no limit.")]
+Anonymous = Annotated[
+    bool, typer.Option("--anonymous/--no-anonymous", help="Who has not signed in may look, on this machine only.")
+]
 StatusFile = Annotated[Path | None, typer.Option(metavar="FILE", help="Write this JSON file when ready.")]
 
 
@@ -54,6 +57,7 @@ def _gateway(
     objects: ObjectsUrl = "",
     allow_host: AllowHost = None,
     allow_origin: AllowOrigin = None,
+    anonymous: Anonymous = True,
     retention_days: RetentionDays = 7.0,
     event_retention_days: EventRetentionDays = 90.0,
     retention_mib: RetentionMib = 4096,
@@ -78,6 +82,7 @@ def _gateway(
         allow_origins=tuple(allow_origin or ()),
         store_url=store,
         objects_url=objects,
+        anonymous=anonymous,
         retention_days=retention_days,
         event_retention_days=event_retention_days,
         retention_bytes=retention_mib * MIB,

@@ -13,6 +13,7 @@ from urllib.parse import quote, urlencode, urlsplit
 import typer
 
 from gateway.errors import GatewayError, RequestError
+from metaros.cli.credentials import key_for
 from metaros.errors import ConfigError, PeerError, UnavailableError
 
 __all__ = ["Answer", "GatewayClient", "GatewayOption", "open_gateway", "path_part"]
@@ -60,8 +61,12 @@ class Answer:
 class GatewayClient:
     """Requests to one gateway, each on a connection of its own; proxies of the environment are not used."""
 
-    def __init__(self, url: str, *, timeout_s: float = 60.0) -> None:
-        """ConfigError when `url` is none of http or https with a host."""
+    def __init__(self, url: str, *, timeout_s: float = 60.0, key: str | None = None) -> None:
+        """`key`: an API key, "" for none; None: this user's own for that gateway.
+
+        Raises:
+            ConfigError: `url` is none of http or https with a host, or the user's keys cannot be read.
+        """
         parts = urlsplit(url if "://" in url else f"http://{url}")
         try:
             port = parts.port
@@ -73,6 +78,8 @@ class GatewayClient:
         self._kind = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
         self._host, self._port = parts.hostname, port
         self._timeout_s = timeout_s
+        own = key_for(self.url) if key is None else key
+        self._identity = {"Authorization": f"Bearer {own}"} if own else {}
 
     def get(self, path: str, **query: Any) -> Any:
         """The JSON of a GET; a value of `query` may be a list, None leaves it out."""
@@ -82,6 +89,11 @@ class GatewayClient:
     def post(self, path: str, body: Mapping[str, Any]) -> Any:
         """The JSON that answers a POST."""
         with self.open("POST", path, body=body) as answer:
+            return _document(answer)
+
+    def patch(self, path: str, body: Mapping[str, Any]) -> Any:
+        """The JSON that answers a PATCH."""
+        with self.open("PATCH", path, body=body) as answer:
             return _document(answer)
 
     def delete(self, path: str) -> Any:
@@ -107,6 +119,7 @@ class GatewayClient:
             GatewayError: the gateway, or the robot, could not do it.
         """
         asked = urlencode({k: v for k, v in (query or {}).items() if v is not None}, doseq=True)
+        kind = {} if body is None else {"Content-Type": "application/json"}
         connection = self._kind(self._host, self._port, timeout=self._timeout_s)
         try:
             try:
@@ -114,7 +127,7 @@ class GatewayClient:
                     method,
                     f"{path}?{asked}" if asked else path,
                     body=None if body is None else json.dumps(body).encode(),
-                    headers={**({} if body is None else {"Content-Type": "application/json"}), **(headers or {})},
+                    headers={**self._identity, **kind, **(headers or {})},
                 )
                 response = connection.getresponse()
             except (OSError, http.client.HTTPException) as error:

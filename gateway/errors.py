@@ -115,9 +115,14 @@ class InvalidRequestError(RequestError):
 
 
 class UnknownRobotError(RequestError):
-    """No robot of that id has ever connected here."""
+    """No robot of that id has ever connected here, as far as who asks may know."""
 
     code = "unknown_robot"
+
+    @classmethod
+    def of(cls, robot_id: str) -> UnknownRobotError:
+        """In the same words whether there is none or it is out of scope."""
+        return cls(f"no robot {robot_id[:64]!r} has ever connected; GET /api/v1/robots lists them")
 
 
 class UnknownTopicError(RequestError):
@@ -127,9 +132,14 @@ class UnknownTopicError(RequestError):
 
 
 class UnknownRecordingError(RequestError):
-    """There is no such recording."""
+    """There is no such recording, as far as who asks may know."""
 
     code = "unknown_recording"
+
+    @classmethod
+    def of(cls, recording_id: str) -> UnknownRecordingError:
+        """In the same words whether there is none or its robot is out of scope."""
+        return cls(f"there is no recording {recording_id[:40]!r}")
 
 
 class RecordingNotStoredError(RequestError):

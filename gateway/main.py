@@ -17,6 +17,7 @@ import grpc
 import uvicorn
 
 from gateway.app import Gateway
+from gateway.identity.door import Door
 from gateway.ingest.link_service import make_server
 from gateway.ports import listen
 from gateway.settings import DEFAULT_GRPC_PORT, DEFAULT_HTTP_PORT, Settings
@@ -70,12 +71,13 @@ async def serve(
     stop: asyncio.Event,
     *,
     clock: Clock | None = None,
+    door: Door | None = None,
     on_ready: Callable[[Ready], None] = lambda ready: None,
 ) -> None:
-    """Run a gateway in this event loop until `stop` is set."""
+    """Run a gateway in this event loop until `stop` is set; `door` knows credentials beside its own."""
     listener = listen(settings.host, settings.port, default=DEFAULT_HTTP_PORT, flag="--port")
     try:
-        gateway = Gateway(settings, clock=clock or SystemClock())
+        gateway = Gateway(settings, clock=clock or SystemClock(), door=door)
     except BaseException:
         listener.close()
         raise

@@ -33,6 +33,7 @@ class Settings:
     objects_url: str = ""  # "": a directory in the data directory
     allow_hosts: tuple[str, ...] = ()
     allow_origins: tuple[str, ...] = ()
+    anonymous: bool = True  # on loopback, who has not signed in may look
     retention_days: float = 7.0
     event_retention_days: float = 90.0
     retention_bytes: int = 4096 * MIB
@@ -70,6 +71,11 @@ class Settings:
             raise ConfigError("--robot-messages-per-s and --robot-bytes-per-s are 0 (no limit) or more")
         if not 0.2 <= self.heartbeat_s <= 60.0:
             raise ConfigError("--heartbeat-s is 0.2 to 60")
+
+    @property
+    def anonymous_viewers(self) -> bool:
+        """Whether somebody unknown on this machine is a viewer: beyond loopback never."""
+        return self.anonymous and is_loopback(self.host)
 
 
 def is_loopback(host: str) -> bool:

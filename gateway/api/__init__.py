@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from fastapi import APIRouter, FastAPI
 from starlette.types import ASGIApp
 
+from gateway.api.authenticate import Authenticate
 from gateway.api.guard import Guard
+from gateway.api.openapi import describe_permissions
 from gateway.api.problem import install_problems
 from gateway.api.rest import commands, export, health, history, metrics, recordings, robots, store, uplink
 from gateway.api.services import Services
@@ -40,9 +42,11 @@ def create_api(services: Services) -> ASGIApp:
     install_problems(app)
     for router in ROUTERS:
         app.include_router(router)
+    describe_permissions(app)
     app.mount("/", Dashboard(services.settings.static_dir))
     settings = services.settings
-    return Guard(app, hosts=(settings.host, *settings.allow_hosts), origins=settings.allow_origins)
+    known = Authenticate(app, services.door, anonymous=settings.anonymous_viewers, host=settings.host)
+    return Guard(known, hosts=(settings.host, *settings.allow_hosts), origins=settings.allow_origins)
 
 
 def route_paths() -> list[str]:

@@ -11,6 +11,7 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
+from starlette.websockets import WebSocket
 
 from gateway.errors import (
     CommandRefusedError,
@@ -87,11 +88,23 @@ def problem(error: MetarosError) -> Response:
     return Response(body, status_code=row.http, media_type=PROBLEM_TYPE, headers=problem_headers(error))
 
 
+async def _deny(socket: WebSocket, error: MetarosError, answer: Response) -> None:
+    """The problem instead of the handshake; close code 4403 from a server that cannot."""
+    if "websocket.http.response" in socket.scope.get("extensions", {}):
+        await socket.send_denial_response(answer)
+    else:
+        await socket.close(4403, error_code(error))
+
+
 def install_problems(app: FastAPI) -> None:
     """Every error of every route becomes a problem document."""
 
-    async def known(_request: Request, error: Exception) -> Response:
-        return problem(error if isinstance(error, MetarosError) else GatewayError("the gateway failed; see its log"))
+    async def known(request: Request | WebSocket, error: Exception) -> Response:
+        known_error = error if isinstance(error, MetarosError) else GatewayError("the gateway failed; see its log")
+        answer = problem(known_error)
+        if isinstance(request, WebSocket):  # refused before it was accepted
+            await _deny(request, known_error, answer)
+        return answer
 
     async def invalid(_request: Request, error: Exception) -> Response:
         faults = error.errors() if isinstance(error, RequestValidationError) else []

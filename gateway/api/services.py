@@ -8,10 +8,12 @@ from typing import Any
 
 from starlette.requests import HTTPConnection
 
+from gateway.api.attendance import Attendance
 from gateway.domain.lease import LeaseTable
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.history.desk import HistoryDesk
+from gateway.identity.door import Door
 from gateway.ingest.links import Links
 from gateway.ingest.registry import Registry
 from gateway.live.hub import Hub
@@ -29,6 +31,8 @@ class Services:
     """Every feature behind a route."""
 
     settings: Settings
+    door: Door
+    attendance: Attendance
     clock: Clock
     registry: Registry
     links: Links

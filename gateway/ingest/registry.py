@@ -263,7 +263,7 @@ class Registry:
         """A robot's record, or UnknownRobotError."""
         record = self._records.get(robot_id)
         if record is None:
-            raise UnknownRobotError(f"no robot {robot_id[:64]!r} has ever connected; GET /api/v1/robots lists them")
+            raise UnknownRobotError.of(robot_id)
         return record
 
     def find(self, robot_id: str) -> RobotRecord | None:

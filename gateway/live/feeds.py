@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from gateway.live.scope import RobotPattern
 from metaros.idl.globs import Glob
 
 __all__ = ["FleetSubscription", "MetricSubscription"]
@@ -17,7 +18,7 @@ Values = Mapping[str, tuple[int, float]]
 class MetricSubscription:
     """Newest values by robot, at most `max_rate_hz` messages a second and robot."""
 
-    def __init__(self, number: int, robots: Glob, series: Sequence[Glob], *, max_rate_hz: float) -> None:
+    def __init__(self, number: int, robots: RobotPattern, series: Sequence[Glob], *, max_rate_hz: float) -> None:
         self.number = number
         self._robots = robots
         self._series = tuple(series)

@@ -6,6 +6,7 @@ from collections import deque
 
 from gateway.domain.channel import Channel
 from gateway.domain.records import Record
+from gateway.live.scope import RobotPattern
 from metaros.idl.globs import Glob
 
 __all__ = ["TopicSubscription"]
@@ -17,7 +18,7 @@ class TopicSubscription:
     """Mode "latest": of each channel only the newest waits. Mode "queue": in order, the oldest dropped when full."""
 
     def __init__(
-        self, number: int, robots: Glob, topics: Glob, *, max_rate_hz: float, latest: bool, queue_bytes: int
+        self, number: int, robots: RobotPattern, topics: Glob, *, max_rate_hz: float, latest: bool, queue_bytes: int
     ) -> None:
         self.number = number
         self.max_rate_hz = max_rate_hz

@@ -138,7 +138,7 @@ class RecordingDesk:
         """One recording; UnknownRecordingError when there is none."""
         found = await self._rows.get(recording_id) if is_recording_id(recording_id) else None
         if found is None:
-            raise UnknownRecordingError(f"there is no recording {recording_id[:40]!r}")
+            raise UnknownRecordingError.of(recording_id)
         return self._shown(found)
 
     def download(self, recording: Recording, *, start: int = 0, size_bytes: int | None = None) -> Download:
@@ -161,7 +161,7 @@ class RecordingDesk:
         """Delete a recording and its file, or give up an unfinished one; UnknownRecordingError when there is none."""
         removed = await self._shelf.remove(recording_id) if is_recording_id(recording_id) else None
         if removed is None:
-            raise UnknownRecordingError(f"there is no recording {recording_id[:40]!r}")
+            raise UnknownRecordingError.of(recording_id)
         self._arrivals.stop(recording_id)
 
     def on_online(self, robot_id: str, online: bool) -> None:

@@ -95,7 +95,7 @@ class World:
     @property
     def client(self) -> GatewayClient:
         """Of the gateway's API."""
-        return GatewayClient(self.stack.url)
+        return GatewayClient(self.stack.url, key=self.stack.key)
 
     def online(self) -> bool:
         """Whether the gateway has the robot's link."""

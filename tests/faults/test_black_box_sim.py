@@ -90,7 +90,7 @@ def test_every_full_rate_message_of_a_simulated_robot(tmp_path: Path) -> None:
                 pause(MARGIN_S)
                 end_ns = clock.wall_ns()
                 pause(1.0)
-                client = GatewayClient(stack.url)
+                client = GatewayClient(stack.url, key=stack.key)
                 last_s = (clock.wall_ns() - start_ns) / SECOND + 1.0
                 asked = client.post("/api/v1/robots/sim_1/recordings", {"last_s": round(last_s, 3)})
                 path = f"/api/v1/recordings/{asked['id']}"

@@ -13,22 +13,27 @@ import grpc
 import httpx
 from websockets.asyncio.client import ClientConnection, connect
 
+from gateway.domain.principal import Role
+from gateway.identity.door import Door
 from gateway.main import Ready, serve
 from gateway.settings import Settings
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.idl import schema_text, type_hash
 from metaros.link import pack_batch, pack_metrics
+from tests.support.key_ring import KeyRing, bearer
 
 CONTROL, DATA, BACKFILL = link_pb2.LANE_CONTROL, link_pb2.LANE_DATA, link_pb2.LANE_BACKFILL
 EPOCH = 77
+RING = KeyRing()
+OPERATOR_KEY = RING.add(role=Role.OPERATOR, name="test operator")
 
 
 @asynccontextmanager
-async def running_gateway(folder: Path, **settings: Any) -> AsyncIterator[Ready]:
-    """A gateway on free ports, stopped at the end as a signal would stop it."""
+async def running_gateway(folder: Path, *, door: Door | None = None, **settings: Any) -> AsyncIterator[Ready]:
+    """A gateway on free ports, stopped at the end as a signal would stop it; it knows the keys of `door`."""
     stop, up = asyncio.Event(), asyncio.get_running_loop().create_future()
     chosen = Settings(**{"port": 0, "grpc_port": 0, "data_dir": folder / "data", **settings})
-    task = asyncio.create_task(serve(chosen, stop, on_ready=up.set_result))
+    task = asyncio.create_task(serve(chosen, stop, on_ready=up.set_result, door=door or RING))
     await asyncio.wait({task, up}, return_when=asyncio.FIRST_COMPLETED)
     try:
         yield up.result() if up.done() else task.result()
@@ -37,15 +42,18 @@ async def running_gateway(folder: Path, **settings: Any) -> AsyncIterator[Ready]
         await asyncio.wait_for(task, 30)
 
 
-def client(ready: Ready, **headers: str) -> httpx.AsyncClient:
-    """An HTTP client of that gateway."""
-    return httpx.AsyncClient(base_url=ready.url, headers=headers, trust_env=False)
+def client(ready: Ready, *, key: str = OPERATOR_KEY, **headers: str) -> httpx.AsyncClient:
+    """An HTTP client of that gateway, an operator's unless another key is given; "": nobody's."""
+    return httpx.AsyncClient(base_url=ready.url, headers={**bearer(key), **headers}, trust_env=False)
 
 
-def open_socket(ready: Ready, path: str, **options: Any) -> connect:
+def open_socket(ready: Ready, path: str, *, key: str = OPERATOR_KEY, **options: Any) -> connect:
     """A WebSocket as a page of the gateway itself opens it."""
     url = ready.url.replace("http", "ws", 1) + path
-    return connect(url, origin=ready.url, max_size=None, compression=None, proxy=None, **options)
+    headers = bearer(key)
+    return connect(
+        url, origin=ready.url, max_size=None, compression=None, proxy=None, additional_headers=headers, **options
+    )
 
 
 async def say(socket: ClientConnection, **request: Any) -> None:

@@ -13,7 +13,7 @@ import pytest
 from gateway.cli_http import GatewayClient
 from gateway.main import Ready
 from metaros.errors import ConfigError, UnavailableError
-from tests.gateway.harness import running_gateway
+from tests.gateway.harness import OPERATOR_KEY, running_gateway
 from tests.gateway.recordings.robot import RecordingRobot, content
 
 BLOB = content(700_000)
@@ -28,7 +28,12 @@ async def metaros(ready: Ready, *arguments: str, folder: Path) -> tuple[int, str
         "recording",
         *arguments,
         cwd=folder,
-        env={**os.environ, "METAROS_GATEWAY_URL": ready.url, "http_proxy": "http://127.0.0.1:9"},
+        env={
+            **os.environ,
+            "METAROS_GATEWAY_URL": ready.url,
+            "METAROS_KEY": OPERATOR_KEY,
+            "http_proxy": "http://127.0.0.1:9",
+        },
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.PIPE,
     )
@@ -73,11 +78,11 @@ async def test_save_list_get_delete(tmp_path: Path) -> None:
 async def test_a_download_goes_on_and_a_damaged_one_is_told(tmp_path: Path, have: int) -> None:
     async with running_gateway(tmp_path) as ready, RecordingRobot(ready) as robot:
         answer = await asyncio.to_thread(
-            GatewayClient(ready.url).post, "/api/v1/robots/sim_1/recordings", {"last_s": 60}
+            GatewayClient(ready.url, key=OPERATOR_KEY).post, "/api/v1/robots/sim_1/recordings", {"last_s": 60}
         )
         await robot.offer(answer["id"], BLOB)
         await robot.deliver(answer["id"], BLOB)
-        item = await asyncio.to_thread(GatewayClient(ready.url).get, f"/api/v1/recordings/{answer['id']}")
+        item = await asyncio.to_thread(GatewayClient(ready.url, key=OPERATOR_KEY).get, f"/api/v1/recordings/{answer['id']}")
         partial = tmp_path / f"x.mcap.{item['sha256'][:8]}.partial"
         partial.write_bytes(b"?" + BLOB[1:have])  # its first byte is wrong: what it has is not fetched again
         code, _, err = await metaros(ready, "get", answer["id"], "--file", "x.mcap", folder=tmp_path)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from gateway.identity.local import LOCAL_KEY_FILE
 from tests.support.ports import free_port
 from tests.support.processes import END_S, end
 from tests.support.waiting import wait_until
@@ -65,6 +66,11 @@ class Stack:
     def url(self) -> str:
         """Where the gateway serves HTTP."""
         return f"http://127.0.0.1:{self.http_port}"
+
+    @property
+    def key(self) -> str:
+        """The gateway's key for whoever can read its data directory: of an administrator, until it ends."""
+        return (self.folder / "data" / LOCAL_KEY_FILE).read_text().strip()
 
     def start(self, name: str, *arguments: str, ready: bool = True, timeout_s: float = 120.0) -> Program:
         """Start `metaros ARGUMENTS`; with `ready`, wait for its status file."""

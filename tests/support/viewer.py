@@ -10,6 +10,8 @@ from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
+from tests.support.key_ring import bearer
+
 __all__ = ["Record", "open_socket", "records", "subscribe"]
 
 HEADER = struct.Struct("<IIIIQqq")
@@ -26,9 +28,10 @@ class Record:
     payload: bytes
 
 
-def open_socket(url: str, path: str, **options: Any) -> ClientConnection:
-    """A WebSocket to the gateway from the page's own origin."""
-    return connect(url.replace("http", "ws", 1) + path, origin=url, max_size=None, compression=None, **options)
+def open_socket(url: str, path: str, *, key: str = "", **options: Any) -> ClientConnection:
+    """A WebSocket to the gateway from the page's own origin; with a key, of whom it belongs to."""
+    place, headers = url.replace("http", "ws", 1) + path, bearer(key)
+    return connect(place, origin=url, max_size=None, compression=None, additional_headers=headers, **options)
 
 
 def records(frame: bytes) -> Iterator[Record]:

@@ -60,7 +60,7 @@ class Driver:
 
     def __init__(self, stack: Stack) -> None:
         self.opened = ExitStack()
-        connection = open_socket(stack.url, "/api/v1/robots/sim_1/teleop")
+        connection = open_socket(stack.url, "/api/v1/robots/sim_1/teleop", key=stack.key)
         self.socket: ClientConnection = self.opened.enter_context(connection)
         self.socket.send(json.dumps({"op": "take", "holder": "test"}))
         self.granted = json.loads(self.socket.recv(timeout=30))

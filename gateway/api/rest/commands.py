@@ -7,6 +7,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models
+from gateway.api.allow import allow
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.services import services_of
@@ -19,6 +20,7 @@ router = APIRouter(prefix="/api/v1/robots", tags=["commands"], default_response_
 
 @router.post(
     "/{robot_id}/publish",
+    dependencies=[allow("robots.publish")],
     responses={200: {"model": models.Ok}, **PROBLEMS},
     openapi_extra=body_document(models.PublishRequest, cdr=True),
 )
@@ -45,6 +47,7 @@ async def publish(request: Request, robot_id: str, topic: str = "", type: str = 
 
 @router.post(
     "/{robot_id}/services/call",
+    dependencies=[allow("robots.call")],
     responses={200: {"model": models.CallResult}, **PROBLEMS},
     openapi_extra=body_document(models.CallRequest, cdr=False),
 )

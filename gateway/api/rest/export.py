@@ -12,6 +12,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.types import Message, Send
 
 from gateway.api import models
+from gateway.api.allow import allow, require_seen
 from gateway.api.rest.ranges import End, Start, Topics, chosen_topics, parse_range
 from gateway.api.services import services_of
 from gateway.api.views_history import compact_time
@@ -32,6 +33,7 @@ log = logging.getLogger(__name__)
 
 @router.get(
     "/export.mcap",
+    dependencies=[allow("history.export")],
     response_class=Response,
     responses={
         200: {"content": {MEDIA_TYPE: {}}},
@@ -50,6 +52,7 @@ async def export_mcap(
     start_ns, end_ns = parse_range(start, end, now_ns=services.clock.wall_ns())
     topics: dict[str, tuple[str, ...]] = {}
     for robot_id in dict.fromkeys(robot):
+        require_seen(request, robot_id)
         namespace = services.registry.get(robot_id).robot.namespace
         names = await services.history.topic_names(robot_id)
         topics[robot_id] = chosen_topics(names, topic, namespace=namespace)

@@ -7,6 +7,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models
+from gateway.api.allow import allow
 from gateway.api.problem import JsonResponse
 from gateway.api.services import services_of
 
@@ -15,14 +16,22 @@ __all__ = ["router"]
 router = APIRouter(tags=["health"])
 
 
-@router.get("/healthz", responses={200: {"model": models.Health}}, response_class=JsonResponse)
+@router.get(
+    "/healthz",
+    dependencies=[allow("health.read")],
+    responses={200: {"model": models.Health}},
+    response_class=JsonResponse,
+)
 async def healthz() -> Response:
     """The process answers."""
     return JsonResponse({"status": "ok"})
 
 
 @router.get(
-    "/readyz", responses={200: {"model": models.Ready}, 503: {"model": models.Ready}}, response_class=JsonResponse
+    "/readyz",
+    dependencies=[allow("health.read")],
+    responses={200: {"model": models.Ready}, 503: {"model": models.Ready}},
+    response_class=JsonResponse,
 )
 async def readyz(request: Request) -> Response:
     """200 when every check is ok, else 503 with what is wrong; notes say what else is, without harm to who connects."""

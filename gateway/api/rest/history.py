@@ -9,6 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models, models_history
+from gateway.api.allow import allow
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.ranges import End, Start, Topics, chosen_topics, full_pattern, parse_age, parse_range
 from gateway.api.rest.times import parse_time
@@ -29,7 +30,9 @@ router = APIRouter(prefix="/api/v1/robots/{robot_id}", tags=["history"], default
 UNKNOWN: dict[int | str, dict[str, Any]] = {status: {"model": models.Problem} for status in (400, 404, 429, 503)}
 
 
-@router.get("/history", responses={200: {"model": models_history.History}, **UNKNOWN})
+@router.get(
+    "/history", dependencies=[allow("history.read")], responses={200: {"model": models_history.History}, **UNKNOWN}
+)
 async def get_history(request: Request, robot_id: str) -> Response:
     """Which topics are stored, how much of them, from when to when."""
     services = services_of(request)
@@ -38,7 +41,9 @@ async def get_history(request: Request, robot_id: str) -> Response:
     return JsonResponse(history_view(topics, series=series))
 
 
-@router.get("/timeline", responses={200: {"model": models_history.Timeline}, **UNKNOWN})
+@router.get(
+    "/timeline", dependencies=[allow("history.read")], responses={200: {"model": models_history.Timeline}, **UNKNOWN}
+)
 async def get_timeline(
     request: Request,
     robot_id: str,
@@ -54,7 +59,9 @@ async def get_timeline(
     return _json(body)
 
 
-@router.get("/messages", responses={200: {"model": models_history.MessagePage}, **UNKNOWN})
+@router.get(
+    "/messages", dependencies=[allow("history.read")], responses={200: {"model": models_history.MessagePage}, **UNKNOWN}
+)
 async def get_messages(
     request: Request,
     robot_id: str,
@@ -82,7 +89,11 @@ async def get_messages(
     return _json(await services.history.page(asked, decoded=form == "json", show=rfc3339))
 
 
-@router.get("/at", responses={200: {"model": models_history.InstantMessages, "content": {RECORDS_TYPE: {}}}, **UNKNOWN})
+@router.get(
+    "/at",
+    dependencies=[allow("history.read")],
+    responses={200: {"model": models_history.InstantMessages, "content": {RECORDS_TYPE: {}}}, **UNKNOWN},
+)
 async def get_instant(
     request: Request,
     robot_id: str,

@@ -9,6 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models
+from gateway.api.allow import allow
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.times import parse_time
 from gateway.api.services import services_of
@@ -26,7 +27,11 @@ EARLIEST_NS = -(2**61)  # 1896
 router = APIRouter(prefix="/api/v1/robots/{robot_id}/metrics", tags=["robots"], default_response_class=JsonResponse)
 
 
-@router.get("", responses={200: {"model": models.SeriesList}, 404: {"model": models.Problem}})
+@router.get(
+    "",
+    dependencies=[allow("telemetry.read")],
+    responses={200: {"model": models.SeriesList}, 404: {"model": models.Problem}},
+)
 async def list_series(request: Request, robot_id: str) -> Response:
     """The robot's stored series."""
     services = services_of(request)
@@ -34,7 +39,11 @@ async def list_series(request: Request, robot_id: str) -> Response:
     return JsonResponse({"series": [series_view(facts) for facts in await services.store.series(robot_id)]})
 
 
-@router.get("/range", responses={200: {"model": models.MetricRange}, 404: {"model": models.Problem}})
+@router.get(
+    "/range",
+    dependencies=[allow("telemetry.read")],
+    responses={200: {"model": models.MetricRange}, 404: {"model": models.Problem}},
+)
 async def get_range(
     request: Request,
     robot_id: str,

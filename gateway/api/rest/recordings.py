@@ -13,6 +13,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.types import Message, Receive, Scope, Send
 
 from gateway.api import models
+from gateway.api.allow import allow, principal_of
 from gateway.api.models_recordings import Recording, RecordingList, RecordingRequest
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
@@ -20,7 +21,7 @@ from gateway.api.rest.times import parse_time
 from gateway.api.services import services_of
 from gateway.api.views import rfc3339
 from gateway.domain import recording as domain
-from gateway.errors import InvalidRequestError
+from gateway.errors import InvalidRequestError, UnknownRecordingError
 from gateway.recordings.download import Download
 from metaros.errors import MetarosError
 
@@ -37,6 +38,7 @@ router = APIRouter(prefix="/api/v1", tags=["recordings"], default_response_class
 
 @router.post(
     "/robots/{robot_id}/recordings",
+    dependencies=[allow("recordings.save")],
     status_code=202,
     responses={202: {"model": Recording}, **PROBLEMS, 429: {"model": models.Problem}},
     openapi_extra=body_document(RecordingRequest),
@@ -56,7 +58,7 @@ async def save_recording(request: Request, robot_id: str) -> Response:
     return JsonResponse(recording_view(asked), status_code=202, headers=headers)
 
 
-@router.get("/recordings", responses={200: {"model": RecordingList}})
+@router.get("/recordings", dependencies=[allow("recordings.read")], responses={200: {"model": RecordingList}})
 async def list_recordings(
     request: Request,
     robot: Annotated[str, Query(description="only this robot's")] = "",
@@ -64,28 +66,38 @@ async def list_recordings(
     before: Annotated[str, Query(description="the `next` of the page before")] = "",
 ) -> Response:
     """The newest recordings, newest first."""
-    desk = services_of(request).recordings
-    found = await desk.list(robot_id=robot or None, limit=limit + 1, before=before or None)
+    found = await _seen(request, robot or None, limit=limit + 1, before=before or None)
     page = found[:limit]
     following = page[-1].id if len(found) > limit else None
     return JsonResponse({"recordings": [recording_view(item) for item in page], "next": following})
 
 
-@router.get("/recordings/{recording_id}", responses={200: {"model": Recording}, 404: {"model": models.Problem}})
+@router.get(
+    "/recordings/{recording_id}",
+    dependencies=[allow("recordings.read")],
+    responses={200: {"model": Recording}, 404: {"model": models.Problem}},
+)
 async def get_recording(request: Request, recording_id: str) -> Response:
     """One recording, and how far it is."""
-    return JsonResponse(recording_view(await services_of(request).recordings.get(recording_id)))
+    return JsonResponse(recording_view(await _get(request, recording_id)))
 
 
-@router.delete("/recordings/{recording_id}", responses={200: {"model": models.Ok}, **PROBLEMS})
+@router.delete(
+    "/recordings/{recording_id}",
+    dependencies=[allow("recordings.delete")],
+    responses={200: {"model": models.Ok}, **PROBLEMS},
+)
 async def delete_recording(request: Request, recording_id: str) -> Response:
     """Delete a recording with its file; an unfinished one is given up, and its robot forgets it."""
+    if not principal_of(request).sees_all:
+        await _get(request, recording_id)
     await services_of(request).recordings.delete(recording_id)
     return JsonResponse({"ok": True})
 
 
 @router.get(
     "/recordings/{recording_id}/file.mcap",
+    dependencies=[allow("recordings.read")],
     responses={
         200: {"content": {MEDIA_TYPE: {}}},
         206: {"content": {MEDIA_TYPE: {}}},
@@ -100,7 +112,7 @@ async def delete_recording(request: Request, recording_id: str) -> Response:
 async def get_file(request: Request, recording_id: str) -> Response:
     """The recording's MCAP file, streamed; one byte range may be asked for, so that a download goes on."""
     desk = services_of(request).recordings
-    found = await desk.get(recording_id)
+    found = await _get(request, recording_id)
     if found.state != domain.STORED:
         desk.download(found).close()  # says why there is none
     etag = f'"{found.sha256}"'
@@ -150,6 +162,30 @@ def file_name(item: domain.Recording) -> str:
     """What a download is called: the robot and when the clip begins."""
     moment = rfc3339(item.first_ns or item.from_ns)[:19].replace(":", "-")
     return f"{item.robot}_{moment}Z.mcap"
+
+
+async def _get(request: Request, recording_id: str) -> domain.Recording:
+    """One recording; UnknownRecordingError also where its robot is out of scope."""
+    found = await services_of(request).recordings.get(recording_id)
+    if not principal_of(request).sees(found.robot):
+        raise UnknownRecordingError.of(recording_id)
+    return found
+
+
+async def _seen(request: Request, robot_id: str | None, *, limit: int, before: str | None) -> list[domain.Recording]:
+    """The newest recordings of robots in scope; of many others, only as many are read at a time as may be listed."""
+    desk, principal = services_of(request).recordings, principal_of(request)
+    if principal.sees_all or robot_id is not None:
+        unseen = robot_id is not None and not principal.sees(robot_id)
+        return [] if unseen else await desk.list(robot_id=robot_id, limit=limit, before=before)
+    kept: list[domain.Recording] = []
+    while len(kept) < limit:
+        page = await desk.list(robot_id=None, limit=MAX_LISTED, before=before)
+        kept += [item for item in page if principal.sees(item.robot)]
+        if len(page) < MAX_LISTED:
+            break
+        before = page[-1].id
+    return kept[:limit]
 
 
 class _FileResponse(StreamingResponse):

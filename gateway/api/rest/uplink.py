@@ -9,6 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models
+from gateway.api.allow import allow
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.services import services_of
@@ -21,7 +22,11 @@ MAX_GAPS = 1000
 router = APIRouter(prefix="/api/v1/robots", tags=["link"], default_response_class=JsonResponse)
 
 
-@router.get("/{robot_id}/uplink", responses={200: {"model": models.Uplink}, 404: {"model": models.Problem}})
+@router.get(
+    "/{robot_id}/uplink",
+    dependencies=[allow("robots.read")],
+    responses={200: {"model": models.Uplink}, 404: {"model": models.Problem}},
+)
 async def get_uplink(request: Request, robot_id: str) -> Response:
     """The robot's byte budget, as its agent said last."""
     return JsonResponse(uplink_view(services_of(request).registry.get(robot_id)))
@@ -29,6 +34,7 @@ async def get_uplink(request: Request, robot_id: str) -> Response:
 
 @router.put(
     "/{robot_id}/uplink",
+    dependencies=[allow("robots.configure")],
     responses={200: {"model": models.Uplink}, **PROBLEMS},
     openapi_extra=body_document(models.UplinkRequest),
 )
@@ -42,7 +48,11 @@ async def set_uplink(request: Request, robot_id: str) -> Response:
     return JsonResponse(uplink_view(record))
 
 
-@router.get("/{robot_id}/gaps", responses={200: {"model": models.GapList}, 404: {"model": models.Problem}})
+@router.get(
+    "/{robot_id}/gaps",
+    dependencies=[allow("robots.read")],
+    responses={200: {"model": models.GapList}, 404: {"model": models.Problem}},
+)
 async def list_gaps(request: Request, robot_id: str, limit: Annotated[int, Query(ge=1, le=MAX_GAPS)] = 50) -> Response:
     """The newest declared losses."""
     services = services_of(request)

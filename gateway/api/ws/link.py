@@ -8,6 +8,7 @@ from fastapi import APIRouter
 from google.protobuf.message import DecodeError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from gateway.api.allow import allow
 from gateway.api.services import services_of
 from gateway.api.ws.cut import STALLED, cut
 from gateway.errors import LinkError
@@ -22,7 +23,7 @@ NORMAL, UNSUPPORTED, INVALID = 1000, 1003, 1007
 router = APIRouter()
 
 
-@router.websocket("/api/v1/link")
+@router.websocket("/api/v1/link", dependencies=[allow("agent.link")])
 async def link(socket: WebSocket) -> None:
     """One lane of an agent."""
     if SUBPROTOCOL not in socket.scope["subprotocols"]:

@@ -7,8 +7,10 @@ from typing import Any
 
 import orjson
 
+from gateway.domain.principal import Principal
 from gateway.errors import InvalidRequestError
 from gateway.live.feeds import FleetSubscription, MetricSubscription
+from gateway.live.scope import RobotPattern, SeenRobots
 from gateway.live.subscription import TopicSubscription
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS
@@ -41,22 +43,23 @@ def make_subscription(
     *,
     revisions: Callable[[], Mapping[str, int]],
     describe: Callable[[str], dict[str, Any]],
+    principal: Principal,
 ) -> TopicSubscription | MetricSubscription | FleetSubscription:
-    """The subscription a request describes; the error names the field."""
+    """The subscription a request describes, of robots that the principal sees; the error names the field."""
     number = request.get("id")
     if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < 2**32:
         raise InvalidRequestError("id is a number from 0 to 4294967295 of the client's choice")
     if request["op"] == "subscribe_fleet":
-        return FleetSubscription(number, revisions=revisions, describe=describe)
+        return FleetSubscription(number, revisions=lambda: _seen(revisions(), principal), describe=describe)
     if request["op"] == "subscribe_metrics":
-        return _metrics(number, request)
+        return _metrics(number, request, principal)
     mode = request.get("mode", "latest")
     if mode not in ("latest", "queue"):
         raise InvalidRequestError('mode is "latest" or "queue"')
     queue_bytes = number_field(request, "queue_bytes", DEFAULT_QUEUE_BYTES, low=1, high=LIMITS.viewer_queue_bytes)
     return TopicSubscription(
         number,
-        Glob(text_field(request, "robots")),
+        _robots(request, principal),
         Glob(text_field(request, "topics")),
         max_rate_hz=number_field(request, "max_rate_hz", 0.0, low=0.0, high=MAX_RATE_HZ),
         latest=mode == "latest",
@@ -82,10 +85,21 @@ def text_field(request: Mapping[str, Any], name: str) -> str:
     return value
 
 
-def _metrics(number: int, request: Mapping[str, Any]) -> MetricSubscription:
+def _robots(request: Mapping[str, Any], principal: Principal) -> RobotPattern:
+    pattern = Glob(text_field(request, "robots"))
+    return pattern if principal.sees_all else SeenRobots(pattern, principal.sees)
+
+
+def _seen(revisions: Mapping[str, int], principal: Principal) -> Mapping[str, int]:
+    if principal.sees_all:
+        return revisions
+    return {robot: revision for robot, revision in revisions.items() if principal.sees(robot)}
+
+
+def _metrics(number: int, request: Mapping[str, Any], principal: Principal) -> MetricSubscription:
     series = request.get("series", ["**"])
     if not isinstance(series, list) or not 1 <= len(series) <= MAX_SERIES_GLOBS:
         raise InvalidRequestError(f"series is a list of 1 to {MAX_SERIES_GLOBS} patterns")
     globs = [Glob(text_field({"series": item}, "series"), separator=".") for item in series]
     rate = number_field(request, "max_rate_hz", DEFAULT_METRICS_HZ, low=0.01, high=MAX_RATE_HZ)
-    return MetricSubscription(number, Glob(text_field(request, "robots")), globs, max_rate_hz=rate)
+    return MetricSubscription(number, _robots(request, principal), globs, max_rate_hz=rate)

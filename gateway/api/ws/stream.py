@@ -10,6 +10,9 @@ import orjson
 from fastapi import APIRouter
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from gateway.api.allow import allow
+from gateway.api.attendance import REVOKED, Visit
+from gateway.api.authenticate import plain_protocol
 from gateway.api.problem import error_code
 from gateway.api.services import Services, services_of
 from gateway.api.ws.cut import STALLED, cut
@@ -29,23 +32,25 @@ TOO_MANY = 4429
 router = APIRouter()
 
 
-@router.websocket("/api/v1/stream")
+@router.websocket("/api/v1/stream", dependencies=[allow("telemetry.read")])
 async def stream(socket: WebSocket) -> None:
     """One viewer's connection, until it goes or stalls."""
     services = services_of(socket)
-    await socket.accept()
+    await socket.accept(plain_protocol(socket.scope))
     if services.hub.viewers >= MAX_VIEWERS:
         await socket.close(TOO_MANY, "too_many")
         return
-    await _Connection(socket, services).run()
+    with services.attendance.visit(socket) as visit:
+        await _Connection(socket, services, visit).run()
 
 
 class _Connection:
     """The shell around a Viewer: a reader of requests and a paced sender."""
 
-    def __init__(self, socket: WebSocket, services: Services) -> None:
+    def __init__(self, socket: WebSocket, services: Services, visit: Visit) -> None:
         self._socket = socket
         self._services = services
+        self._visit = visit
         self._viewer = Viewer()
         self._wake = asyncio.Event()
         self._replies: list[dict[str, Any]] = [self._welcome()]
@@ -60,11 +65,14 @@ class _Connection:
         """Serve until either side ends it."""
         hub = self._services.hub
         hub.join(self._viewer, self._wake.set)
-        tasks = [asyncio.create_task(self._read()), asyncio.create_task(self._send())]
+        over = asyncio.create_task(self._over())
+        tasks = [asyncio.create_task(self._read()), asyncio.create_task(self._send()), over]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
                 task.result()
+            if over in done:
+                await cut(self._socket, REVOKED, "bad_credentials")
         except TimeoutError:
             await cut(self._socket, STALLED, "stalled")
         except (WebSocketDisconnect, RuntimeError):
@@ -75,6 +83,10 @@ class _Connection:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _over(self) -> None:
+        """Until the viewer may not be here any more."""
+        await self._visit.over.wait()
 
     async def _read(self) -> None:
         while True:
@@ -106,10 +118,11 @@ class _Connection:
             request,
             revisions=lambda: {record.robot.id: record.revision for record in services.registry.all()},
             describe=services.describe,
+            principal=self._visit.principal,
         )
         self._viewer.add(subscription)
         if isinstance(subscription, MetricSubscription):
-            for record in services.registry.all():
+            for record in services.registry.all():  # it takes in only what its viewer sees
                 subscription.offer(record.robot.id, record.newest())
         services.hub.changed(self._viewer)
         services.on_subscriptions()

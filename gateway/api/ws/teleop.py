@@ -9,8 +9,12 @@ import orjson
 from fastapi import APIRouter
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from gateway.api.allow import allow
+from gateway.api.attendance import REVOKED
+from gateway.api.authenticate import plain_protocol
 from gateway.api.problem import error_code
 from gateway.api.services import services_of
+from gateway.api.ws.cut import cut
 from gateway.api.ws.requests import number_field, read_request, text_field
 from gateway.errors import InvalidRequestError, LeaseTakenError
 from gateway.fleet.teleop import Drive, TeleopDesk
@@ -25,11 +29,22 @@ MAX_SEQ = 2.0**53
 router = APIRouter()
 
 
-@router.websocket("/api/v1/robots/{robot_id}/teleop")
+@router.websocket("/api/v1/robots/{robot_id}/teleop", dependencies=[allow("robots.drive")])
 async def teleop(socket: WebSocket, robot_id: str) -> None:
     """One driver's connection."""
-    await socket.accept()
-    await _Wheel(socket, services_of(socket).teleop, robot_id).run()
+    services = services_of(socket)
+    await socket.accept(plain_protocol(socket.scope))
+    with services.attendance.visit(socket) as visit:
+        wheel = _Wheel(socket, services.teleop, robot_id)
+        driving, over = asyncio.create_task(wheel.run()), asyncio.create_task(visit.over.wait())
+        try:
+            await asyncio.wait({driving, over}, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            driving.cancel()  # whatever the end, it stops the robot and gives the lease back
+            over.cancel()
+            await asyncio.gather(driving, over, return_exceptions=True)
+        if visit.over.is_set():
+            await cut(socket, REVOKED, "bad_credentials")
 
 
 class _Wheel:

@@ -1,0 +1,107 @@
+"""The only gate of every route and socket: `allow("noun.verb")` names a row of the permission table.
+
+    router = APIRouter()
+    @router.get("/api/v1/robots/{robot_id}", dependencies=[allow("robots.read")])
+
+It refuses in this order, so that no answer tells more than the one before: a credential that is not good (401
+`bad_credentials`), a session's mutation without its token (403 `csrf`), nobody known (401 `sign_in`), too little role
+(403 `forbidden`), a robot out of scope (404, the very answer of a robot that does not exist).
+"""
+
+from __future__ import annotations
+
+import hmac
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from fastapi import APIRouter, params
+from starlette.requests import HTTPConnection
+
+from gateway.domain.principal import NOBODY, Principal
+from gateway.errors import CsrfError, ForbiddenError, RequestError, SignInError, UnknownRobotError
+from gateway.identity.permissions import Permission, permission
+
+__all__ = ["BARE", "RPCS", "admit", "allow", "declared", "principal_of", "require_seen", "routes_of"]
+
+PRINCIPAL_KEY = "metaros.principal"  # of a scope: who asks
+REFUSAL_KEY = "metaros.refusal"  # why a credential is not good
+CREDENTIAL_KEY = "metaros.credential"  # what it was
+BY_COOKIE_KEY = "metaros.by_cookie"  # whether a browser sends it by itself
+SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+
+# What no router of ours serves, and the RPCs: the whole rest of what answers on the gateway's ports.
+BARE: dict[str, str] = {"/api/v1/openapi.json": "api.read", "/": "page.read"}
+RPCS: dict[str, str] = {"/metaros.v1.Link/Connect": "agent.link"}
+
+_ROWS: dict[Callable[..., Any], Permission] = {}
+
+
+def allow(name: str) -> params.Depends:
+    """The dependency that lets in who has the permission, and nobody else."""
+    row = permission(name)
+
+    async def check(connection: HTTPConnection) -> None:
+        admit(connection, row)
+
+    _ROWS[check] = row
+    return params.Depends(check)
+
+
+def admit(connection: HTTPConnection, row: Permission) -> None:
+    """Return when the connection's principal has the permission; raise why not."""
+    if row.who != "anyone":
+        refusal: RequestError | None = connection.scope.get(REFUSAL_KEY)
+        if refusal is not None:
+            raise refusal
+    principal = principal_of(connection)
+    if row.who != "anyone":
+        _check_token(connection, principal)
+    if not row.granted(principal):
+        raise _refusal(principal, row)
+    robot_id = connection.path_params.get("robot_id")
+    if row.robots and robot_id is not None:
+        require_seen(connection, robot_id)
+    connection.state.permission = row
+
+
+def principal_of(connection: HTTPConnection) -> Principal:
+    """Who asks."""
+    found: Principal = connection.scope.get(PRINCIPAL_KEY, NOBODY)
+    return found
+
+
+def require_seen(connection: HTTPConnection, robot_id: str) -> None:
+    """UnknownRobotError for a robot out of the principal's scope, in the words for one that does not exist."""
+    if not principal_of(connection).sees(robot_id):
+        raise UnknownRobotError.of(robot_id)
+
+
+def declared(route: Any) -> list[Permission]:
+    """The permissions that a route declares: exactly one, or the suite fails."""
+    dependant = getattr(route, "dependant", None)
+    return [_ROWS[item.call] for item in dependant.dependencies if item.call in _ROWS] if dependant else []
+
+
+def routes_of(routers: tuple[APIRouter, ...]) -> Iterator[tuple[str, str, list[Permission]]]:
+    """Every operation and socket of some routers: method ("SOCKET" for those), path, what it declares."""
+    for router in routers:
+        for route in router.routes:
+            for method in sorted(getattr(route, "methods", None) or ("SOCKET",)):
+                yield method, str(getattr(route, "path", "")), declared(route)
+
+
+def _check_token(connection: HTTPConnection, principal: Principal) -> None:
+    """A browser adds the cookie by itself, whoever's page asks; the token only our own page can add."""
+    scope = connection.scope
+    if scope["type"] != "http" or scope["method"] in SAFE_METHODS or not scope.get(BY_COOKIE_KEY):
+        return
+    said = connection.headers.get("x-csrf-token", "")
+    if not principal.csrf or not hmac.compare_digest(said.encode(), principal.csrf.encode()):
+        raise CsrfError("a session's request that changes something carries its token in X-CSRF-Token")
+
+
+def _refusal(principal: Principal, row: Permission) -> RequestError:
+    if principal.kind == "anonymous":
+        return SignInError(f"{row.name} needs somebody who has signed in, or a key in Authorization: Bearer")
+    need = f"the role {row.least.word} or more" if row.who == "people" else "a robot's own identity"
+    return ForbiddenError(f"{row.name} needs {need}; {principal.name or principal.id} has {principal.role.word}")

@@ -1,0 +1,140 @@
+"""Who asks: the credential of every request and socket under /api turned into a principal. Pure ASGI, inside Guard.
+
+`Authorization: Bearer mrk_…`, else of a socket the subprotocol `metaros.key.<key>`, else the cookie `metaros_session`,
+else nobody. A credential that is not good is remembered, not answered: a page with an expired cookie must still load
+and be able to sign in, so `allow` refuses it wherever more is asked than what is public.
+
+Nobody is a viewer on this very machine, if the settings say so: the connection comes from a loopback address, by a
+loopback name, and no proxy says that it passes on somebody else's.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from dataclasses import dataclass
+from http.cookies import CookieError, SimpleCookie
+from typing import Literal
+
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from gateway.api.allow import BY_COOKIE_KEY, CREDENTIAL_KEY, PRINCIPAL_KEY, REFUSAL_KEY
+from gateway.api.guard import LOOPBACK_NAMES
+from gateway.domain.principal import NOBODY, Principal, anonymous_viewer
+from gateway.errors import CredentialsError
+from gateway.identity.door import Door
+
+__all__ = ["COOKIE", "PROTOCOL", "Authenticate", "Credential", "identify", "plain_protocol"]
+
+COOKIE = "metaros_session"
+KEY_PROTOCOL = "metaros.key."  # a browser's WebSocket has no other place for a key than a subprotocol
+PROTOCOL = (
+    "metaros.v1"  # what the server chooses of the offered ones: browsers insist on one, and it must not be the key
+)
+MAX_CHARS = 512
+_FORWARDED = (b"forwarded", b"x-forwarded-for", b"x-real-ip")
+
+
+@dataclass(frozen=True, slots=True)
+class Credential:
+    """What came with a request; kept as long as a socket is open, to ask again."""
+
+    kind: Literal["key", "session"]
+    text: str
+
+    def __repr__(self) -> str:
+        return f"Credential({self.kind})"  # never the secret: this may end in a log
+
+
+async def identify(door: Door, credential: Credential) -> Principal | None:
+    """Whose it is now; None when it is not good, or not any more."""
+    if not credential.text or len(credential.text) > MAX_CHARS:
+        return None
+    if credential.kind == "key":
+        return await door.by_key(credential.text)
+    return await door.by_session(credential.text)
+
+
+class Authenticate:
+    """Puts the principal, or why there is none, into the scope."""
+
+    def __init__(self, app: ASGIApp, door: Door, *, anonymous: bool, host: str = "127.0.0.1") -> None:
+        self._app = app
+        self._door = door
+        self._anonymous = anonymous
+        self._names = {*LOOPBACK_NAMES, f"[{host}]" if ":" in host else host.lower()}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Find out, then pass on."""
+        if scope["type"] in ("http", "websocket") and scope["path"].startswith("/api/"):
+            scope.setdefault("state", {})
+            scope[PRINCIPAL_KEY] = NOBODY
+            try:
+                scope[PRINCIPAL_KEY] = await self._who(scope)
+            except CredentialsError as error:
+                scope[REFUSAL_KEY] = error
+        await self._app(scope, receive, send)
+
+    async def _who(self, scope: Scope) -> Principal:
+        credential, by_cookie = _credential(scope)
+        if credential is None:
+            return anonymous_viewer() if self._anonymous and self._local(scope) else NOBODY
+        found = await identify(self._door, credential)
+        if found is None:
+            raise CredentialsError(f"this {credential.kind} is not good: wrong, expired or revoked")
+        scope[CREDENTIAL_KEY], scope[BY_COOKIE_KEY] = credential, by_cookie
+        return found
+
+    def _local(self, scope: Scope) -> bool:
+        client = scope.get("client")
+        headers = scope["headers"]
+        if client is None or not _is_loopback(client[0]) or any(key in _FORWARDED for key, _ in headers):
+            return False
+        host = next((value.decode("latin-1").lower() for key, value in headers if key == b"host"), "")
+        name = host.rpartition(":")[0] if host.rpartition(":")[2].isdigit() else host
+        return name in self._names
+
+
+def plain_protocol(scope: Scope) -> str | None:
+    """The subprotocol to accept a socket with: never the one that carries a key."""
+    return PROTOCOL if PROTOCOL in scope.get("subprotocols", ()) else None
+
+
+def _credential(scope: Scope) -> tuple[Credential | None, bool]:
+    """The credential, and whether it is a cookie; CredentialsError for one that cannot be read."""
+    said = [value.decode("latin-1") for key, value in scope["headers"] if key == b"authorization"]
+    if said:
+        scheme, _, text = said[0].partition(" ")
+        if len(said) > 1 or scheme.lower() != "bearer":
+            raise CredentialsError("Authorization is Bearer and a key, once")
+        return Credential("key", text.strip()), False
+    offered = [name for name in scope.get("subprotocols", ()) if name.startswith(KEY_PROTOCOL)]
+    if offered:
+        if len(offered) > 1:
+            raise CredentialsError("one key at a time")
+        return Credential("key", offered[0].removeprefix(KEY_PROTOCOL)), False
+    token = _cookie(scope)
+    return (None, False) if token is None else (Credential("session", token), True)
+
+
+def _cookie(scope: Scope) -> str | None:
+    """The session cookie's value; None where none was sent."""
+    found: list[str] = []
+    for key, value in scope["headers"]:
+        if key != b"cookie" or COOKIE.encode() not in value:
+            continue
+        try:
+            jar = SimpleCookie(value.decode("latin-1"))
+        except CookieError as error:
+            raise CredentialsError("the cookie cannot be read") from error
+        if COOKIE in jar:
+            found.append(jar[COOKIE].value)
+    if len(set(found)) > 1:
+        raise CredentialsError("one session at a time")
+    return found[0] if found else None
+
+
+def _is_loopback(address: str) -> bool:
+    try:
+        return ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return False

@@ -1,0 +1,136 @@
+"""Open sockets of who may not be here any more are ended; what waits for others goes on."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.asyncio.client import ClientConnection, connect
+
+from gateway.api.attendance import EVERY_S, Attendance
+from gateway.domain.principal import Principal, Role
+from gateway.errors import StoreError
+from metaros._proto import link_pb2
+from tests.gateway.harness import CONTROL, ScriptedAgent, client, hear, open_socket, running_gateway, say
+from tests.support.key_ring import KeyRing
+
+
+async def end_of(socket: ClientConnection) -> tuple[int, str]:
+    """How the gateway closes a socket."""
+    async with asyncio.timeout(60):
+        await socket.wait_closed()
+    return socket.close_code or 0, socket.close_reason or ""
+
+
+def test_it_asks_often_enough() -> None:
+    assert EVERY_S <= 4.0, "a revoked credential's sockets end within 5 s"
+
+
+@pytest.mark.parametrize("change", ["revoked", "role", "robots"])
+async def test_a_stream_ends_when_its_key_changes(tmp_path: Path, change: str) -> None:
+    ring = KeyRing()
+    key, staying = ring.add(role=Role.OPERATOR), ring.add(role=Role.VIEWER)
+    async with running_gateway(tmp_path, door=ring) as ready:
+        path = "/api/v1/stream"
+        async with open_socket(ready, path, key=key) as one, open_socket(ready, path, key=key) as two:
+            async with open_socket(ready, path, key=staying) as other:
+                for socket in (one, two, other):
+                    await hear(socket, "welcome")
+                mine = await ring.by_key(key)
+                assert mine is not None
+                if change == "revoked":
+                    ring.revoke(key)
+                else:
+                    role = Role.VIEWER if change == "role" else mine.role
+                    robots = ("r1",) if change == "robots" else mine.robots
+                    ring.put(key, Principal(kind="key", id=mine.id, role=role, robots=robots))
+                assert await end_of(one) == (4401, "bad_credentials")
+                assert await end_of(two) == (4401, "bad_credentials")
+                await say(other, op="subscribe_fleet", id=1)
+                await hear(other, "fleet")
+
+
+async def test_a_session_that_ends_takes_its_stream_with_it(tmp_path: Path) -> None:
+    ring = KeyRing()
+    token, _ = ring.sign_in(role=Role.VIEWER)
+    async with running_gateway(tmp_path, door=ring, anonymous=False) as ready:
+        cookie = {"Cookie": f"metaros_session={token}"}
+        url = ready.url.replace("http", "ws", 1) + "/api/v1/stream"
+        async with connect(url, origin=ready.url, additional_headers=cookie, proxy=None) as socket:
+            await hear(socket, "welcome")
+            ring.revoke(token)
+            assert await end_of(socket) == (4401, "bad_credentials")
+
+
+async def test_a_driver_whose_key_is_revoked_stops_and_gives_the_lease_back(tmp_path: Path) -> None:
+    ring = KeyRing()
+    key, next_key = ring.add(role=Role.OPERATOR), ring.add(role=Role.OPERATOR)
+    path = "/api/v1/robots/sim_1/teleop"
+    async with running_gateway(tmp_path, door=ring) as ready, ScriptedAgent(ready) as agent:
+        async with open_socket(ready, path, key=key) as socket:
+            await say(socket, op="take", holder="ann")
+            grant = (await agent.next("command")).command
+            assert grant.WhichOneof("action") == "grant_lease"
+            await agent.answer(grant)
+            await hear(socket, "granted")
+            ring.revoke(key)
+            stop = (await agent.next("teleop", CONTROL)).teleop
+            assert stop.payload.strip(b"\x00") in (b"", b"\x01"), "all zero behind CDR's header"
+            release = (await agent.next("command")).command
+            assert release.WhichOneof("action") == "release_lease"
+            await agent.answer(release)
+            assert await end_of(socket) == (4401, "bad_credentials")
+        async with open_socket(ready, path, key=next_key) as socket:
+            await say(socket, op="take", holder="ben")
+            await agent.answer((await agent.next("command")).command)
+            await hear(socket, "granted")
+            closing = asyncio.create_task(socket.close())
+            command: link_pb2.Command = (await agent.next("command")).command
+            await agent.answer(command)
+            await closing
+
+
+async def test_a_key_as_a_subprotocol_is_never_echoed(tmp_path: Path) -> None:
+    ring = KeyRing()
+    key = ring.add(role=Role.VIEWER)
+    async with running_gateway(tmp_path, door=ring, anonymous=False) as ready:
+        offered: list[Any] = ["metaros.v1", f"metaros.key.{key}"]
+        async with open_socket(ready, "/api/v1/stream", key="", subprotocols=offered) as socket:
+            assert socket.subprotocol == "metaros.v1"
+            await hear(socket, "welcome")
+        async with open_socket(ready, "/api/v1/stream", key="", subprotocols=offered[1:]) as socket:
+            assert socket.subprotocol is None
+            await hear(socket, "welcome")
+        async with client(ready, key=key) as http:
+            assert (await http.get("/api/v1/robots")).status_code == 200
+
+
+async def test_sockets_stay_while_the_store_cannot_answer() -> None:
+    class Broken(KeyRing):
+        broken = True
+
+        async def by_key(self, text: str) -> Principal | None:
+            if self.broken:
+                raise StoreError("not now")
+            return await super().by_key(text)
+
+    from starlette.requests import HTTPConnection
+
+    from gateway.api.allow import CREDENTIAL_KEY, PRINCIPAL_KEY
+    from gateway.api.authenticate import Credential
+
+    ring = Broken()
+    attendance = Attendance(ring)
+    who = Principal(kind="key", id="1", role=Role.VIEWER)
+    scope = {"type": "websocket", PRINCIPAL_KEY: who, CREDENTIAL_KEY: Credential("key", "gone")}
+    with attendance.visit(HTTPConnection(scope)) as visit:
+        await attendance.check()
+        assert not visit.over.is_set()
+        ring.broken = False
+        await attendance.check()
+        assert visit.over.is_set()
+    with attendance.visit(HTTPConnection({"type": "websocket"})) as visit:
+        await attendance.check()
+        assert not visit.over.is_set(), "nobody has nothing to revoke"
