@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from edge_agent.cli_enrol import enrol_command
 from edge_agent.cli_status import status_command
 from metaros.errors import MetarosError
 
@@ -20,6 +21,7 @@ def register(app: typer.Typer) -> None:
     agent = typer.Typer(help="Tap this robot's topics and forward them to a gateway.", no_args_is_help=False)
     agent.callback(invoke_without_command=True)(run_command)
     agent.command("status")(status_command)
+    agent.command("enrol")(enrol_command)
     app.add_typer(agent, name="agent")
 
 

@@ -24,6 +24,7 @@ from metaros.limits import LIMITS
 __all__ = ["OutboxSettings", "Settings", "load_settings", "sanitised_hostname"]
 
 CHOICES = {"transport": get_args(TransportSetting), "compression": get_args(Compression)}
+DEFAULT_GATEWAY = "127.0.0.1:8081"
 MAX_SYNC_MS = 10_000
 RULE_KEYS = {
     "match": str,
@@ -71,7 +72,7 @@ class Settings:
 
     name: str = ""  # "" = the host's name
     namespace: str = "/"
-    gateway: str = "127.0.0.1:8081"
+    gateway: str = ""  # "" = the one that enrolled the robot, else DEFAULT_GATEWAY
     gateways: tuple[str, ...] = ()  # several that share one store, in order; instead of `gateway`
     transport: TransportSetting = "auto"
     compression: Compression = "none"  # of bulk and event batches on the wire
@@ -88,7 +89,9 @@ class Settings:
 
     def addresses(self) -> list[GatewayAddress]:
         """The gateways to try, in order. Raises ConfigError."""
-        return [parse_address(text).only(self.transport) for text in self.gateways or (self.gateway,)]
+        return [
+            parse_address(text).only(self.transport) for text in self.gateways or (self.gateway or DEFAULT_GATEWAY,)
+        ]
 
 
 def load_settings(path: Path | None = None, overrides: Mapping[str, Any] | None = None) -> Settings:

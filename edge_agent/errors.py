@@ -2,20 +2,29 @@
 
 MetarosError (metaros.errors)
 ├── UsageError
-│   └── CommandError          a command from afar cannot be carried out
-│       ├── ExpiredError      it came, or would end, after its deadline            expired
-│       ├── DuplicateError    its id was executed before                           duplicate
-│       ├── LeaseError        an actuator without the current lease                lease_required
-│       ├── BusyError         too many commands at once                            busy
-│       ├── BlackBoxOffError  there is no black box to cut from                    black_box_off
-│       ├── NothingRecordedError  the black box holds nothing of that time         nothing_there
-│       ├── ManyRecordingsError   too many of them wait for the gateway            too_many_recordings
-│       └── UnsupportedError  a command this agent does not know                   unsupported
+│   ├── CommandError          a command from afar cannot be carried out
+│   │   ├── ExpiredError      it came, or would end, after its deadline            expired
+│   │   ├── DuplicateError    its id was executed before                           duplicate
+│   │   ├── LeaseError        an actuator without the current lease                lease_required
+│   │   ├── BusyError         too many commands at once                            busy
+│   │   ├── BlackBoxOffError  there is no black box to cut from                    black_box_off
+│   │   ├── NothingRecordedError  the black box holds nothing of that time         nothing_there
+│   │   ├── ManyRecordingsError   too many of them wait for the gateway            too_many_recordings
+│   │   └── UnsupportedError  a command this agent does not know                   unsupported
+│   ├── TokenFormatError      that is no enrolment token                           token_malformed
+│   └── InsecureGatewayError  an identity is not shown without TLS                 insecure_gateway
 ├── PeerError
+│   ├── EnrolError            the robot got no certificate
+│   │   ├── EnrolRefusedError     the gateway says no; `reason` holds its code     enrol_refused
+│   │   ├── EnrolAnswerError      its answer is no certificate for our key         enrol_answer
+│   │   ├── PinError          the gateway's root is not the one of the token       pin_mismatch
+│   │   └── UntrustedError    its TLS certificate is not to be trusted             gateway_untrusted
 │   └── LinkError             the link ended
 │       ├── BehindError       the gateway has more than the outbox ever accepted    outbox_behind
 │       ├── LinkDeadError     nothing heard for too long                           link_dead
+│       ├── UnprovenError     it asks for a proof that this robot cannot give      unproven
 │       └── RefusedError      the gateway said goodbye; `reason` holds its code    refused
+├── IdentityFileError         the robot's identity cannot be read or kept          identity_file
 └── DiskError                 the outbox's disk failed                             disk_error
     ├── DiskFullError         there is no space left on it                         disk_full
     └── CorruptError          bytes that the outbox did not write like that        disk_corrupt
@@ -34,15 +43,24 @@ __all__ = [
     "DiskError",
     "DiskFullError",
     "DuplicateError",
+    "EnrolAnswerError",
+    "EnrolError",
+    "EnrolRefusedError",
     "ExpiredError",
+    "IdentityFileError",
+    "InsecureGatewayError",
     "LeaseError",
     "LinkDeadError",
     "LinkError",
     "ManyRecordingsError",
     "NothingRecordedError",
+    "PinError",
     "RefusedError",
     "ScopeError",
+    "TokenFormatError",
+    "UnprovenError",
     "UnsupportedError",
+    "UntrustedError",
 ]
 
 
@@ -106,6 +124,52 @@ class UnsupportedError(CommandError):
     code = "unsupported"
 
 
+class TokenFormatError(UsageError):
+    """The text is no enrolment token."""
+
+    code = "token_malformed"
+
+
+class InsecureGatewayError(UsageError):
+    """A token or an identity is shown to a gateway beyond this machine over TLS only."""
+
+    code = "insecure_gateway"
+
+
+class EnrolError(PeerError):
+    """The robot got no certificate; what it had before still holds."""
+
+    code = "enrol"
+
+
+class EnrolRefusedError(EnrolError):
+    """The gateway gives no certificate; `reason` is its code."""
+
+    code = "enrol_refused"
+
+    def __init__(self, reason: str, message: str) -> None:
+        super().__init__(f"the gateway said {reason}: {message}" if message else f"the gateway said {reason}")
+        self.reason = reason
+
+
+class EnrolAnswerError(EnrolError):
+    """What the gateway answered is no certificate for this robot and its key."""
+
+    code = "enrol_answer"
+
+
+class PinError(EnrolError):
+    """The gateway's root certificate is not the one that the token names."""
+
+    code = "pin_mismatch"
+
+
+class UntrustedError(EnrolError):
+    """The gateway's TLS certificate is neither of the fleet's root nor of an authority that this system trusts."""
+
+    code = "gateway_untrusted"
+
+
 class LinkError(PeerError):
     """The link to the gateway ended."""
 
@@ -124,6 +188,12 @@ class LinkDeadError(LinkError):
     code = "link_dead"
 
 
+class UnprovenError(LinkError):
+    """The gateway asks for a proof of identity that this robot cannot, or must not, give."""
+
+    code = "unproven"
+
+
 class RefusedError(LinkError):
     """The gateway ended the link on purpose."""
 
@@ -133,6 +203,12 @@ class RefusedError(LinkError):
         super().__init__(f"gateway said {reason}: {message}" if message else f"gateway said {reason}")
         self.reason = reason
         self.retry_after_s = retry_after_s
+
+
+class IdentityFileError(MetarosError):
+    """The robot's identity cannot be read from its file, or not be kept there."""
+
+    code = "identity_file"
 
 
 class DiskError(MetarosError):

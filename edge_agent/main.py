@@ -7,6 +7,7 @@ import contextlib
 import os
 import socket
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 from edge_agent.answering import answering
 from edge_agent.batch import Linger
@@ -17,6 +18,9 @@ from edge_agent.commands import Commands
 from edge_agent.config import Settings
 from edge_agent.drive_guard import DriveGuard
 from edge_agent.host_turn import host_turn, turn_path
+from edge_agent.identity.credentials import Credentials, check_addresses, enrolled_addresses
+from edge_agent.identity.files import IdentityFiles
+from edge_agent.identity.renewing import Renewing
 from edge_agent.live import LiveQueue
 from edge_agent.metrics import publish_host
 from edge_agent.outbox import OutboxWriter
@@ -28,13 +32,15 @@ from edge_agent.status import status_file
 from edge_agent.tap import Tap
 from edge_agent.teleop import Teleop
 from edge_agent.topics import TopicTable
+from edge_agent.uplink.address import GatewayAddress
 from edge_agent.uplink.backoff import Backoff
 from edge_agent.uplink.budget import Budget
 from edge_agent.uplink.keeper import SessionKeeper
 from edge_agent.uplink.session import Identity, Queues
-from edge_agent.uplink.uplink import Uplink
+from edge_agent.uplink.uplink import Uplink, transports_with
 from edge_agent.uplink_limit import UplinkLimit
 from metaros.clock import Clock, SystemClock, system_rng
+from metaros.errors import ConfigError
 from metaros.node import Context, Node
 from metaros.signals import on_stop
 
@@ -102,6 +108,8 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
     saver = Saver(box, queues.shelf, clock, robot_id=settings.name, free=state.disk.free, changed=lambda: uplink.wake())
     commands = Commands(node, teleop, scope, clock, log=state.command_log, limit=limit, saver=saver)
     who = identity(settings)
+    credentials, addresses = door_of(settings, state.directory)
+    renewing = Renewing(credentials, state.directory, clock, system_rng()) if credentials is not None else None
     keeper = SessionKeeper(
         who,
         queues,
@@ -112,13 +120,14 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
         compression=settings.compression,
         malformed=lambda: pipeline.malformed + tap.ingress.malformed.total(),
         wake=lambda: uplink.wake(),
+        credentials=credentials,
+        expired=renewing.now if renewing is not None else lambda: None,
     )
-    uplink = Uplink(settings.addresses(), keeper, Backoff(system_rng()), clock)
+    uplink = Uplink(addresses, keeper, Backoff(system_rng()), clock, transports=transports_with(credentials))
     writer = OutboxWriter(outbox, state.outbox_disk, on_flushed=uplink.wake)
     pipeline = Pipeline(outbox, queues.live, queues.linger, wake_writer=writer.wake, wake_uplink=uplink.wake)
     keeper.facts.black_box = box.describe if box is not None else None
-    record = box.take if box is not None else None
-    tap = Tap(node, queues.channels, scope, pipeline.take, uplink.wake, clock, record=record)
+    tap = Tap(node, queues.channels, scope, pipeline.take, uplink.wake, clock, record=box.take if box else None)
     writing = asyncio.create_task(writer.run())
     try:
         with (
@@ -129,6 +138,8 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
                 group.create_task(ended(writing))
                 group.create_task(uplink.run())
                 group.create_task(teleop.run())
+                if renewing is not None:
+                    group.create_task(renewing.run())
                 if settings.host_metrics:
                     group.create_task(run_host(settings, node.context, queues.channels, clock))
     finally:
@@ -139,6 +150,25 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
         publishers.close()
         writing.cancel()  # it flushes what came until now
         await asyncio.wait({writing})
+
+
+def door_of(settings: Settings, directory: Path) -> tuple[Credentials | None, list[GatewayAddress]]:
+    """Who the robot is and where its gateways are: what the settings say, else the gateway that enrolled it.
+
+    Raises:
+        ConfigError: an address; the enrolment is another robot's.
+        InsecureGatewayError: an enrolled robot is sent beyond this machine without TLS.
+        IdentityFileError: there is an identity, and it cannot be used.
+    """
+    identity = IdentityFiles(directory).load()
+    if identity is None:
+        return None, settings.addresses()
+    if identity.robot != settings.name:
+        raise ConfigError(f"{directory} is enrolled as {identity.robot}: start it with --name {identity.robot}")
+    told = settings.gateways or settings.gateway
+    addresses = settings.addresses() if told else enrolled_addresses(identity, settings.transport)
+    check_addresses(addresses)
+    return Credentials(identity), addresses
 
 
 async def ended(task: asyncio.Task[None]) -> None:

@@ -15,9 +15,10 @@ TransportName = Literal["grpc", "websocket"]
 TransportSetting = Literal["auto", "grpc", "websocket"]
 
 BOTH: Final = ("grpc", "websocket")
-FORMS = "HOST:PORT, grpc://HOST:PORT, http://HOST[:PORT] or https://HOST[:PORT]"
+FORMS = "HOST:PORT, grpc[s]://HOST[:PORT] or http[s]://HOST[:PORT]"
 LINK_PATH = "/api/v1/link"
-PORTS = {"http": 80, "https": 443, "grpc": 8081}
+PORTS = {"http": 80, "https": 443, "grpc": 8081, "grpcs": 8081}
+GRPC_ALONE = ("grpc", "grpcs")
 
 _HOST_PORT = re.compile(r"(\[[0-9A-Fa-f:.]+\]|[^\s/:@\[\]]+):[0-9]{1,5}")
 _PATH = re.compile(r"(/[A-Za-z0-9._~-]+)*")
@@ -56,7 +57,7 @@ class GatewayAddress:
 def parse_address(text: str) -> GatewayAddress:
     """Read one gateway's address.
 
-    HOST:PORT and http(s):// mean: gRPC on that port, else a WebSocket on the same port. grpc:// means gRPC alone.
+    HOST:PORT and http(s):// mean: gRPC on that port, else a WebSocket on the same port. grpc(s):// means gRPC alone.
     With a path there is only the WebSocket, as gRPC has no place for one. Raises ConfigError.
     """
     scheme, split, _rest = text.partition("://")
@@ -70,9 +71,9 @@ def parse_address(text: str) -> GatewayAddress:
     path = url.path.rstrip("/")
     if url.scheme not in PORTS or not url.hostname or not 1 <= port <= 65535:
         raise ConfigError(f"gateway must be {FORMS}, not {text!r}")
-    if "@" in url.netloc or url.query or url.fragment or not _PATH.fullmatch(path) or (path and scheme == "grpc"):
+    if "@" in url.netloc or url.query or url.fragment or not _PATH.fullmatch(path) or (path and scheme in GRPC_ALONE):
         raise ConfigError(
-            f"gateway {text!r}: an address has no user, query or odd path, and grpc:// has no path at all"
+            f"gateway {text!r}: an address has no user, query or odd path, and grpc(s):// has no path at all"
         )
-    transports: tuple[TransportName, ...] = ("grpc",) if url.scheme == "grpc" else ("websocket",) if path else BOTH
-    return GatewayAddress(text, url.hostname, port, url.scheme == "https", path, transports)
+    transports: tuple[TransportName, ...] = ("grpc",) if url.scheme in GRPC_ALONE else ("websocket",) if path else BOTH
+    return GatewayAddress(text, url.hostname, port, url.scheme in ("https", "grpcs"), path, transports)

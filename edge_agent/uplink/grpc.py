@@ -12,6 +12,7 @@ import grpc
 import grpc.aio
 
 from edge_agent.errors import LinkError
+from edge_agent.identity.credentials import Credentials
 from edge_agent.uplink.address import GatewayAddress
 from edge_agent.uplink.transport import DEAD_PATH_S, gateway_frame
 from metaros._proto import link_pb2
@@ -30,11 +31,13 @@ OPTIONS = (
 )
 
 
-async def open_grpc(address: GatewayAddress) -> GrpcConnection:
-    """Start a lane's stream; a gateway that is not there shows with the first write or read."""
+async def open_grpc(address: GatewayAddress, *, shown: Credentials | None = None) -> GrpcConnection:
+    """Start a lane's stream; a gateway that is not there shows with the first write or read.
+
+    With `shown`, TLS has the robot's certificate and trusts the fleet's root; without, the system's authorities.
+    """
     if address.tls:
-        credentials = grpc.ssl_channel_credentials(system_roots())
-        channel = grpc.aio.secure_channel(address.authority, credentials, options=OPTIONS)
+        channel = grpc.aio.secure_channel(address.authority, channel_credentials(shown), options=OPTIONS)
     else:
         channel = grpc.aio.insecure_channel(address.authority, options=OPTIONS)
     return GrpcConnection(channel)
@@ -70,6 +73,14 @@ class GrpcConnection:
         """Cancel the stream and end the channel."""
         self._call.cancel()
         await self._channel.close()
+
+
+def channel_credentials(shown: Credentials | None) -> grpc.ChannelCredentials:
+    """What TLS shows and trusts."""
+    if shown is None:
+        return grpc.ssl_channel_credentials(system_roots())
+    key, chain = shown.key_and_chain()
+    return grpc.ssl_channel_credentials(shown.roots(system_roots()), key, chain)
 
 
 def describe(error: grpc.aio.AioRpcError) -> str:

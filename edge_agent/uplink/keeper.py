@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from edge_agent.commands import Commands
 from edge_agent.errors import DiskError, RefusedError
+from edge_agent.identity.credentials import Credentials
 from edge_agent.store_id import StoreId
 from edge_agent.teleop import Teleop
 from edge_agent.uplink.lane import Compression
@@ -44,6 +45,8 @@ class SessionKeeper:
         compression: Compression = "none",
         malformed: Callable[[], int],
         wake: Callable[[], None],
+        credentials: Credentials | None = None,
+        expired: Callable[[], None] = lambda: None,
     ) -> None:
         self._who = who
         self._queues = queues
@@ -55,6 +58,8 @@ class SessionKeeper:
         self._number = clock.wall_ns() // 1_000_000  # so that a restarted agent fences its older self
         self._store_id = store_id
         self._compression = compression
+        self._credentials = credentials
+        self._expired = expired
         self.facts = LinkFacts()
 
     def new_session(self) -> AgentSession:
@@ -69,6 +74,7 @@ class SessionKeeper:
             compression=self._compression,
             malformed=self._malformed,
             facts=self.facts,
+            credentials=self._credentials,
         )
 
     def handle(self, session: AgentSession, event: Event) -> None:
@@ -92,6 +98,8 @@ class SessionKeeper:
                 self._queues.outbox.relabel()
             except DiskError as failed:  # the gateway will say so again
                 LOG.error("%s", failed)
+        if isinstance(error, RefusedError) and error.reason == "certificate_expired":
+            self._expired()
         self._teleop.link_lost()
         self._queues.channels.demand({})
         self._queues.live.clear()

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 from edge_agent.batch import Linger
 from edge_agent.blackbox.shelf import Shelf
 from edge_agent.channels import Channels
-from edge_agent.errors import LinkDeadError, RefusedError
+from edge_agent.errors import LinkDeadError, RefusedError, UnprovenError
+from edge_agent.identity.credentials import Credentials
 from edge_agent.live import LiveQueue
 from edge_agent.outbox import Outbox
 from edge_agent.uplink.budget import Budget
@@ -112,7 +113,9 @@ class AgentSession:
         compression: Compression = "none",
         malformed: Callable[[], int] = int,
         facts: LinkFacts | None = None,
+        credentials: Credentials | None = None,
     ) -> None:
+        self._credentials = credentials
         self.number = number
         self.store_id = store_id
         self.gateway_id = ""
@@ -153,8 +156,15 @@ class AgentSession:
             streams=[link_pb2.StreamState(**stream._asdict()) for stream in held],
             writers=outbox.state.writers,
             epochs=outbox.state.epochs.values(),
+            certificates=self._credentials.certificates() if self._credentials is not None else (),
         )
         return link_pb2.AgentFrame(hello=hello)
+
+    def prove(self, hello: link_pb2.AgentFrame, challenge: link_pb2.Challenge) -> link_pb2.AgentFrame:
+        """The answer to a challenge that came instead of a Welcome. Raises UnprovenError."""
+        if self._credentials is None:
+            raise UnprovenError("the gateway asks who this robot is, and it was never enrolled: metaros agent enrol")
+        return link_pb2.AgentFrame(proof=self._credentials.prove(hello.hello, challenge))
 
     def receive(self, lane: link_pb2.Lane, frame: link_pb2.GatewayFrame) -> list[Event]:
         """Take in a frame of the gateway.

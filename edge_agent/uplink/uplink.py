@@ -7,12 +7,14 @@ waits is the back-pressure. Any lane's end is the session's end.
 from __future__ import annotations
 
 import asyncio
+import functools
 import logging
 from collections import deque
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Final, Protocol
 
 from edge_agent.errors import BehindError, DiskError, LinkError, RefusedError
+from edge_agent.identity.credentials import Credentials
 from edge_agent.uplink.address import GatewayAddress, TransportName
 from edge_agent.uplink.backoff import Backoff
 from edge_agent.uplink.choice import Choice
@@ -26,7 +28,7 @@ from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.errors import FrameError
 
-__all__ = ["TRANSPORTS", "SessionOwner", "Uplink"]
+__all__ = ["TRANSPORTS", "SessionOwner", "Uplink", "transports_with"]
 
 LOG = logging.getLogger("metaros.agent.uplink")
 OPEN_S = 5.0
@@ -35,6 +37,23 @@ CHECK_S = 0.25
 STEADY_S = 1.0  # a session that lasted so long was a good one: the next attempt comes at once
 LAST_WORDS_S = 0.5  # how long a failed writer waits for the reader to find out why
 TRANSPORTS: Final[Mapping[TransportName, OpenLane]] = {"grpc": open_grpc, "websocket": open_websocket}
+# Goodbyes that somebody has to do something about.
+TO_BE_SEEN: Final = frozenset(
+    {
+        *("other_store", "not_enrolled", "proof_refused", "clone_detected"),
+        *("certificate_expired", "certificate_revoked", "certificate_foreign"),
+    }
+)
+
+
+def transports_with(credentials: Credentials | None) -> Mapping[TransportName, OpenLane]:
+    """Both transports, with the robot's identity where it has one."""
+    if credentials is None:
+        return TRANSPORTS
+    return {
+        "grpc": functools.partial(open_grpc, shown=credentials),
+        "websocket": functools.partial(open_websocket, shown=credentials),
+    }
 
 
 class SessionOwner(Protocol):
@@ -95,7 +114,7 @@ class Uplink:
             await self._reach(gateway)
             await self._by_some_transport(gateway)
         except RefusedError as error:
-            self._say(f"link down: {gateway.text}: {error}", refused=error.reason == "other_store")
+            self._say(f"link down: {gateway.text}: {error}", refused=error.reason in TO_BE_SEEN)
             self._choice.refused(error.reason, error.retry_after_s)
         except (LinkError, DiskError, FrameError) as error:
             self._say(f"link down: {gateway.text}: {error}")
@@ -148,12 +167,16 @@ class Uplink:
         gateway: GatewayAddress,
         transport: TransportName,
     ) -> None:
-        """Connect a lane and exchange Hello and Welcome; with the last one the session is established."""
+        """Connect a lane, from Hello over a proof where one is asked to Welcome; the last establishes the session."""
         try:
             async with asyncio.timeout(OPEN_S):
                 connection = lanes[lane] = await self._transports[transport](gateway)
-                await connection.write(session.hello(lane).SerializeToString())
+                hello = session.hello(lane)
+                await connection.write(hello.SerializeToString())
                 frame = await connection.read()
+                if frame.HasField("challenge"):
+                    await connection.write(session.prove(hello, frame.challenge).SerializeToString())
+                    frame = await connection.read()
         except TimeoutError:
             raise LinkError(f"no answer within {OPEN_S:g} s") from None
         self._take(session, lane, frame)

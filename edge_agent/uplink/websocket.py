@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import socket as sockets
+import ssl
 from typing import Any
 
 from websockets.asyncio.client import ClientConnection, connect
@@ -11,6 +12,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketExce
 from websockets.typing import Subprotocol
 
 from edge_agent.errors import LinkError
+from edge_agent.identity.credentials import Credentials
 from edge_agent.uplink.address import GatewayAddress
 from edge_agent.uplink.transport import DEAD_PATH_S, gateway_frame
 from metaros._proto import link_pb2
@@ -24,11 +26,13 @@ CLOSE_S = 0.25
 UNSENT_BYTES = 256 * 1024  # in the kernel; more would only delay heartbeats
 
 
-async def open_websocket(address: GatewayAddress) -> WebSocketConnection:
-    """Connect a lane. Raises LinkError."""
+async def open_websocket(address: GatewayAddress, *, shown: Credentials | None = None) -> WebSocketConnection:
+    """Connect a lane; with `shown`, TLS trusts the fleet's root. Raises LinkError."""
+    trust = shown.context() if shown is not None else ssl.create_default_context()
     try:
         socket = await connect(
             address.link_url,
+            ssl=trust if address.tls else None,
             subprotocols=[SUBPROTOCOL],
             compression=None,
             max_size=LIMITS.frame_bytes,

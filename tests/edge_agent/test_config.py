@@ -24,7 +24,8 @@ def write(folder: Path, text: str) -> Path:
 def test_defaults() -> None:
     settings = load_settings()
     assert settings.name == sanitised_hostname()
-    assert (settings.namespace, settings.gateway, settings.zenoh_port) == ("/", "127.0.0.1:8081", 7447)
+    assert (settings.namespace, settings.gateway, settings.zenoh_port) == ("/", "", 7447)
+    assert [address.text for address in settings.addresses()] == ["127.0.0.1:8081"]
     assert settings.topics == DEFAULT_TOPICS
     assert settings.host_metrics
 

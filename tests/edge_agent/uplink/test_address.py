@@ -68,3 +68,10 @@ def test_a_transport_may_be_demanded() -> None:
         parse_address("grpc://host").only("websocket")
     with pytest.raises(ConfigError, match="grpc"):
         parse_address("http://host/fleet").only("grpc")
+
+
+def test_grpcs_is_grpc_alone_with_tls() -> None:
+    address = parse_address("grpcs://fleet.example")
+    assert (address.authority, address.tls, address.transports) == ("fleet.example:8081", True, ("grpc",))
+    with pytest.raises(ConfigError, match="no path"):
+        parse_address("grpcs://fleet.example/x")
