@@ -57,6 +57,8 @@ class Limits:
     action_goals: int = 1024  # goals of one action server, done ones with kept results included
     action_workers: int = 16  # goals of one action server whose plain execute callbacks run at a time
     json_bytes: int = 1 * MIB  # a request body
+    enrolment_tokens: int = 1000  # that wait for their robots; more are refused
+    renewal_grace_s: float = 30 * 86_400.0  # how long after its end a robot's certificate can still be renewed
     teleop_fresh_s: float = 0.3  # D13: an actuator without a fresh command for so long is stopped
     lease_s: float = 3.0  # a teleop lease not renewed for so long is free again
     command_timeout_s: float = 10.0

@@ -1,0 +1,42 @@
+"""What the link asks of whoever knows robots' identities: may this one in, may it stay?"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Protocol
+
+from gateway.domain.identity import Admitted
+from metaros._proto import link_pb2
+
+__all__ = ["Ask", "Gate", "OpenGate"]
+
+Ask = Callable[[link_pb2.Challenge], Awaitable[bytes]]
+
+
+class Gate(Protocol):
+    """Decides by certificates and proofs; the link only carries them."""
+
+    async def admit(self, hello: link_pb2.Hello, tls_certificate: bytes | None, ask: Ask, /) -> Admitted:
+        """Who opens this lane. `tls_certificate` (PEM) was proven by TLS; else `ask` sends a challenge and gives the
+        signature that came back. UnprovenError when it may not.
+        """
+
+    def still(self, admitted: Admitted, /) -> None:
+        """UnprovenError when who was admitted may not stay."""
+
+    def cloned(self, robot: str, /) -> None:
+        """Two processes speak as this robot in turn."""
+
+
+class OpenGate:
+    """Everybody is who they say: where nobody is enrolled."""
+
+    async def admit(self, hello: link_pb2.Hello, tls_certificate: bytes | None, ask: Ask, /) -> Admitted:
+        """Without a look."""
+        return Admitted(hello.robot_id)
+
+    def still(self, admitted: Admitted, /) -> None:
+        """Always."""
+
+    def cloned(self, robot: str, /) -> None:
+        """Nothing to say: there is no identity to copy."""
