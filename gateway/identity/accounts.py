@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from gateway.domain.account import ApiKey, User
 from gateway.domain.principal import Principal, Role
-from gateway.errors import CredentialsError, ForbiddenError, InvalidRequestError
+from gateway.errors import CredentialsError, ForbiddenError, InvalidRequestError, SignInError
 from gateway.identity import keys, users
 from gateway.identity.keys import KeyRequest, NewKey
 from gateway.identity.master import MasterKey
@@ -36,8 +36,16 @@ Result = TypeVar("Result")
 class Accounts:
     """Users, sessions and keys of a running gateway."""
 
-    def __init__(self, store: Store, door: StoreDoor, master: MasterKey, *, clock: Clock) -> None:
-        self.passwords = Passwords()
+    def __init__(
+        self,
+        store: Store,
+        door: StoreDoor,
+        master: MasterKey,
+        *,
+        clock: Clock,
+        passwords: Passwords | None = None,
+    ) -> None:
+        self.passwords = passwords or Passwords()
         self._store = store
         self._door = door
         self._master = master
@@ -89,8 +97,10 @@ class Accounts:
             CredentialsError: the old password is wrong.
             ForbiddenError: a key asks; passwords are people's.
         """
+        if principal.kind == "anonymous":
+            raise SignInError("only who has signed in changes their password")
         if principal.kind != "user":
-            raise ForbiddenError("only who has signed in changes their password")
+            raise ForbiddenError("a key has no password")
         self.passwords.check_room()
         now_ns = self._clock.wall_ns()
         check_password(new, name=principal.name)
@@ -159,6 +169,8 @@ class Accounts:
         Raises:
             ForbiddenError: it would reach further than who asks.
         """
+        if principal.kind == "anonymous":
+            raise SignInError("keys are made by who has signed in")
         if principal.kind != "user" and principal.role < Role.ADMIN:
             raise ForbiddenError("a key does not make keys: sign in")
         if principal.kind != "user" and not keys.covers(principal.robots, wanted.robots):

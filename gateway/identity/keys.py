@@ -23,6 +23,7 @@ from metaros.limits import LIMITS
 __all__ = [
     "KeyRequest",
     "NewKey",
+    "check_reach",
     "covers",
     "create_key",
     "drop_uncovered_keys",
@@ -166,7 +167,14 @@ def drop_uncovered_keys(engine: StoreEngine, user: User) -> list[str]:
     return gone
 
 
+def check_reach(role: Role, robots: Iterable[str]) -> None:
+    """InvalidRequestError for an admin of some robots only: who manages users could make one who sees the others."""
+    if role >= Role.ADMIN and "*" not in robots:
+        raise InvalidRequestError("an admin sees every robot: leave the robots out, or choose another role")
+
+
 def _check(wanted: KeyRequest) -> None:
+    check_reach(wanted.role, wanted.robots)
     if not 1 <= len(wanted.name) <= 64 or not wanted.name.isprintable():
         raise InvalidRequestError("a key's name has 1 to 64 printable characters")
     if unknown := wanted.scopes - set(SCOPES):

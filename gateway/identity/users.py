@@ -13,7 +13,7 @@ from gateway.domain.account import User
 from gateway.domain.principal import EVERY_ROBOT, Role, check_robots
 from gateway.errors import InvalidRequestError, TooManyError
 from gateway.identity.errors import LastAdminError, UnknownUserError, UserExistsError
-from gateway.identity.keys import drop_uncovered_keys
+from gateway.identity.keys import check_reach, drop_uncovered_keys
 from gateway.identity.secret_text import new_id
 from gateway.store import accounts
 from gateway.store.engine import StoreEngine
@@ -59,11 +59,12 @@ def create_user(
     """
     if not is_user_name(name):
         raise InvalidRequestError("a user's name has 1 to 64 lower-case letters, digits or . _ @ + -")
+    check_reach(role, robots := checked_robots(robots))
     user = User(
         id=new_id(),
         name=name,
         role=role,
-        robots=checked_robots(robots),
+        robots=robots,
         password=password_hash,
         external=external,
         created_ns=now_ns,
@@ -104,9 +105,11 @@ def change_user(
     """
     loses = (role is not None and role < Role.ADMIN) or disabled is True
     user = _not_the_last(engine, name) if loses else user_named(engine, name)
+    kept = checked_robots(robots) if robots is not None else None
+    check_reach(user.role if role is None else role, user.robots if kept is None else kept)
     values: dict[str, Any] = {
         "role": role,
-        "robots": checked_robots(robots) if robots is not None else None,
+        "robots": kept,
         "disabled": disabled,
         "password": password_hash,
     }

@@ -1,6 +1,7 @@
 """The keys of this user: `$METAROS_KEY`, or `~/.metaros/credentials`, which `metaros up` writes for its own gateway.
 
-The file holds a key a gateway, so that no key is ever shown to another one. Only its owner can read it.
+The file holds a key a gateway, or the path of a file with it, as a local gateway has another key after each start; so
+no key is ever shown to another gateway. Only its owner can read it.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from metaros.errors import ConfigError
 
 __all__ = ["credentials_file", "forget_key", "key_for", "save_key"]
 
+KEY = "mrk_"
 ENTRIES = 64  # the newest; the file never grows beyond
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
@@ -33,22 +35,32 @@ def key_for(url: str) -> str:
     """
     if key := os.environ.get("METAROS_KEY", "").strip():
         return key
-    return str(_read().get(_origin(url), ""))
+    kept = _read().get(_origin(url), "")
+    return kept if not kept or kept.startswith(KEY) else _read_key(Path(kept))
 
 
-def save_key(url: str, key: str) -> None:
-    """Remember the key of the gateway at `url`."""
+def save_key(url: str, key: str | Path) -> None:
+    """Remember the key of the gateway at `url`, or in which file it is."""
     kept = _read()
     kept.pop(_origin(url), None)
-    _write(dict([*kept.items(), (_origin(url), key)][-ENTRIES:]))
+    _write(dict([*kept.items(), (_origin(url), str(key))][-ENTRIES:]))
 
 
-def forget_key(url: str, key: str) -> None:
+def forget_key(url: str, key: str | Path) -> None:
     """Forget it, unless another one is there by now."""
     kept = _read()
-    if kept.get(_origin(url)) == key:
+    if kept.get(_origin(url)) == str(key):
         del kept[_origin(url)]
         _write(kept)
+
+
+def _read_key(path: Path) -> str:
+    """What the file holds, if that is a key; "" while its gateway does not run."""
+    try:
+        key = path.read_text().strip()
+    except (OSError, UnicodeDecodeError):
+        return ""
+    return key if key.startswith(KEY) and key.isprintable() else ""
 
 
 def _origin(url: str) -> str:

@@ -34,6 +34,21 @@ def test_a_key_goes_to_its_own_gateway_only() -> None:
         assert key_for(other) == ""
 
 
+def test_a_local_gateway_s_key_is_read_where_it_is_now(tmp_path: Path) -> None:
+    """Each start of that gateway makes another one."""
+    url, file = "http://127.0.0.1:8080", tmp_path / "local.key"
+    save_key(url, file)
+    assert key_for(url) == ""
+    for key in ("mrk_local_1", "mrk_local_2"):
+        file.write_text(f"{key}\n")
+        assert key_for(url) == key
+    file.write_text("something else")
+    assert key_for(url) == ""
+    file.write_text("mrk_local_3")
+    forget_key(url, file)
+    assert key_for(url) == ""
+
+
 def test_the_environment_goes_before_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
     save_key("http://127.0.0.1:8080", "mrk_a_1")
     monkeypatch.setenv("METAROS_KEY", "mrk_c_3")

@@ -1,0 +1,65 @@
+"""How the user of this machine gets into the gateway that `metaros up` has started: a sign-in link and a key.
+
+The gateway writes a key into its data directory, which only this user reads. With it one asks for a link that signs a
+browser in once; and the command line finds it through `~/.metaros/credentials`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import http.client
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from metaros.cli.credentials import forget_key, save_key
+from metaros.errors import ConfigError
+
+if TYPE_CHECKING:
+    from metaros.cli.up_plan import Plan
+
+__all__ = ["begin_access", "end_access", "local_key", "sign_in_link"]
+
+TIMEOUT_S = 5.0
+
+
+def local_key(plan: Plan) -> str:
+    """The running gateway's key for this user; "" while there is none."""
+    try:
+        return _file(plan).read_text().strip()
+    except OSError:
+        return ""
+
+
+def begin_access(plan: Plan) -> str:
+    """Let the command line find the key; what went wrong with that, or ""."""
+    try:
+        save_key(plan.url, _file(plan))
+    except ConfigError as error:
+        return str(error)
+    return ""
+
+
+def end_access(plan: Plan) -> None:
+    """The gateway is gone: whoever has its port next is not to be shown a key."""
+    with contextlib.suppress(ConfigError):
+        forget_key(plan.url, _file(plan))
+
+
+def sign_in_link(plan: Plan, *, host: str) -> str:
+    """A link that signs a browser in once; "" where the gateway gives none. Blocks: call it in a thread."""
+    connection = http.client.HTTPConnection(host, plan.http_port, timeout=TIMEOUT_S)
+    headers = {"Content-Type": "application/json", "Authorization": f"Bearer {local_key(plan)}"}
+    try:
+        connection.request("POST", "/api/v1/auth/links", body=b"{}", headers=headers)
+        response = connection.getresponse()
+        document = json.loads(response.read() or b"null")
+        return f"{plan.url}/signin#{document['token']}" if response.status == 201 else ""
+    except (OSError, ValueError, TypeError, KeyError, http.client.HTTPException):
+        return ""
+    finally:
+        connection.close()
+
+
+def _file(plan: Plan) -> Path:
+    return plan.data_dir.resolve() / "gateway" / "local.key"
