@@ -4,8 +4,9 @@
     @router.get("/api/v1/robots/{robot_id}", dependencies=[allow("robots.read")])
 
 It refuses in this order, so that no answer tells more than the one before: a credential that is not good (401
-`bad_credentials`), a session's mutation without its token (403 `csrf`), nobody known (401 `sign_in`), too little role
-(403 `forbidden`), a robot out of scope (404, the very answer of a robot that does not exist).
+`bad_credentials`, or 503 while the store cannot say), a session's mutation without its token (403 `csrf`), nobody known
+(401 `sign_in`), too little role (403 `forbidden`), a robot out of scope (404, the very answer of a robot that does not
+exist).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from starlette.requests import HTTPConnection
 from gateway.domain.principal import NOBODY, Principal
 from gateway.errors import CsrfError, ForbiddenError, RequestError, SignInError, UnknownRobotError
 from gateway.identity.permissions import Permission, permission
+from metaros.errors import MetarosError
 
 __all__ = ["BARE", "RPCS", "admit", "allow", "declared", "principal_of", "require_seen", "routes_of"]
 
@@ -50,7 +52,7 @@ def allow(name: str) -> params.Depends:
 def admit(connection: HTTPConnection, row: Permission) -> None:
     """Return when the connection's principal has the permission; raise why not."""
     if row.who != "anyone":
-        refusal: RequestError | None = connection.scope.get(REFUSAL_KEY)
+        refusal: MetarosError | None = connection.scope.get(REFUSAL_KEY)
         if refusal is not None:
             raise refusal
     principal = principal_of(connection)

@@ -22,6 +22,7 @@ from gateway.api.guard import LOOPBACK_NAMES
 from gateway.domain.principal import NOBODY, Principal, anonymous_viewer
 from gateway.errors import CredentialsError
 from gateway.identity.door import Door
+from metaros.errors import MetarosError
 
 __all__ = ["COOKIE", "PROTOCOL", "Authenticate", "Credential", "identify", "plain_protocol"]
 
@@ -70,7 +71,7 @@ class Authenticate:
             scope[PRINCIPAL_KEY] = NOBODY
             try:
                 scope[PRINCIPAL_KEY] = await self._who(scope)
-            except CredentialsError as error:
+            except MetarosError as error:  # not good, or the store cannot say now
                 scope[REFUSAL_KEY] = error
         await self._app(scope, receive, send)
 
