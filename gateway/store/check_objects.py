@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from gateway.errors import CorruptObjectError, DamagedError, ObjectMissingError
 from gateway.objects import ObjectStore, chunks
+from gateway.store.audit_heads import HEADS
 from gateway.store.engine import StoreEngine, unsigned
 from gateway.store.mark import MARK
 from gateway.store.segments import open_chunk, unpack
@@ -127,8 +128,8 @@ def _in_use(engine: StoreEngine, name: str) -> bool:
 
 
 def _needs_nobody(kind: str, state: str) -> bool:
-    """Whether nothing has to refer to it: the mark that says whose objects these are."""
-    return kind == MARK and state == "stored"
+    """Whether nothing has to refer to it: the mark that says whose objects these are, a head of the audit log."""
+    return kind in (MARK, HEADS) and state == "stored"
 
 
 def _bad(objects: ObjectStore, name: str, entry: Entry) -> Iterator[BadObject]:

@@ -41,6 +41,12 @@ DIALECT = Dialect(
         )
         for column in columns
     ),
+    append_only=(
+        "CREATE FUNCTION audit_refuse() RETURNS trigger LANGUAGE plpgsql AS"
+        " $$ BEGIN RAISE EXCEPTION 'the audit log is append-only'; END $$;"
+        "CREATE TRIGGER audit_append_only BEFORE UPDATE OR DELETE OR TRUNCATE ON audit"
+        " FOR EACH STATEMENT EXECUTE FUNCTION audit_refuse();"
+    ),
 )
 CONNECT_S = 3.0
 STATEMENT_S = 10.0

@@ -155,6 +155,7 @@ class Dialect:
     blob: str
     rowless: str = ""
     extra: str = ""
+    append_only: str = ""  # of the audit log
 
 
 def migration(index: int, dialect: Dialect) -> str:
@@ -165,4 +166,5 @@ def migration(index: int, dialect: Dialect) -> str:
         blob=dialect.blob,
         rowless=dialect.rowless,
         extra=dialect.extra,
+        append_only=dialect.append_only,
     )

@@ -16,7 +16,17 @@ from gateway.store.schema import MIGRATIONS, Dialect, migration
 __all__ = ["DATABASE", "SqliteEngine"]
 
 DATABASE = "gateway.sqlite"
-DIALECT = Dialect(number="INTEGER PRIMARY KEY", integer="INTEGER", blob="BLOB", rowless="WITHOUT ROWID")
+DIALECT = Dialect(
+    number="INTEGER PRIMARY KEY",
+    integer="INTEGER",
+    blob="BLOB",
+    rowless="WITHOUT ROWID",
+    append_only="".join(
+        f"CREATE TRIGGER audit_no_{verb} BEFORE {verb} ON audit"
+        " BEGIN SELECT RAISE(ABORT, 'the audit log is append-only'); END;"
+        for verb in ("update", "delete")
+    ),
+)
 
 
 class SqliteEngine:

@@ -216,6 +216,8 @@ def test_the_tables_of_both_are_the_same(tmp_path: Path, engine: StoreEngine) ->
             tables = {row[0] for row in engine.fetch(query)} - {"metaros_schema"}
     assert tables == {
         "api_keys",
+        "audit",
+        "audit_head",
         "authorities",
         "certificates",
         "enrolment_tokens",

@@ -1,0 +1,120 @@
+"""The audit log's chain on both databases: whatever is changed, removed or put in another place is found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from gateway.errors import StoreError
+from gateway.store.audit import AuditEvent, append, read_head, read_page
+from gateway.store.engine import StoreEngine
+from gateway.store.ledger import in_transaction
+from tests.gateway.store.audit_log import COLUMNS, ROWS, event, prove, tamper
+
+
+@pytest.fixture
+def log(engine: StoreEngine) -> StoreEngine:
+    """A log of a few rows, written in two transactions."""
+    for some in (range(1, 4), range(4, ROWS + 1)):
+        in_transaction(engine)(lambda writing, some=some: append(writing, [event(number) for number in some]))
+    assert prove(engine) == []
+    return engine
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+@pytest.mark.parametrize("number", [1, 4, ROWS])
+def test_every_column_counts(log: StoreEngine, column: str, number: int) -> None:
+    numeric = column in ("number", "at_ns", "status")
+    value = f"{column} + 100" if numeric else f"{column} || ' '"
+    tamper(log, f"UPDATE audit SET {column} = {value} WHERE number = {number}")
+    assert prove(log) != []
+
+
+def test_one_changed_row_is_named(log: StoreEngine) -> None:
+    tamper(log, "UPDATE audit SET name = 'somebody' WHERE number = 5")
+    assert [(fault.number, fault.fault) for fault in prove(log)] == [(5, "hash")]
+
+
+@pytest.mark.parametrize("number", range(1, ROWS + 1))
+def test_a_removed_row_is_missed(log: StoreEngine, number: int) -> None:
+    tamper(log, f"DELETE FROM audit WHERE number = {number}")
+    assert prove(log) != []
+
+
+def test_removed_and_numbered_anew(log: StoreEngine) -> None:
+    tamper(
+        log,
+        "DELETE FROM audit WHERE number = 3",
+        *(f"UPDATE audit SET number = {number - 1} WHERE number = {number}" for number in range(4, ROWS + 1)),
+        f"UPDATE audit_head SET number = {ROWS - 1}",
+    )
+    assert prove(log) != []
+
+
+@pytest.mark.parametrize(("one", "other"), [(1, 2), (2, 6), (6, ROWS)])
+def test_rows_in_another_order(log: StoreEngine, one: int, other: int) -> None:
+    tamper(
+        log,
+        f"UPDATE audit SET number = 99 WHERE number = {one}",
+        f"UPDATE audit SET number = {one} WHERE number = {other}",
+        f"UPDATE audit SET number = {other} WHERE number = 99",
+    )
+    assert prove(log) != []
+
+
+@pytest.mark.parametrize("number", [-3, 0, ROWS + 1, ROWS + 2])
+def test_a_row_that_nobody_wrote(log: StoreEngine, number: int) -> None:
+    columns = ", ".join(COLUMNS[1:])
+    tamper(log, f"INSERT INTO audit (number, {columns}) SELECT {number}, {columns} FROM audit WHERE number = 2")
+    assert prove(log) != []
+
+
+def test_the_end_cut_off_with_its_head(log: StoreEngine) -> None:
+    tamper(log, f"DELETE FROM audit WHERE number = {ROWS}", f"UPDATE audit_head SET number = {ROWS - 1}")
+    assert [fault.fault for fault in prove(log)] == ["head"]
+
+
+def test_a_row_cannot_be_changed_by_mistake(log: StoreEngine) -> None:
+    for statement in ("UPDATE audit SET name = 'x' WHERE number = 2", "DELETE FROM audit WHERE number = 2"):
+        with pytest.raises(StoreError, match="append-only"):
+            in_transaction(log)(lambda engine, statement=statement: engine.execute(statement))
+    assert prove(log) == []
+
+
+def test_several_gateways_write_one_chain(connect: Callable[[], StoreEngine]) -> None:
+    engines = [connect() for _ in range(3)]
+
+    def work(number: int) -> None:
+        run = in_transaction(engines[number])
+        for turn in range(20):
+            some = [event(100 * number + turn)] * (1 + turn % 3)
+            run(lambda engine, some=some: append(engine, some))
+
+    with ThreadPoolExecutor(3) as pool:
+        list(pool.map(work, range(3)))
+    written = 3 * sum(1 + turn % 3 for turn in range(20))
+    assert read_head(engines[0]).number == written
+    assert prove(engines[0], step=50) == []
+    assert len(read_page(engines[1], limit=1000)) == written
+
+
+def test_pages(log: StoreEngine) -> None:
+    newest = read_page(log, limit=3)
+    assert [row.number for row in newest] == [7, 6, 5]
+    assert newest[0].event == event(7)
+    assert [row.number for row in read_page(log, before=5, limit=9)] == [4, 3, 2, 1]
+    assert [row.number for row in read_page(log, limit=9, action="action 2")] == [2]
+    assert [row.number for row in read_page(log, limit=9, name="name 3", action="action 2")] == []
+    assert [row.number for row in read_page(log, limit=9, name="name 3", before=4)] == [3]
+
+
+def test_what_a_client_sends_can_be_stored(engine: StoreEngine) -> None:
+    odd = AuditEvent(at_ns=1, target="/a\x00b\nc\ud800" + "x" * 9000, name="\u202eeve", detail="é漢" * 900)
+    in_transaction(engine)(lambda writing: append(writing, [odd]))
+    stored = read_page(engine, limit=1)[0].event
+    assert stored.target.startswith("/a\ufffdb\ufffdc")
+    assert (len(stored.target), len(stored.detail)) == (512, 1000)
+    assert "\u202e" not in stored.name
+    assert prove(engine) == []
