@@ -2,7 +2,8 @@
 
 A row says the least role, whether it is about one robot (which then has to be in the principal's scope), whether it
 changes something (then a browser's session needs its CSRF token, and the audit log keeps it), and who may ask at all:
-"people" with a role, "anyone" without a credential, or "robots" with an identity of their own.
+"people" with a role, "anyone" without a credential, or "robots" with an identity of their own. What people change,
+somebody known has changed: nobody anonymous may, whatever the role.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ class Permission:
             return True
         if self.who == "robots":  # nobody known may knock: a robot proves itself in its first frames
             return principal.kind in ("robot", "anonymous")
-        return principal.kind != "robot" and principal.role >= self.least
+        if principal.kind == "robot" or (self.mutates and principal.kind == "anonymous"):
+            return False
+        return principal.role >= self.least
 
 
 _V, _O, _A, _N = Role.VIEWER, Role.OPERATOR, Role.ADMIN, Role.NONE
