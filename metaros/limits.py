@@ -92,6 +92,9 @@ class Limits:
     key_life_s: float = 315_360_000.0  # the longest life of a key that has an end: ten years
     robot_patterns: int = 64  # that say which robots a user or a key sees
     principals_remembered: int = 4096  # keys and sessions that are not looked up again for two seconds
+    audit_queue: int = 4096  # rows of the audit log that wait for the database; then nothing may be changed
+    audit_refusals_per_hour: int = 600  # that get a row each; further ones are counted
+    audit_heads: int = 1000  # exported heads that one proof compares, the newest
     broker_topics: int = 1024  # ZeroMQ topics that the broker bridges; messages of further ones are counted as dropped
     broker_prefixes: int = 4096  # different ZeroMQ subscriptions that the broker follows
     broker_queue_messages: int = 1000  # of one topic, waiting to be bridged in one direction
@@ -99,6 +102,10 @@ class Limits:
     broker_message_bytes: int = 64 * MIB  # one ZeroMQ message: JSON of a 16 MiB sample is about four times as long
     broker_linger_s: float = 2.0  # a topic stays subscribed for so long after its last ZeroMQ subscriber left
     subscription_rows: int = 1024  # subscriptions of one context that tell what they dropped
+    seal_frames_per_key: int = 1 << 32  # payloads that one data key seals; then another one is made
+    seal_key_s: float = 604_800.0  # and how long it seals
+    seal_streams: int = 4096  # data keys that a sealer or an opener keeps
+    seal_keys_kept: int = 8  # keys of a keyring before the one that seals
     type_cache: int = 4096  # compiled codecs and classes kept
 
 

@@ -51,6 +51,7 @@ def allow(name: str) -> params.Depends:
 
 def admit(connection: HTTPConnection, row: Permission) -> None:
     """Return when the connection's principal has the permission; raise why not."""
+    connection.state.asked = row
     if row.who != "anyone":
         refusal: MetarosError | None = connection.scope.get(REFUSAL_KEY)
         if refusal is not None:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, replace
-from typing import NamedTuple
+from dataclasses import astuple, dataclass, fields, replace
+from typing import Any, NamedTuple
 
 import orjson
 
@@ -58,8 +58,10 @@ class AuditEvent:
 
     def clean(self) -> AuditEvent:
         """The same as both databases keep it: short, and without control characters."""
-        texts = {key: value for key in self.__slots__ if isinstance(value := getattr(self, key), str)}
-        return replace(self, **{key: _clean(text, TEXT_CHARS.get(key, SHORT_CHARS)) for key, text in texts.items()})
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        texts = {key: value for key, value in values.items() if isinstance(value, str)}
+        cleaned: dict[str, Any] = {key: _clean(text, TEXT_CHARS.get(key, SHORT_CHARS)) for key, text in texts.items()}
+        return replace(self, **cleaned)
 
 
 class AuditRow(NamedTuple):

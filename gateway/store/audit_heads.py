@@ -114,6 +114,6 @@ def _facts(data: bytes, name: str, seal: Seal | None) -> tuple[AuditHead, bool]:
     if not plain:
         return head, False
     proven = orjson.loads(plain)
-    if (proven["number"], proven["hash"]) != head:
+    if AuditHead(proven["number"], proven["hash"]) != head:
         raise ValueError("it says another thing than was sealed")
     return head, True

@@ -251,6 +251,10 @@ class Store:
         """Run a query on a thread; StoreError when the database cannot be read now."""
         return await asyncio.get_running_loop().run_in_executor(self._pool, lambda: job(self._reader()))
 
+    async def read_slowly(self, job: Callable[[StoreEngine], Result]) -> Result:
+        """The same for what may wait for the object store: the pages of others do not wait behind it."""
+        return await self._load(job)
+
     async def _load(self, job: Callable[[StoreEngine], Result]) -> Result:
         """The same for what may ask the object store, on threads of its own."""
         return await asyncio.get_running_loop().run_in_executor(self._loads, lambda: job(self._reader()))
