@@ -20,8 +20,11 @@ from gateway.fleet.commands import CommandDesk
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.history.desk import HistoryDesk
+from gateway.identity.accounts import Accounts
 from gateway.identity.door import Door
 from gateway.identity.local import Doors, LocalKey
+from gateway.identity.master import MasterKey
+from gateway.identity.store_door import StoreDoor
 from gateway.ingest.links import LinkHooks, Links
 from gateway.ingest.quota import Quota
 from gateway.ingest.registry import Registry, RobotRecord, SeriesState
@@ -78,7 +81,9 @@ class Gateway:
             self.store, self.objects, settings.data_dir / "incoming", self._robot_side(), clock=clock, limits=limits
         )
         self.local_key = LocalKey(settings.data_dir)
-        self.door = Doors(self.local_key, *([door] if door is not None else []))
+        stored = StoreDoor(self.store, clock=clock)
+        self.accounts = Accounts(self.store, stored, MasterKey.load_or_make(settings.data_dir), clock=clock)
+        self.door = Doors(self.local_key, stored, *([door] if door is not None else []))
         self.attendance = Attendance(self.door)
         self._demand = DemandBook()
         self._demand_revision = 0
@@ -91,6 +96,7 @@ class Gateway:
         services = Services(
             settings=self.settings,
             door=self.door,
+            accounts=self.accounts,
             attendance=self.attendance,
             clock=self._clock,
             registry=self.registry,
@@ -133,6 +139,7 @@ class Gateway:
     async def stop(self) -> None:
         """Commit what is queued and close the store; the servers are down by now."""
         self.local_key.remove()
+        self.accounts.close()
         self.history.close()
         await self.recordings.close()
         await self.store.close()

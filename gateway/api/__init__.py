@@ -7,11 +7,26 @@ from collections.abc import Iterator
 from fastapi import APIRouter, FastAPI
 from starlette.types import ASGIApp
 
+from gateway.api.audited import Audited
 from gateway.api.authenticate import Authenticate
 from gateway.api.guard import Guard
 from gateway.api.openapi import describe_permissions
 from gateway.api.problem import install_problems
-from gateway.api.rest import commands, export, health, history, metrics, recordings, robots, store, uplink
+from gateway.api.rest import (
+    audit,
+    auth,
+    commands,
+    export,
+    health,
+    history,
+    keys,
+    metrics,
+    recordings,
+    robots,
+    store,
+    uplink,
+    users,
+)
 from gateway.api.services import Services
 from gateway.api.static import Dashboard
 from gateway.api.ws import link, stream, teleop
@@ -28,6 +43,10 @@ ROUTERS: tuple[APIRouter, ...] = (
     export.router,
     recordings.router,
     store.router,
+    auth.router,
+    users.router,
+    keys.router,
+    audit.router,
     stream.router,
     teleop.router,
     link.router,
@@ -45,7 +64,8 @@ def create_api(services: Services) -> ASGIApp:
     describe_permissions(app)
     app.mount("/", Dashboard(services.settings.static_dir))
     settings = services.settings
-    known = Authenticate(app, services.door, anonymous=settings.anonymous_viewers, host=settings.host)
+    logged = Audited(app, services.audit)
+    known = Authenticate(logged, services.door, anonymous=settings.anonymous_viewers, host=settings.host)
     return Guard(known, hosts=(settings.host, *settings.allow_hosts), origins=settings.allow_origins)
 
 

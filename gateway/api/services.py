@@ -13,6 +13,7 @@ from gateway.domain.lease import LeaseTable
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.history.desk import HistoryDesk
+from gateway.identity.accounts import Accounts
 from gateway.identity.door import Door
 from gateway.ingest.links import Links
 from gateway.ingest.registry import Registry
@@ -32,6 +33,7 @@ class Services:
 
     settings: Settings
     door: Door
+    accounts: Accounts
     attendance: Attendance
     clock: Clock
     registry: Registry

@@ -1,0 +1,160 @@
+"""Accounts in the API's documents: what a request may hold and what answers it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from metaros.limits import LIMITS
+
+__all__ = [
+    "Account",
+    "ApiKey",
+    "ApiKeyList",
+    "ApiKeyRequest",
+    "LinkRequest",
+    "LoginRequest",
+    "NewApiKey",
+    "Nothing",
+    "PasswordRequest",
+    "SignInLink",
+    "TokenRequest",
+    "User",
+    "UserChange",
+    "UserList",
+    "UserRequest",
+]
+
+RoleWord = Literal["viewer", "operator", "admin"]
+
+
+class _Model(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class Nothing(_Model):
+    """An empty object."""
+
+
+class LoginRequest(_Model):
+    """A name and its password."""
+
+    name: str = Field(max_length=64)
+    password: str = Field(max_length=LIMITS.password_chars)
+
+
+class TokenRequest(_Model):
+    """What stands behind the # of a sign-in link."""
+
+    token: str = Field(max_length=128)
+
+
+class LinkRequest(_Model):
+    """For whom; "" is the first administrator, who is made where there is none."""
+
+    name: str = Field(default="", max_length=64)
+
+
+class PasswordRequest(_Model):
+    """`old` is "" for who has no password yet."""
+
+    old: str = Field(default="", max_length=LIMITS.password_chars)
+    new: str = Field(max_length=LIMITS.password_chars)
+
+
+class Account(_Model):
+    """Who asks, and what they may do. `csrf` goes into X-CSRF-Token; "" where no cookie is used."""
+
+    kind: Literal["anonymous", "user", "key", "robot"]
+    id: str
+    name: str
+    role: Literal["none", "viewer", "operator", "admin"]
+    robots: list[str]
+    scopes: list[str]
+    csrf: str
+    permissions: list[str]
+
+
+class SignInLink(_Model):
+    """A link that signs `user` in once; nobody can look it up again."""
+
+    user: str
+    url: str
+    token: str
+    expires: str
+
+
+class UserRequest(_Model):
+    """A new user; without a password they sign in by a link."""
+
+    name: str = Field(max_length=64)
+    role: RoleWord
+    robots: list[str] = Field(default=["*"], max_length=LIMITS.robot_patterns)
+    password: str = Field(default="", max_length=LIMITS.password_chars)
+
+
+class UserChange(_Model):
+    """What is to change; what is left out stays."""
+
+    role: RoleWord | None = None
+    robots: list[str] | None = Field(default=None, max_length=LIMITS.robot_patterns)
+    disabled: bool | None = None
+    password: str | None = Field(default=None, max_length=LIMITS.password_chars)
+
+
+class User(_Model):
+    """A user; `external`: they sign in elsewhere."""
+
+    id: str
+    name: str
+    role: RoleWord
+    robots: list[str]
+    disabled: bool
+    has_password: bool
+    external: bool
+    created: str
+    signed_in: str | None
+
+
+class UserList(_Model):
+    """Everybody, by name."""
+
+    users: list[User]
+
+
+class ApiKeyRequest(_Model):
+    """A new key; `expires_s` null: it never expires."""
+
+    name: str = Field(max_length=64)
+    role: RoleWord
+    robots: list[str] = Field(default=["*"], max_length=LIMITS.robot_patterns)
+    scopes: list[str] = Field(default=[], max_length=8)
+    expires_s: float | None = Field(default=None, ge=1, le=LIMITS.key_life_s)
+
+
+class ApiKey(_Model):
+    """A key without its secret; `user` is "" for a key of nobody's. `used` is exact to five minutes."""
+
+    id: str
+    name: str
+    user: str
+    role: RoleWord
+    robots: list[str]
+    scopes: list[str]
+    created: str
+    expires: str | None
+    used: str | None
+
+
+class NewApiKey(ApiKey):
+    """A new key. `key` is what goes behind "Authorization: Bearer"; it and `secret` are told this once."""
+
+    secret: str
+    key: str
+
+
+class ApiKeyList(_Model):
+    """The newest first."""
+
+    keys: list[ApiKey]

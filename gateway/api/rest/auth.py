@@ -1,0 +1,123 @@
+"""Signing in and out, who one is, and one's own password."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import Response
+
+from gateway.api import models, models_identity
+from gateway.api.allow import allow, principal_of
+from gateway.api.problem import JsonResponse
+from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.services import services_of
+from gateway.api.session_cookie import clear_session, set_session
+from gateway.api.views import rfc3339
+from gateway.api.views_identity import account_view
+from gateway.errors import CredentialsError
+from gateway.identity.signin import SignedIn
+
+__all__ = ["router"]
+
+REFUSALS: dict[int | str, dict[str, Any]] = {
+    **PROBLEMS,
+    **{status: {"model": models.Problem} for status in (401, 403, 429)},
+}
+
+router = APIRouter(prefix="/api/v1/auth", tags=["accounts"], default_response_class=JsonResponse)
+
+
+@router.post(
+    "/login",
+    dependencies=[allow("sessions.open")],
+    responses={200: {"model": models_identity.Account}, **REFUSALS},
+    openapi_extra=body_document(models_identity.LoginRequest),
+)
+async def login(request: Request) -> Response:
+    """Sign in by name and password; the answer sets the session's cookie."""
+    body = await read_body(request, models_identity.LoginRequest)
+    accounts = services_of(request).accounts
+    return await _signed_in(request, await accounts.sign_in(body.name, body.password, address=_address(request)))
+
+
+@router.post(
+    "/link",
+    dependencies=[allow("sessions.open")],
+    responses={200: {"model": models_identity.Account}, **REFUSALS},
+    openapi_extra=body_document(models_identity.TokenRequest),
+)
+async def follow_link(request: Request) -> Response:
+    """Sign in by a one-time link; the answer sets the session's cookie."""
+    body = await read_body(request, models_identity.TokenRequest)
+    accounts = services_of(request).accounts
+    return await _signed_in(request, await accounts.follow_link(body.token, address=_address(request)))
+
+
+@router.post(
+    "/links",
+    status_code=201,
+    dependencies=[allow("users.manage")],
+    responses={201: {"model": models_identity.SignInLink}, **REFUSALS},
+    openapi_extra=body_document(models_identity.LinkRequest),
+)
+async def make_link(request: Request) -> Response:
+    """A link that signs a user in once, within 15 minutes; for the first administrator where no name is given."""
+    body = await read_body(request, models_identity.LinkRequest)
+    user, link = await services_of(request).accounts.make_link(body.name)
+    here = f"{request.url.scheme}://{request.url.netloc}"
+    document = {"user": user.name, "url": f"{here}/signin#{link.token}", "token": link.token}
+    return JsonResponse({**document, "expires": rfc3339(link.expires_ns)}, status_code=201)
+
+
+@router.post(
+    "/logout",
+    dependencies=[allow("sessions.close")],
+    responses={200: {"model": models.Ok}, **REFUSALS},
+    openapi_extra=body_document(models_identity.Nothing),
+)
+async def logout(request: Request) -> Response:
+    """End the session that asks."""
+    await read_body(request, models_identity.Nothing)
+    await services_of(request).accounts.sign_out(principal_of(request))
+    response = JsonResponse({"ok": True})
+    clear_session(response, request)
+    return response
+
+
+@router.get(
+    "/me",
+    dependencies=[allow("self.read")],
+    responses={200: {"model": models_identity.Account}, 401: {"model": models.Problem}},
+)
+async def get_me(request: Request) -> Response:
+    """Who asks, and what they may do."""
+    return JsonResponse(account_view(principal_of(request)))
+
+
+@router.post(
+    "/password",
+    dependencies=[allow("self.write")],
+    responses={200: {"model": models.Ok}, **REFUSALS},
+    openapi_extra=body_document(models_identity.PasswordRequest),
+)
+async def change_password(request: Request) -> Response:
+    """Set one's own password; one's other sessions end."""
+    body = await read_body(request, models_identity.PasswordRequest)
+    accounts = services_of(request).accounts
+    await accounts.change_own_password(principal_of(request), body.old, body.new, address=_address(request))
+    return JsonResponse({"ok": True})
+
+
+async def _signed_in(request: Request, done: SignedIn) -> Response:
+    principal = await services_of(request).door.by_session(done.session.token)
+    if principal is None:  # removed in this very moment
+        raise CredentialsError("the name or the password is wrong")
+    response = JsonResponse(account_view(principal))
+    set_session(response, request, done.session.token)
+    return response
+
+
+def _address(request: Request) -> str:
+    return request.client.host if request.client is not None else ""

@@ -1,0 +1,62 @@
+"""API keys: one's own, and for admins everybody's."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import Response
+
+from gateway.api import models, models_identity
+from gateway.api.allow import allow, principal_of
+from gateway.api.problem import JsonResponse
+from gateway.api.rest.auth import REFUSALS
+from gateway.api.rest.bodies import body_document, read_body
+from gateway.api.services import services_of
+from gateway.api.views_identity import key_view, new_key_view
+from gateway.domain.principal import Role
+from gateway.identity.keys import KeyRequest
+from gateway.identity.users import checked_robots
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/v1/keys", tags=["accounts"], default_response_class=JsonResponse)
+
+
+@router.get(
+    "",
+    dependencies=[allow("keys.own")],
+    responses={200: {"model": models_identity.ApiKeyList}, 401: {"model": models.Problem}},
+)
+async def list_keys(request: Request) -> Response:
+    """One's own keys, or for an admin everybody's, the newest first. A key sees none but as an admin."""
+    found = await services_of(request).accounts.list_keys(principal_of(request))
+    return JsonResponse({"keys": [key_view(key, owner) for key, owner in found]})
+
+
+@router.post(
+    "",
+    status_code=201,
+    dependencies=[allow("keys.own")],
+    responses={201: {"model": models_identity.NewApiKey}, **REFUSALS},
+    openapi_extra=body_document(models_identity.ApiKeyRequest),
+)
+async def create_key(request: Request) -> Response:
+    """Make a key that reaches no further than who asks. Its secret is in this answer and nowhere else."""
+    body = await read_body(request, models_identity.ApiKeyRequest)
+    principal = principal_of(request)
+    robots = checked_robots(body.robots)
+    wanted = KeyRequest(body.name, Role.of(body.role), robots, frozenset(body.scopes), body.expires_s)
+    made = await services_of(request).accounts.create_key(principal, wanted)
+    owner = principal.name if principal.kind == "user" else ""
+    return JsonResponse(new_key_view(made, owner), status_code=201)
+
+
+@router.delete(
+    "/{key_id}",
+    dependencies=[allow("keys.own")],
+    responses={200: {"model": models.Ok}, **REFUSALS},
+)
+async def revoke_key(request: Request, key_id: str) -> Response:
+    """Revoke a key for ever."""
+    await services_of(request).accounts.revoke_key(principal_of(request), key_id)
+    return JsonResponse({"ok": True})

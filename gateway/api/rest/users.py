@@ -1,0 +1,77 @@
+"""Users: who they are, what they may do, which robots they see."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import Response
+
+from gateway.api import models, models_identity
+from gateway.api.allow import allow
+from gateway.api.problem import JsonResponse
+from gateway.api.rest.auth import REFUSALS
+from gateway.api.rest.bodies import body_document, read_body
+from gateway.api.services import services_of
+from gateway.api.views_identity import user_view
+from gateway.domain.principal import Role
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/v1/users", tags=["accounts"], default_response_class=JsonResponse)
+
+
+@router.get(
+    "",
+    dependencies=[allow("users.manage")],
+    responses={200: {"model": models_identity.UserList}, 401: {"model": models.Problem}},
+)
+async def list_users(request: Request) -> Response:
+    """Everybody, by name."""
+    found = await services_of(request).accounts.list_users()
+    return JsonResponse({"users": [user_view(user) for user in found]})
+
+
+@router.post(
+    "",
+    status_code=201,
+    dependencies=[allow("users.manage")],
+    responses={201: {"model": models_identity.User}, **REFUSALS},
+    openapi_extra=body_document(models_identity.UserRequest),
+)
+async def create_user(request: Request) -> Response:
+    """Make a user; without a password they sign in by a link."""
+    body = await read_body(request, models_identity.UserRequest)
+    made = await services_of(request).accounts.create_user(
+        body.name, role=Role.of(body.role), robots=tuple(body.robots), password=body.password
+    )
+    return JsonResponse(user_view(made), status_code=201)
+
+
+@router.patch(
+    "/{name}",
+    dependencies=[allow("users.manage")],
+    responses={200: {"model": models_identity.User}, **REFUSALS},
+    openapi_extra=body_document(models_identity.UserChange),
+)
+async def change_user(request: Request, name: str) -> Response:
+    """Change role, robots or password, or lock a user out. It counts at once, for open sockets within seconds."""
+    body = await read_body(request, models_identity.UserChange)
+    changed = await services_of(request).accounts.change_user(
+        name,
+        role=Role.of(body.role) if body.role is not None else None,
+        robots=tuple(body.robots) if body.robots is not None else None,
+        disabled=body.disabled,
+        password=body.password,
+    )
+    return JsonResponse(user_view(changed))
+
+
+@router.delete(
+    "/{name}",
+    dependencies=[allow("users.manage")],
+    responses={200: {"model": models.Ok}, **REFUSALS},
+)
+async def delete_user(request: Request, name: str) -> Response:
+    """Delete a user with their sessions and keys."""
+    await services_of(request).accounts.delete_user(name)
+    return JsonResponse({"ok": True})
