@@ -91,6 +91,8 @@ class Limits:
     keys_listed: int = 1000
     key_life_s: float = 315_360_000.0  # the longest life of a key that has an end: ten years
     robot_patterns: int = 64  # that say which robots a user or a key sees
+    credential_chars: int = 512  # of a key or a session's token; longer ones are not even looked up
+    attendance_s: float = 2.0  # how often it is asked whether who has a socket open may still be here
     principals_remembered: int = 4096  # keys and sessions that are not looked up again for two seconds
     audit_queue: int = 4096  # rows of the audit log that wait for the database; then nothing may be changed
     audit_refusals_per_hour: int = 600  # that get a row each; further ones are counted

@@ -1,15 +1,15 @@
 """Who is connected by an open socket, asked again every two seconds: whoever may not be here any more is shown out.
 
-A request is checked when it comes; a socket lives on. So each credential with open sockets is looked up again, once
-for all of them, and they are ended when it was revoked, expired, or means another role or other robots by now. Asking
-works where telling would not: another gateway on the same store may have revoked it.
+A request is checked when it comes; a socket, and a long download, live on. So each credential with open ones is looked
+up again, once for all of them, and they are ended when it was revoked, expired, or means another role or other robots
+by now. Asking works where telling would not: another gateway on the same store may have revoked it.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -18,13 +18,14 @@ from starlette.requests import HTTPConnection
 from gateway.api.allow import CREDENTIAL_KEY, principal_of
 from gateway.api.authenticate import Credential, identify
 from gateway.domain.principal import Principal
+from gateway.errors import CredentialsError
 from gateway.identity.door import Door
 from metaros.errors import MetarosError
+from metaros.limits import LIMITS
 
 __all__ = ["REVOKED", "Attendance", "Visit"]
 
 REVOKED = 4401  # the close code of a socket whose credential is not good any more
-EVERY_S = 2.0
 
 log = logging.getLogger(__name__)
 
@@ -61,10 +62,18 @@ class Attendance:
             if not left:
                 self._visits.pop(credential, None)
 
+    async def pieces(self, connection: HTTPConnection, pieces: AsyncIterator[bytes]) -> AsyncIterator[bytes]:
+        """A long answer's pieces, until its asker may not be here any more: then CredentialsError."""
+        with self.visit(connection) as visit:
+            async for piece in pieces:
+                if visit.over.is_set():
+                    raise CredentialsError("who asked may not have it any more")
+                yield piece
+
     async def run(self) -> None:
         """Ask for ever."""
         while True:
-            await asyncio.sleep(EVERY_S)
+            await asyncio.sleep(LIMITS.attendance_s)
             await self.check()
 
     async def check(self) -> None:

@@ -23,15 +23,15 @@ from gateway.domain.principal import NOBODY, Principal, anonymous_viewer
 from gateway.errors import CredentialsError
 from gateway.identity.door import Door
 from metaros.errors import MetarosError
+from metaros.limits import LIMITS
 
-__all__ = ["COOKIE", "PROTOCOL", "Authenticate", "Credential", "identify", "plain_protocol"]
+__all__ = ["COOKIE", "PROTOCOL", "Authenticate", "Credential", "identify", "is_local", "plain_protocol"]
 
 COOKIE = "metaros_session"
 KEY_PROTOCOL = "metaros.key."  # a browser's WebSocket has no other place for a key than a subprotocol
 PROTOCOL = (
     "metaros.v1"  # what the server chooses of the offered ones: browsers insist on one, and it must not be the key
 )
-MAX_CHARS = 512
 _FORWARDED = (b"forwarded", b"x-forwarded-for", b"x-real-ip")
 
 
@@ -48,7 +48,7 @@ class Credential:
 
 async def identify(door: Door, credential: Credential) -> Principal | None:
     """Whose it is now; None when it is not good, or not any more."""
-    if not credential.text or len(credential.text) > MAX_CHARS:
+    if not credential.text or len(credential.text) > LIMITS.credential_chars:
         return None
     if credential.kind == "key":
         return await door.by_key(credential.text)
@@ -86,13 +86,17 @@ class Authenticate:
         return found
 
     def _local(self, scope: Scope) -> bool:
-        client = scope.get("client")
-        headers = scope["headers"]
-        if client is None or not _is_loopback(client[0]) or any(key in _FORWARDED for key, _ in headers):
+        if not is_local(scope):
             return False
-        host = next((value.decode("latin-1").lower() for key, value in headers if key == b"host"), "")
+        host = next((value.decode("latin-1").lower() for key, value in scope["headers"] if key == b"host"), "")
         name = host.rpartition(":")[0] if host.rpartition(":")[2].isdigit() else host
         return name in self._names
+
+
+def is_local(scope: Scope) -> bool:
+    """Whether a connection comes from this very machine, and no proxy says that it passes on somebody else's."""
+    client = scope.get("client")
+    return client is not None and _is_loopback(client[0]) and not any(key in _FORWARDED for key, _ in scope["headers"])
 
 
 def plain_protocol(scope: Scope) -> str | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import AsyncIterator
 from typing import Annotated
 
 from fastapi import APIRouter, Query
@@ -60,15 +61,16 @@ async def export_mcap(
         raise InvalidRequestError("robot is missing: name one at least")
     stream = services.history.export(ExportRequest(topics=topics, start_ns=start_ns, end_ns=end_ns))
     whose = next(iter(topics)) if len(topics) == 1 else f"{len(topics)}-robots"
-    return _McapResponse(stream, f"{whose}-{compact_time(start_ns)}.mcap")
+    pieces = services.attendance.pieces(request, stream.pieces())
+    return _McapResponse(stream, pieces, f"{whose}-{compact_time(start_ns)}.mcap")
 
 
 class _McapResponse(StreamingResponse):
     """Ends without the end of the body where the file has none, and lets the export go whatever happens."""
 
-    def __init__(self, stream: ExportStream, name: str) -> None:
+    def __init__(self, stream: ExportStream, pieces: AsyncIterator[bytes], name: str) -> None:
         headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
-        super().__init__(stream.pieces(), media_type=MEDIA_TYPE, headers=headers)
+        super().__init__(pieces, media_type=MEDIA_TYPE, headers=headers)
         self._stream = stream
 
     async def stream_response(self, send: Send) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import re
+from collections.abc import AsyncIterator
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
@@ -126,13 +127,13 @@ async def get_file(request: Request, recording_id: str) -> Response:
         return Response(status_code=304, headers=headers)
     span = _span(request, found.size_bytes, etag)
     if span is None:
-        return _FileResponse(desk.download(found), 200, found.size_bytes, headers)
+        return _file(request, desk.download(found), 200, found.size_bytes, headers)
     start, end = span
     if start >= end:
         return Response(status_code=416, headers={**headers, "content-range": f"bytes */{found.size_bytes}"})
     headers["content-range"] = f"bytes {start}-{end - 1}/{found.size_bytes}"
     part = desk.download(found, start=start, size_bytes=end - start)
-    return _FileResponse(part, 206, end - start, headers)
+    return _file(request, part, 206, end - start, headers)
 
 
 def recording_view(item: domain.Recording) -> dict[str, Any]:
@@ -188,12 +189,16 @@ async def _seen(request: Request, robot_id: str | None, *, limit: int, before: s
     return kept[:limit]
 
 
+def _file(request: Request, part: Download, status: int, size_bytes: int, headers: dict[str, str]) -> Response:
+    pieces = services_of(request).attendance.pieces(request, part.pieces())
+    return _FileResponse(part, pieces, status, {**headers, "content-length": str(size_bytes)})
+
+
 class _FileResponse(StreamingResponse):
     """As fast as the client takes it; ended when it takes nothing, or when the rest cannot be read."""
 
-    def __init__(self, download: Download, status: int, size_bytes: int, headers: dict[str, str]) -> None:
-        all_headers = {**headers, "content-length": str(size_bytes)}
-        super().__init__(download.pieces(), status_code=status, headers=all_headers, media_type=MEDIA_TYPE)
+    def __init__(self, download: Download, pieces: AsyncIterator[bytes], status: int, headers: dict[str, str]) -> None:
+        super().__init__(pieces, status_code=status, headers=headers, media_type=MEDIA_TYPE)
         self._download = download
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
