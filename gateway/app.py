@@ -21,6 +21,7 @@ from gateway.fleet.desk import FleetDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.history.desk import HistoryDesk
 from gateway.identity.accounts import Accounts
+from gateway.identity.desk import IdentityChoices, IdentityDesk
 from gateway.identity.door import Door
 from gateway.identity.local import Doors, LocalKey
 from gateway.identity.master import MasterKey
@@ -71,7 +72,16 @@ class Gateway:
         beat_s = settings.heartbeat_s
         limits = replace(LIMITS, heartbeat_s=beat_s, dead_after_s=3 * beat_s)
         quota = Quota(messages_per_s=settings.robot_messages_per_s, bytes_per_s=settings.robot_bytes_per_s)
-        self.links = Links(self.registry, self.store, self._hooks(), clock=clock, quota=quota, limits=limits)
+        self.identities = IdentityDesk(self.store, settings.data_dir, _identity_choices(settings), clock=clock)
+        self.links = Links(
+            self.registry,
+            self.store,
+            self._hooks(),
+            clock=clock,
+            quota=quota,
+            gate=self.identities.robots,
+            limits=limits,
+        )
         self.commands = CommandDesk(self.links.send)
         self.teleop = TeleopDesk(self.registry.get, self.commands, self.leases, self.links.send, clock=clock)
         self.fleet = FleetDesk(
@@ -89,6 +99,7 @@ class Gateway:
         self._demand_revision = 0
         self._stale: set[str] = set()
         self._stirred = asyncio.Event()
+        self.grpc_port = 0  # where robots connect, once the server is bound
 
     @property
     def api(self) -> ASGIApp:
@@ -98,6 +109,8 @@ class Gateway:
             door=self.door,
             accounts=self.accounts,
             attendance=self.attendance,
+            identities=self.identities,
+            grpc_port=lambda: self.grpc_port,
             clock=self._clock,
             registry=self.registry,
             links=self.links,
@@ -120,6 +133,9 @@ class Gateway:
         """Know the robots of earlier days; start the store."""
         self.store.start(self.links.committed, self.links.refused)
         self.local_key.write()
+        await self.identities.start()
+        if self.settings.tls_on:
+            await self.identities.serve_as(self.settings.server_names)
         stored = sorted(await self.store.robots(), key=lambda item: -item.last_seen_ns)
         for position, item in enumerate(stored):
             record = self.registry.add(RobotRecord(item.robot, seen_ns=item.last_seen_ns))
@@ -135,6 +151,7 @@ class Gateway:
             group.create_task(self._tell_demand())
             group.create_task(self.recordings.run())
             group.create_task(self.attendance.run())
+            group.create_task(self.identities.run(self.links.recheck))
 
     async def stop(self) -> None:
         """Commit what is queued and close the store; the servers are down by now."""
@@ -230,3 +247,13 @@ class Gateway:
         ]
         frame = link_pb2.Demand(revision=self._demand_revision, entries=entries)
         self.links.send(robot_id, link_pb2.GatewayFrame(demand=frame))
+
+
+def _identity_choices(settings: Settings) -> IdentityChoices:
+    return IdentityChoices(
+        fleet=settings.fleet,
+        required=settings.enrolled_only,
+        certificate_s=settings.robot_certificate_s,
+        ca_cert=settings.ca_cert,
+        ca_key=settings.ca_key,
+    )

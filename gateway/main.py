@@ -18,11 +18,12 @@ import uvicorn
 
 from gateway.app import Gateway
 from gateway.identity.door import Door
-from gateway.ingest.link_service import make_server
+from gateway.ingest.link_service import ServerTls, make_server, tls_credentials
 from gateway.ports import listen
 from gateway.settings import DEFAULT_GRPC_PORT, DEFAULT_HTTP_PORT, Settings
 from gateway.store.engine import shown
 from metaros.clock import Clock, SystemClock
+from metaros.errors import ConfigError
 from metaros.limits import LIMITS
 from metaros.signals import on_stop
 
@@ -118,7 +119,17 @@ def _robots_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
     # gRPC reports a taken port late and without its owner, so the port is tried first.
     with listen(host, gateway.settings.grpc_port, default=DEFAULT_GRPC_PORT, flag="--grpc-port") as probe:
         port = int(probe.getsockname()[1])
-    return make_server(gateway.links, host=host, port=port)
+    gateway.grpc_port = port
+    credentials = tls_credentials(lambda: _robots_tls(gateway)) if gateway.settings.tls_on else None
+    return make_server(gateway.links, host=host, port=port, credentials=credentials)
+
+
+def _robots_tls(gateway: Gateway) -> ServerTls:
+    """What the robots' port shows and asks for, now."""
+    pair = gateway.identities.pair
+    if pair is None:
+        raise ConfigError("the gateway has no certificate for its robots' port")
+    return ServerTls(pair.chain_pem, pair.key_pem, gateway.identities.authorities.roots_pem.encode())
 
 
 def _http_config(gateway: Gateway) -> uvicorn.Config:

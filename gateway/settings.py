@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,6 +15,7 @@ __all__ = ["DEFAULT_GRPC_PORT", "DEFAULT_HTTP_PORT", "Settings", "default_data_d
 DEFAULT_HTTP_PORT = 8080
 DEFAULT_GRPC_PORT = 8081
 MIB = 1024 * 1024
+_FLEET = re.compile(r"[a-z0-9][a-z0-9.-]{0,62}")
 
 
 def default_data_dir() -> Path:
@@ -34,6 +36,12 @@ class Settings:
     allow_hosts: tuple[str, ...] = ()
     allow_origins: tuple[str, ...] = ()
     anonymous: bool = True  # on loopback, who has not signed in may look
+    fleet: str = ""  # in spiffe://FLEET/robot/ID; "": the first 12 characters of the store's id
+    require_enrolment: bool = False  # no robot without an identity, on loopback either
+    robot_certificate_s: float = 7 * 86_400.0
+    ca_cert: Path | None = None  # an issuer made elsewhere, and its key; None: the gateway makes its own
+    ca_key: Path | None = None
+    tls: str = "auto"  # "auto": beyond loopback; "on", "off"
     retention_days: float = 7.0
     event_retention_days: float = 90.0
     retention_bytes: int = 4096 * MIB
@@ -71,6 +79,34 @@ class Settings:
             raise ConfigError("--robot-messages-per-s and --robot-bytes-per-s are 0 (no limit) or more")
         if not 0.2 <= self.heartbeat_s <= 60.0:
             raise ConfigError("--heartbeat-s is 0.2 to 60")
+
+        self._check_identity()
+
+    def _check_identity(self) -> None:
+        if self.tls not in ("auto", "on", "off"):
+            raise ConfigError(f"--tls {self.tls}: it is auto, on or off")
+        if self.fleet and _FLEET.fullmatch(self.fleet) is None:
+            raise ConfigError(f"--fleet {self.fleet}: 1 to 63 of a-z, 0-9, '.' and '-', a letter or digit first")
+        if not 86_400.0 <= self.robot_certificate_s <= 7 * 86_400.0:
+            raise ConfigError("--robot-certificate-hours is 24 to 168")
+        if (self.ca_cert is None) != (self.ca_key is None):
+            raise ConfigError("--ca-cert and --ca-key go together")
+
+    @property
+    def tls_on(self) -> bool:
+        """Whether the gateway's ports speak TLS."""
+        return self.tls == "on" or (self.tls == "auto" and not is_loopback(self.host))
+
+    @property
+    def enrolled_only(self) -> bool:
+        """Whether every robot needs an identity: beyond loopback always."""
+        return self.require_enrolment or not is_loopback(self.host)
+
+    @property
+    def server_names(self) -> tuple[str, ...]:
+        """Under which names and addresses the gateway's own certificate holds."""
+        allowed = (re.sub(r"(?<=[^:]):[0-9]+$", "", name).strip("[]") for name in self.allow_hosts)
+        return tuple(dict.fromkeys(("localhost", "127.0.0.1", "::1", self.host, *allowed)))
 
     @property
     def anonymous_viewers(self) -> bool:

@@ -14,6 +14,7 @@ from gateway.fleet.desk import FleetDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.history.desk import HistoryDesk
 from gateway.identity.accounts import Accounts
+from gateway.identity.desk import IdentityDesk
 from gateway.identity.door import Door
 from gateway.ingest.links import Links
 from gateway.ingest.registry import Registry
@@ -35,6 +36,8 @@ class Services:
     door: Door
     accounts: Accounts
     attendance: Attendance
+    identities: IdentityDesk
+    grpc_port: Callable[[], int]
     clock: Clock
     registry: Registry
     links: Links

@@ -4,7 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-__all__ = ["Admitted", "IdentityState", "IssuedCertificate", "NewCertificate", "RobotIdentity", "TokenState"]
+__all__ = [
+    "Admitted",
+    "IdentityState",
+    "IssuedCertificate",
+    "NewCertificate",
+    "Peer",
+    "RobotIdentity",
+    "TokenState",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """What is known of a lane's other end before it speaks: the certificate (PEM) that it proved by TLS, if any, and
+    whether it is on this very machine, with no proxy between.
+    """
+
+    certificate: bytes | None = None
+    local: bool = False
 
 
 @dataclass(frozen=True, slots=True)

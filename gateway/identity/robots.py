@@ -13,7 +13,7 @@ from collections.abc import Awaitable, Callable
 
 from cryptography import x509
 
-from gateway.domain.identity import Admitted, IdentityState, RobotIdentity
+from gateway.domain.identity import Admitted, IdentityState, Peer, RobotIdentity
 from gateway.errors import IdentityError, StoreError, UnknownRobotError, UnprovenError
 from gateway.identity.authorities import Authorities
 from gateway.identity.certificates import RobotCertificate, load_certificate, read_robot
@@ -80,14 +80,14 @@ class RobotIdentities:
                 self._failed = True
             recheck()
 
-    async def admit(self, hello: link_pb2.Hello, tls_certificate: bytes | None, ask: Ask) -> Admitted:
-        """Who opens this lane; `ask` sends a challenge and gives the signature that came back.
+    async def admit(self, hello: link_pb2.Hello, peer: Peer, ask: Ask) -> Admitted:
+        """Who opens this lane; where TLS has not proven it, `ask` sends a challenge and gives the signature it got.
 
         Raises:
             UnprovenError: it may not; with the code of the IdentityError behind it.
         """
         try:
-            return await self._admit(hello, tls_certificate, ask)
+            return await self._admit(hello, peer, ask)
         except IdentityError as error:
             raise UnprovenError(
                 error.code, str(error), retry_after_ms=RETRY_MS.get(error.code, RETRY_ELSE_MS)
@@ -134,26 +134,26 @@ class RobotIdentities:
 
         return await self._store.read(job)
 
-    async def _admit(self, hello: link_pb2.Hello, tls_certificate: bytes | None, ask: Ask) -> Admitted:
-        if tls_certificate is None and not hello.certificates:
-            return self._without(hello.robot_id)
+    async def _admit(self, hello: link_pb2.Hello, peer: Peer, ask: Ask) -> Admitted:
+        if peer.certificate is None and not hello.certificates:
+            return self._without(hello.robot_id, peer)
         if len(hello.certificates) > MAX_CERTIFICATES:
             raise IdentityError("certificate_foreign", f"a Hello has at most {MAX_CERTIFICATES} certificates")
-        shown = load_certificate(tls_certificate if tls_certificate is not None else hello.certificates[0])
+        shown = load_certificate(peer.certificate if peer.certificate is not None else hello.certificates[0])
         read = await self._read(shown)
         if read.robot != hello.robot_id:
             text = f"the certificate is that of {read.robot}, not of {hello.robot_id[:64]!r}"
             raise IdentityError("certificate_foreign", text)
         admitted = Admitted(read.robot, read.serial, read.not_after_ns)
         await self._know(admitted)
-        if tls_certificate is None:
+        if peer.certificate is None:
             await self._prove(hello, read, ask)
         self._check(admitted)
         return admitted
 
-    def _without(self, robot: str) -> Admitted:
-        """A robot that shows nothing."""
-        if self._required:
+    def _without(self, robot: str, peer: Peer) -> Admitted:
+        """A robot that shows nothing: on this very machine it may, unless all have to be enrolled."""
+        if self._required or not peer.local:
             raise IdentityError("not_enrolled", f"robot {robot[:64]!r} has to be enrolled: `metaros agent enrol`")
         admitted = Admitted(robot)
         self._check(admitted)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable
 from typing import Protocol
 
-from gateway.domain.identity import Admitted
+from gateway.domain.identity import Admitted, Peer
 from metaros._proto import link_pb2
 
 __all__ = ["Ask", "Gate", "OpenGate"]
@@ -16,9 +16,9 @@ Ask = Callable[[link_pb2.Challenge], Awaitable[bytes]]
 class Gate(Protocol):
     """Decides by certificates and proofs; the link only carries them."""
 
-    async def admit(self, hello: link_pb2.Hello, tls_certificate: bytes | None, ask: Ask, /) -> Admitted:
-        """Who opens this lane. `tls_certificate` (PEM) was proven by TLS; else `ask` sends a challenge and gives the
-        signature that came back. UnprovenError when it may not.
+    async def admit(self, hello: link_pb2.Hello, peer: Peer, ask: Ask, /) -> Admitted:
+        """Who opens this lane; where TLS has not proven it, `ask` sends a challenge and gives the signature that came
+        back. UnprovenError when it may not.
         """
 
     def still(self, admitted: Admitted, /) -> None:
@@ -31,7 +31,7 @@ class Gate(Protocol):
 class OpenGate:
     """Everybody is who they say: where nobody is enrolled."""
 
-    async def admit(self, hello: link_pb2.Hello, tls_certificate: bytes | None, ask: Ask, /) -> Admitted:
+    async def admit(self, hello: link_pb2.Hello, peer: Peer, ask: Ask, /) -> Admitted:
         """Without a look."""
         return Admitted(hello.robot_id)
 

@@ -6,6 +6,7 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 
+from gateway.domain.identity import Peer
 from gateway.errors import LinkError, ProtocolError
 from gateway.ingest.links import Lane, Links
 from metaros._proto import link_pb2
@@ -21,7 +22,7 @@ Read = Callable[[], Awaitable[link_pb2.AgentFrame | None]]
 Write = Callable[[link_pb2.GatewayFrame], Awaitable[None]]
 
 
-async def serve_lane(links: Links, read: Read, write: Write) -> bool:
+async def serve_lane(links: Links, read: Read, write: Write, *, peer: Peer) -> bool:
     """Run a lane from its Hello to its end. `read` gives None once the connection is over.
 
     False when the agent took not even the last words: the connection has to be cut.
@@ -29,11 +30,12 @@ async def serve_lane(links: Links, read: Read, write: Write) -> bool:
     try:
         async with asyncio.timeout(HELLO_S):
             first = await read()
-        if first is None:
-            return True
-        if first.WhichOneof("frame") != "hello":
-            raise ProtocolError("the first frame of a lane is its Hello")
-        lane = await links.join(first.hello)
+            if first is None:
+                return True
+            if first.WhichOneof("frame") != "hello":
+                raise ProtocolError("the first frame of a lane is its Hello")
+            admitted = await links.gate.admit(first.hello, peer, lambda challenge: _ask(challenge, read, write))
+        lane = await links.join(first.hello, admitted)
     except LinkError as error:
         log.warning("a link was refused: %s", error)
         goodbye = link_pb2.Goodbye(code=error.code, message=str(error)[:1024], retry_after_ms=error.retry_after_ms)
@@ -53,6 +55,15 @@ async def serve_lane(links: Links, read: Read, write: Write) -> bool:
         writer.cancel()
         await asyncio.gather(reader, writer, over, return_exceptions=True)
     return bool(said)
+
+
+async def _ask(challenge: link_pb2.Challenge, read: Read, write: Write) -> bytes:
+    """Send a challenge; the signature that answers it."""
+    await write(link_pb2.GatewayFrame(challenge=challenge))
+    answer = await read()
+    if answer is None or answer.WhichOneof("frame") != "proof":
+        raise ProtocolError("a Challenge is answered by a Proof")
+    return answer.proof.signature
 
 
 async def _read(links: Links, lane: Lane, read: Read) -> None:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+import ipaddress
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import unquote
 
 import grpc
 
+from gateway.domain.identity import Peer
 from gateway.ingest.lane_shell import serve_lane
 from gateway.ingest.links import Links
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["LinkService", "make_server"]
+__all__ = ["LinkService", "ServerTls", "make_server", "tls_credentials"]
 
 Context = grpc.aio.ServicerContext[link_pb2.AgentFrame, link_pb2.GatewayFrame]
 
@@ -26,11 +31,46 @@ class LinkService(link_pb2_grpc.LinkServicer):
     async def Connect(self, request_iterator: AsyncIterator[link_pb2.AgentFrame], context: Context) -> None:
         """One lane from Hello to the end of its connection."""
         frames = aiter(request_iterator)
-        await serve_lane(self._links, lambda: anext(frames, None), context.write)
+        peer = Peer(_certificate(context), _is_local(context.peer()))
+        await serve_lane(self._links, lambda: anext(frames, None), context.write, peer=peer)
 
 
-def make_server(links: Links, *, host: str, port: int, limits: Limits = LIMITS) -> tuple[grpc.aio.Server, int]:
-    """A gRPC server bound to a port (0: any) that no other process shares; ConfigError when it is taken."""
+@dataclass(frozen=True, slots=True)
+class ServerTls:
+    """What the server shows (chain and key in PEM), and the roots under which robots' certificates have to be."""
+
+    chain_pem: bytes
+    key_pem: bytes
+    roots_pem: bytes
+
+
+def tls_credentials(current: Callable[[], ServerTls]) -> grpc.ServerCredentials:
+    """Credentials that ask every client for a certificate; `current` is asked at each handshake, on gRPC's threads."""
+    first = current()
+    told = [first]
+
+    def changed() -> Any:  # None: as before
+        now = current()
+        if now == told[0]:
+            return None
+        told[0] = now
+        return _configuration(now)
+
+    return grpc.dynamic_ssl_server_credentials(_configuration(first), changed, require_client_authentication=True)
+
+
+def make_server(
+    links: Links,
+    *,
+    host: str,
+    port: int,
+    credentials: grpc.ServerCredentials | None = None,
+    limits: Limits = LIMITS,
+) -> tuple[grpc.aio.Server, int]:
+    """A gRPC server bound to a port (0: any) that no other process shares; ConfigError when it is taken.
+
+    With `credentials` it speaks TLS, and who a robot is says its certificate.
+    """
     server = grpc.aio.server(
         options=[
             ("grpc.so_reuseport", 0),
@@ -45,7 +85,32 @@ def make_server(links: Links, *, host: str, port: int, limits: Limits = LIMITS) 
     )
     link_pb2_grpc.add_LinkServicer_to_server(LinkService(links), server)
     try:
-        bound = server.add_insecure_port(f"[{host}]:{port}" if ":" in host else f"{host}:{port}")
+        address = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+        if credentials is None:
+            bound = server.add_insecure_port(address)
+        else:
+            bound = server.add_secure_port(address, credentials)
     except RuntimeError as error:
         raise ConfigError(f"port {port} for robots cannot be opened: {error}") from error
     return server, bound
+
+
+def _configuration(tls: ServerTls) -> grpc.ServerCertificateConfiguration:
+    return grpc.ssl_server_certificate_configuration([(tls.key_pem, tls.chain_pem)], root_certificates=tls.roots_pem)
+
+
+def _certificate(context: Context) -> bytes | None:
+    """The client's certificate as TLS verified it; None without TLS. Metadata says nothing about who somebody is."""
+    return next(iter(context.auth_context().get("x509_pem_cert", ())), None)
+
+
+def _is_local(peer: str) -> bool:
+    """Whether gRPC's name of a peer, such as ipv4:127.0.0.1:5000 or ipv6:%5B::1%5D:5000, is on this machine."""
+    kind, _, address = peer.partition(":")
+    if kind == "unix":
+        return True
+    host = unquote(address).rpartition(":")[0].strip("[]")
+    try:
+        return ipaddress.ip_address(host.partition("%")[0]).is_loopback
+    except ValueError:
+        return False

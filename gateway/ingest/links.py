@@ -10,8 +10,9 @@ import logging
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
+from gateway.domain.identity import Admitted
 from gateway.domain.sample import Run
-from gateway.errors import FencedError, ForkedError, RobotOfflineError, StoreError, UnsettledError
+from gateway.errors import FencedError, ForkedError, RobotOfflineError, StoreError, UnprovenError, UnsettledError
 from gateway.ingest.events import (
     Announced,
     Arrived,
@@ -28,6 +29,7 @@ from gateway.ingest.events import (
     Send,
     WriterKnown,
 )
+from gateway.ingest.gate import Gate, OpenGate
 from gateway.ingest.hello import LANES, check_hello
 from gateway.ingest.outbox import LaneOutbox
 from gateway.ingest.quota import Meter, Quota
@@ -69,6 +71,7 @@ class _Live:
     session: Session
     record: RobotRecord
     outboxes: dict[int, LaneOutbox] = field(default_factory=dict)
+    admitted: set[Admitted] = field(default_factory=set)
     closed: bool = False
     seen_s: float = 0.0
 
@@ -94,9 +97,11 @@ class Links:
         *,
         clock: Clock,
         quota: Quota | None = None,
+        gate: Gate | None = None,
         limits: Limits = LIMITS,
     ) -> None:
-        """`quota` is each robot's; None lets them send what they like."""
+        """`quota` is each robot's; None lets them send what they like. `gate` knows who they are; None believes it."""
+        self.gate: Gate = gate or OpenGate()
         self._quota = quota or Quota()
         self._registry = registry
         self._store = store
@@ -106,8 +111,8 @@ class Links:
         self._live: dict[str, _Live] = {}
         self._joining = asyncio.Lock()
 
-    async def join(self, hello: link_pb2.Hello) -> Lane:
-        """Open a lane for a Hello; ProtocolError or FencedError when it may not."""
+    async def join(self, hello: link_pb2.Hello, admitted: Admitted) -> Lane:
+        """Open a lane for a Hello that the gate admitted; a LinkError says why it may not."""
         robot = check_hello(hello, limits=self._limits)
         async with self._joining:
             record = self._registry.find(robot.id)
@@ -117,7 +122,9 @@ class Links:
             if streams.forked(hello):
                 record.forks += 1
                 raise ForkedError(f"another copy of the outbox of {robot.id} has spoken under its epoch")
+            self.gate.still(admitted)  # it may have been revoked while the store was asked
             live = self._admit(hello, record, streams)
+            live.admitted.add(admitted)
             outbox = LaneOutbox(max_bytes=OUTBOX_BYTES)
             events = live.session.open_lane(hello, now_s=self._clock.monotonic_s(), wall_ns=self._clock.wall_ns())
             live.outboxes[hello.lane] = outbox
@@ -192,6 +199,16 @@ class Links:
                 live.seen_s = now_s
                 self._store.submit(RobotWrite(live.record.robot, wall_ns))
 
+    def recheck(self) -> None:
+        """End every link whose robot may not stay any more; call whenever identities may have changed."""
+        for live in list(self._live.values()):
+            try:
+                for admitted in live.admitted:
+                    self.gate.still(admitted)
+            except UnprovenError as error:
+                ending = live.session.close(error.code, str(error), retry_after_ms=error.retry_after_ms)
+                self._apply(live, ending)
+
     def close(self) -> None:
         """Say goodbye on every lane: the gateway goes down and wants its agents back soon."""
         for live in list(self._live.values()):
@@ -236,7 +253,8 @@ class Links:
             limits=self._limits,
             meter=record.meter,
         )
-        record.begin(session.robot, session_id=session.session_id, session_number=session.number)
+        if record.begin(session.robot, session_id=session.session_id, session_number=session.number):
+            self.gate.cloned(hello.robot_id)
         live = self._live[hello.robot_id] = _Live(session, record, seen_s=self._clock.monotonic_s())
         self._store.submit(RobotWrite(session.robot, self._clock.wall_ns()))
         return live

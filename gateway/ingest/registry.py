@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import islice
@@ -21,6 +22,7 @@ from metaros.link import CHANNEL_MASK
 __all__ = ["ChannelState", "Counts", "RateMeter", "Registry", "RobotRecord", "SeriesState"]
 
 HEADLINE_SERIES = 64
+REMEMBERED_PROCESSES = 16  # agents of one robot, one after another
 
 
 class RateMeter:
@@ -99,6 +101,7 @@ class RobotRecord:
         self.forks = 0  # how often a copy of the robot's outbox was found out
         self.revision = 1
         self._process = b""
+        self._displaced: deque[bytes] = deque(maxlen=REMEMBERED_PROCESSES)
         self._former: dict[tuple[str, bool], ChannelState] = {}
         self._newest: dict[tuple[str, str, str], ChannelState] = {}
 
@@ -107,16 +110,23 @@ class RobotRecord:
         """How many outboxes, or lives of one, the robot has had."""
         return 0 if self.streams is None else self.streams.epochs
 
-    def begin(self, robot: Robot, *, session_id: bytes, session_number: int) -> None:
-        """A new session; a new agent process also starts its channels afresh, keeping the topics' counts."""
+    def begin(self, robot: Robot, *, session_id: bytes, session_number: int) -> bool:
+        """A new session; a new agent process also starts its channels afresh, keeping the topics' counts.
+
+        True when a process is back after another one had followed it: then there are two of them.
+        """
         self.robot = robot
         self.session_number = session_number
+        back = session_id in self._displaced
         if session_id != self._process:
+            if self._process not in self._displaced:
+                self._displaced.append(self._process)
             self._process = session_id
             self._former = {(state.channel.topic, state.channel.history): state for state in self.channels.values()}
             self.channels, self._newest = {}, {}
             self.statistics = link_pb2.TopicStatistics()
         self.revision += 1
+        return back
 
     def set_online(self, online: bool, *, wall_ns: int) -> None:
         """The link came or went."""

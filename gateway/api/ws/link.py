@@ -9,8 +9,10 @@ from google.protobuf.message import DecodeError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from gateway.api.allow import allow
+from gateway.api.authenticate import is_local
 from gateway.api.services import services_of
 from gateway.api.ws.cut import STALLED, cut
+from gateway.domain.identity import Peer
 from gateway.errors import LinkError
 from gateway.ingest.lane_shell import serve_lane
 from metaros._proto import link_pb2
@@ -31,7 +33,8 @@ async def link(socket: WebSocket) -> None:
         return
     await socket.accept(SUBPROTOCOL)
     lane = _Frames(socket)
-    finished = await serve_lane(services_of(socket).links, lane.read, lane.write)
+    peer = Peer(local=is_local(socket.scope))
+    finished = await serve_lane(services_of(socket).links, lane.read, lane.write, peer=peer)
     if lane.gone:
         return
     if not finished:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gateway.domain.identity import Admitted
+from gateway.domain.identity import Admitted, Peer
 from gateway.errors import UnknownRobotError, UnprovenError
 from gateway.identity.ca import issue_robot, make_intermediate, make_root, pem
 from metaros._proto import link_pb2
@@ -28,7 +28,7 @@ async def admit(desks: Desks, held: Held, *, key: Any = None, robot: str = "", *
         return held.prove(hello, asked, key=key)
 
     try:
-        return (await desks.robots.admit(hello, None, ask)).serial
+        return (await desks.robots.admit(hello, Peer(), ask)).serial
     except UnprovenError as error:
         return error.code
 
@@ -36,7 +36,7 @@ async def admit(desks: Desks, held: Held, *, key: Any = None, robot: str = "", *
 async def bare(desks: Desks, robot: str) -> str:
     """The same of a Hello that shows nothing."""
     try:
-        admitted = await desks.robots.admit(link_pb2.Hello(robot_id=robot), None, never)
+        admitted = await desks.robots.admit(link_pb2.Hello(robot_id=robot), Peer(local=True), never)
     except UnprovenError as error:
         return error.code
     return admitted.serial
@@ -69,10 +69,10 @@ async def test_over_tls_nobody_is_asked(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         held = await desks.enrolled()
         hello = link_pb2.Hello(robot_id="arm")
-        admitted = await desks.robots.admit(hello, held.certificate.encode(), never)
+        admitted = await desks.robots.admit(hello, Peer(held.certificate.encode()), never)
         assert admitted.serial == held.serial
         with pytest.raises(UnprovenError, match="that of arm"):
-            await desks.robots.admit(link_pb2.Hello(robot_id="leg"), held.certificate.encode(), never)
+            await desks.robots.admit(link_pb2.Hello(robot_id="leg"), Peer(held.certificate.encode()), never)
 
 
 async def test_a_name_with_an_identity_is_nobody_elses(tmp_path: Path, store_url: str) -> None:
@@ -109,14 +109,14 @@ async def test_a_strangers_certificate_is_refused_by_name(tmp_path: Path, store_
         for certificates in ([b"nothing"], [held.der] * 5):
             shown = link_pb2.Hello(robot_id="arm", certificates=certificates, session_id=hello.session_id)
             with pytest.raises(UnprovenError) as refused:
-                await desks.robots.admit(shown, None, never)
+                await desks.robots.admit(shown, Peer(), never)
             assert refused.value.code == "certificate_foreign"
 
 
 async def test_a_certificate_that_ended_is_refused_and_ends_its_link(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         held = await desks.enrolled()
-        admitted = await desks.robots.admit(held.hello(), held.certificate.encode(), never)
+        admitted = await desks.robots.admit(held.hello(), Peer(held.certificate.encode()), never)
         desks.clock.advance(DAY - 1)
         assert may_stay(desks, admitted) == ""
         desks.clock.advance(1.1)

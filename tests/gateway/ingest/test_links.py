@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from gateway.domain.identity import Admitted, Peer
 from gateway.domain.sample import Run
 from gateway.ingest.lane_shell import serve_lane
 from gateway.ingest.links import Lane, LinkHooks, Links
@@ -49,7 +50,7 @@ class Rig:
     async def connect(self, number: int, **changes: Any) -> None:
         """A session with all lanes and three channels: 1 bulk, 2 live, 3 history of 2."""
         for lane in (CONTROL, DATA, BACKFILL):
-            self.lanes[lane] = await self.links.join(hello(lane, session_number=number, **changes))
+            self.lanes[lane] = await self.links.join(hello(lane, session_number=number, **changes), Admitted("r1"))
             await self.receive(announce=announce(), lane=lane)
 
     async def receive(self, *, lane: int = DATA, **frame: Any) -> None:
@@ -100,14 +101,14 @@ async def test_another_writer_waits_a_moment_for_what_is_on_its_way_to_the_store
     async def write(frame: link_pb2.GatewayFrame) -> None:
         said.append(frame)
 
-    assert await serve_lane(rig.links, read, write)
+    assert await serve_lane(rig.links, read, write, peer=Peer(local=True))
     assert [(frame.goodbye.code, frame.goodbye.retry_after_ms) for frame in said] == [("unsettled", 50)]
     rig.start()
     await rig.store.flush()
     streams = rig.registry.get("r1").streams
     assert streams is not None
     await wait_until_async(lambda: not streams.unsettled(again.hello))
-    lane = await rig.links.join(again.hello)
+    lane = await rig.links.join(again.hello, Admitted("r1"))
     welcome = await asyncio.wait_for(lane.outbox.next(), 60)
     assert welcome is not None
     assert [(mark.stream_id, mark.seq) for mark in welcome.welcome.watermarks] == [(1, 5)]
@@ -122,7 +123,7 @@ async def test_a_hello_that_breaks_the_rules_is_kept_away_longer(rig: Rig) -> No
     async def write(frame: link_pb2.GatewayFrame) -> None:
         said.append(frame)
 
-    await serve_lane(rig.links, read, write)
+    await serve_lane(rig.links, read, write, peer=Peer(local=True))
     assert [(frame.goodbye.code, frame.goodbye.retry_after_ms) for frame in said] == [("protocol", 1000)]
 
 

@@ -1,0 +1,93 @@
+"""Robots' identities as one part of the gateway: the authority, enrolment, the gate of links, the servers' own pair."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gateway.errors import AuthorityError, StoreError
+from gateway.identity.authorities import Authorities
+from gateway.identity.ca import ServerPair, issue_server
+from gateway.identity.enrol import EnrolDesk
+from gateway.identity.robots import RobotIdentities
+from gateway.store import Store
+from metaros.clock import Clock
+from metaros.errors import ConfigError
+
+__all__ = ["IdentityChoices", "IdentityDesk"]
+
+log = logging.getLogger(__name__)
+
+FLEET_CHARS = 12
+PAIR_EVERY_S = 3600.0  # how often the servers' pair is looked at
+PAIR_LEFT_NS = 30 * 86_400_000_000_000  # with less left there is a new one
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentityChoices:
+    """What the settings say of robots' identities; `fleet` of "" is the store's own name."""
+
+    fleet: str = ""
+    required: bool = False
+    certificate_s: float = 7 * 86_400.0
+    ca_cert: Path | None = None
+    ca_key: Path | None = None
+
+
+class IdentityDesk:
+    """Owns the parts; `enrol` makes certificates, `robots` is the gate."""
+
+    def __init__(self, store: Store, data_dir: Path, choices: IdentityChoices, *, clock: Clock) -> None:
+        """ConfigError when a supplied authority cannot issue."""
+        self.fleet = choices.fleet or store.store_id[:FLEET_CHARS]
+        self._clock = clock
+        self.authorities = Authorities(
+            store, data_dir, fleet=self.fleet, clock=clock, ca_cert=choices.ca_cert, ca_key=choices.ca_key
+        )
+        self.enrol = EnrolDesk(store, self.authorities, clock=clock, life_s=choices.certificate_s)
+        self.robots = RobotIdentities(store, self.authorities, clock=clock, required=choices.required)
+        self._names: tuple[str, ...] = ()
+        self._pair: ServerPair | None = None
+
+    @property
+    def pair(self) -> ServerPair | None:
+        """What the gateway's TLS servers show now; None before `serve_as`."""
+        return self._pair
+
+    async def start(self) -> None:
+        """Know authorities and identities, so that the first Hello is judged by all of them."""
+        await self.authorities.load()
+        await self.robots.refresh()
+
+    async def serve_as(self, names: Sequence[str]) -> ServerPair:
+        """Make the certificate of the gateway's own TLS servers, under these host names and addresses.
+
+        Raises:
+            ConfigError: this gateway cannot issue one.
+        """
+        try:
+            authority = await self.authorities.issuing()
+        except AuthorityError as error:
+            raise ConfigError(f"no certificate for this gateway's own TLS: {error}") from error
+        self._names = tuple(names)
+        self._pair = issue_server(authority, self._names, now_ns=self._clock.wall_ns())
+        return self._pair
+
+    async def run(self, recheck: Callable[[], None]) -> None:
+        """Watch identities, and follow the servers' pair in time; until cancelled."""
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self.robots.run(recheck))
+            group.create_task(self._follow_pair())
+
+    async def _follow_pair(self) -> None:
+        while True:
+            await asyncio.sleep(PAIR_EVERY_S)
+            if self._pair is None or self._pair.not_after_ns - self._clock.wall_ns() > PAIR_LEFT_NS:
+                continue
+            try:
+                await self.serve_as(self._names)
+            except (ConfigError, StoreError) as error:
+                log.error("the gateway's own certificate ends soon and cannot be followed by another: %s", error)
