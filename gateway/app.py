@@ -21,6 +21,7 @@ from gateway.fleet.desk import FleetDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.history.desk import HistoryDesk
 from gateway.identity.accounts import Accounts
+from gateway.identity.audit import AuditLog
 from gateway.identity.desk import IdentityChoices, IdentityDesk
 from gateway.identity.door import Door
 from gateway.identity.local import Doors, LocalKey
@@ -92,7 +93,9 @@ class Gateway:
         )
         self.local_key = LocalKey(settings.data_dir)
         stored = StoreDoor(self.store, clock=clock)
-        self.accounts = Accounts(self.store, stored, MasterKey.load_or_make(settings.data_dir), clock=clock)
+        master = MasterKey.load_or_make(settings.data_dir)
+        self.accounts = Accounts(self.store, stored, master, clock=clock)
+        self.audit = AuditLog(self.store, self.objects, clock=clock, seal=master)
         self.door = Doors(self.local_key, stored, *([door] if door is not None else []))
         self.attendance = Attendance(self.door)
         self._demand = DemandBook()
@@ -108,6 +111,7 @@ class Gateway:
             settings=self.settings,
             door=self.door,
             accounts=self.accounts,
+            audit=self.audit,
             attendance=self.attendance,
             identities=self.identities,
             grpc_port=lambda: self.grpc_port,
@@ -151,6 +155,7 @@ class Gateway:
             group.create_task(self._tell_demand())
             group.create_task(self.recordings.run())
             group.create_task(self.attendance.run())
+            group.create_task(self.audit.run())
             group.create_task(self.identities.run(self.links.recheck))
 
     async def stop(self) -> None:
@@ -159,6 +164,7 @@ class Gateway:
         self.accounts.close()
         self.history.close()
         await self.recordings.close()
+        await self.audit.close()
         await self.store.close()
         await asyncio.to_thread(self.objects.close)
 

@@ -6,6 +6,7 @@ committed. Of bodies, queries and credentials nothing is kept; a route adds what
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import orjson
@@ -14,12 +15,12 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from gateway.api.allow import PRINCIPAL_KEY, SAFE_METHODS
 from gateway.api.problem import PROBLEM_TYPE, problem
-from gateway.domain.principal import NOBODY, Principal
+from gateway.domain.principal import NOBODY, Principal, Role
 from gateway.errors import StoreError
 from gateway.identity.audit import AuditLog
 from gateway.identity.permissions import Permission
 
-__all__ = ["Audited", "note"]
+__all__ = ["Audited", "note", "reach"]
 
 REFUSALS = (401, 403, 429)
 TRY_AGAIN = 1013
@@ -32,6 +33,11 @@ def note(connection: HTTPConnection, *, actor: Principal | None = None, detail: 
         kept["actor"] = actor
     if detail:
         kept["detail"] = detail
+
+
+def reach(who: str, role: Role, robots: Sequence[str], *, disabled: bool = False) -> str:
+    """What a user or a key may do from now on, as a row's detail."""
+    return f"{who}: {role.word}, robots {' '.join(robots)}{', disabled' if disabled else ''}"
 
 
 class Audited:

@@ -14,6 +14,7 @@ from gateway.fleet.desk import FleetDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.history.desk import HistoryDesk
 from gateway.identity.accounts import Accounts
+from gateway.identity.audit import AuditLog
 from gateway.identity.desk import IdentityDesk
 from gateway.identity.door import Door
 from gateway.ingest.links import Links
@@ -35,6 +36,7 @@ class Services:
     settings: Settings
     door: Door
     accounts: Accounts
+    audit: AuditLog
     attendance: Attendance
     identities: IdentityDesk
     grpc_port: Callable[[], int]

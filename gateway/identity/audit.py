@@ -101,8 +101,7 @@ class AuditLog:
         """Append what waits, as far as the database takes it now, and export the head."""
         self._closing = True
         self._count_left_out()
-        if self._writer is not None:
-            await asyncio.wait({self._writer}, timeout=CLOSE_S)
+        await self._settled()
         if self._waiting:
             log.error("%d rows of the audit log were not written: the database did not take them", len(self._waiting))
         try:
@@ -112,13 +111,15 @@ class AuditLog:
             log.warning("the audit log's last head is not exported: %s", error)
 
     async def page(self, *, before: int | None = None, limit: int, action: str = "", name: str = "") -> list[AuditRow]:
-        """Rows, the newest first."""
+        """Rows, the newest first; what this gateway was told before is among them, if the database takes it."""
+        await self._settled()
         return await self._store.read(
             lambda engine: read_page(engine, before=before, limit=limit, action=action, name=name)
         )
 
     async def head(self) -> AuditHead:
         """The newest row's number and hash."""
+        await self._settled()
         return await self._store.read(read_head)
 
     async def verify(self) -> dict[str, Any]:
@@ -131,6 +132,7 @@ class AuditLog:
             raise TooManyError("a proof of the audit log is under way: come back when it is done")
         self._proving = True
         try:
+            await self._settled()
             return await self._verified()
         finally:
             self._proving = False
@@ -171,6 +173,10 @@ class AuditLog:
             "heads_sealed": heads.sealed if heads is not None else 0,
             "heads_error": error,
         }
+
+    async def _settled(self) -> None:
+        if self._writer is not None:
+            await asyncio.wait({self._writer}, timeout=CLOSE_S)
 
     def _put(self, event: AuditEvent, done: asyncio.Future[None] | None) -> None:
         self._waiting.append((event, done))

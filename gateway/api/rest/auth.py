@@ -10,6 +10,7 @@ from starlette.responses import Response
 
 from gateway.api import models, models_identity
 from gateway.api.allow import allow, principal_of
+from gateway.api.audited import note
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.services import services_of
@@ -114,6 +115,7 @@ async def _signed_in(request: Request, done: SignedIn) -> Response:
     principal = await services_of(request).door.by_session(done.session.token)
     if principal is None:  # removed in this very moment
         raise CredentialsError("the name or the password is wrong")
+    note(request, actor=principal)
     response = JsonResponse(account_view(principal))
     set_session(response, request, done.session.token)
     return response

@@ -8,6 +8,7 @@ from starlette.responses import Response
 
 from gateway.api import models, models_identity
 from gateway.api.allow import allow, principal_of
+from gateway.api.audited import note, reach
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.auth import REFUSALS
 from gateway.api.rest.bodies import body_document, read_body
@@ -47,6 +48,7 @@ async def create_key(request: Request) -> Response:
     robots = checked_robots(body.robots)
     wanted = KeyRequest(body.name, Role.of(body.role), robots, frozenset(body.scopes), body.expires_s)
     made = await services_of(request).accounts.create_key(principal, wanted)
+    note(request, detail=reach(f"key {made.key.id} {made.key.name}", made.key.role, made.key.robots))
     owner = principal.name if principal.kind == "user" else ""
     return JsonResponse(new_key_view(made, owner), status_code=201)
 

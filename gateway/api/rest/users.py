@@ -8,6 +8,7 @@ from starlette.responses import Response
 
 from gateway.api import models, models_identity
 from gateway.api.allow import allow
+from gateway.api.audited import note, reach
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.auth import REFUSALS
 from gateway.api.rest.bodies import body_document, read_body
@@ -44,6 +45,7 @@ async def create_user(request: Request) -> Response:
     made = await services_of(request).accounts.create_user(
         body.name, role=Role.of(body.role), robots=tuple(body.robots), password=body.password
     )
+    note(request, detail=reach(made.name, made.role, made.robots))
     return JsonResponse(user_view(made), status_code=201)
 
 
@@ -63,6 +65,8 @@ async def change_user(request: Request, name: str) -> Response:
         disabled=body.disabled,
         password=body.password,
     )
+    detail = reach(changed.name, changed.role, changed.robots, disabled=changed.disabled)
+    note(request, detail=detail + (", password set" if body.password is not None else ""))
     return JsonResponse(user_view(changed))
 
 

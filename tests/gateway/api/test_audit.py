@@ -1,0 +1,178 @@
+"""What a running gateway writes into its audit log, reads from it, and proves."""
+
+from __future__ import annotations
+
+import asyncio
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from gateway.domain.principal import Role
+from gateway.main import Ready
+from gateway.store.sqlite import DATABASE
+from tests.gateway.harness import OPERATOR_KEY, RING, ScriptedAgent, client, open_socket, running_gateway
+from tests.support.key_ring import KeyRing
+
+ADMIN = RING.add(role=Role.ADMIN, name="test admin")
+VIEWER = RING.add(role=Role.VIEWER, name="test viewer")
+
+
+async def rows(ready: Ready, **query: Any) -> list[dict[str, Any]]:
+    """The log, the newest row first."""
+    async with client(ready, key=ADMIN) as http:
+        answer = await http.get("/api/v1/audit", params={"limit": 1000, **query})
+        assert answer.status_code == 200, answer.text
+        return list(answer.json()["rows"])
+
+
+async def proof(ready: Ready) -> dict[str, Any]:
+    async with client(ready, key=ADMIN) as http:
+        return dict((await http.get("/api/v1/audit/verify")).json())
+
+
+async def set_budget(ready: Ready, key: str, robot: str = "sim_1") -> httpx.Response:
+    async with client(ready, key=key) as http:
+        return await http.put(f"/api/v1/robots/{robot}/uplink", json={"bytes_per_s": 5000})
+
+
+async def test_a_change_has_its_row_before_its_answer(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent:
+        asking = asyncio.create_task(set_budget(ready, OPERATOR_KEY))
+        await agent.answer((await agent.next("command")).command)
+        assert (await asking).status_code == 200
+        (row,) = await rows(ready)
+        expected = {"kind": "key", "name": "test operator", "role": "operator", "address": "127.0.0.1"}
+        asked = {"action": "robots.configure", "method": "PUT", "target": "/api/v1/robots/sim_1/uplink"}
+        assert {key: row[key] for key in (*expected, *asked)} == {**expected, **asked}
+        assert (row["status"], row["code"], row["number"]) == (200, "", 1)
+        assert (await proof(ready))["ok"]
+
+
+async def test_a_change_that_failed_says_why(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready:
+        assert (await set_budget(ready, OPERATOR_KEY)).status_code == 404
+        (row,) = await rows(ready)
+        assert (row["status"], row["code"], row["action"]) == (404, "unknown_robot", "robots.configure")
+
+
+@pytest.mark.parametrize(
+    ("key", "status", "code", "name"),
+    [
+        (VIEWER, 403, "forbidden", "test viewer"),
+        ("", 401, "sign_in", "anonymous"),
+        ("mrk_wrong_key", 401, "bad_credentials", "anonymous"),
+    ],
+)
+async def test_who_is_refused(tmp_path: Path, key: str, status: int, code: str, name: str) -> None:
+    async with running_gateway(tmp_path) as ready:
+        assert (await set_budget(ready, key)).status_code == status
+        (row,) = await rows(ready)
+        assert (row["status"], row["code"], row["name"]) == (status, code, name)
+        assert row["action"] == "robots.configure"
+        assert key not in str(row) or not key
+
+
+async def test_reading_leaves_no_row_but_what_is_refused_does(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready:
+        async with client(ready, key=VIEWER) as http:
+            assert (await http.get("/api/v1/robots")).status_code == 200
+            assert (await http.get("/api/v1/audit")).status_code == 403
+        assert [(row["action"], row["status"]) for row in await rows(ready)] == [("audit.read", 403)]
+
+
+async def test_a_socket_that_drives(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready):
+        async with open_socket(ready, "/api/v1/robots/sim_1/teleop"):
+            pass
+        async with open_socket(ready, "/api/v1/stream"):
+            pass
+        (row,) = await rows(ready)
+        assert (row["action"], row["method"], row["status"]) == ("robots.drive", "SOCKET", 101)
+
+
+async def test_users_keys_and_signing_in(tmp_path: Path) -> None:
+    password = "correct horse battery"
+    async with running_gateway(tmp_path) as ready:
+        async with client(ready, key=ADMIN) as http:
+            body = {"name": "ada", "role": "operator", "robots": ["sim_*"], "password": password}
+            assert (await http.post("/api/v1/users", json=body)).status_code == 201
+            made = (await http.post("/api/v1/keys", json={"name": "ci", "role": "viewer"})).json()
+            assert (await http.patch("/api/v1/users/ada", json={"role": "viewer"})).status_code == 200
+        async with client(ready, key="") as http:
+            for said in ("wrong", password):
+                await http.post("/api/v1/auth/login", json={"name": "ada", "password": said})
+        found = (await rows(ready))[::-1]
+        assert [(row["action"], row["name"], row["status"], row["code"]) for row in found] == [
+            ("users.manage", "test admin", 201, ""),
+            ("keys.own", "test admin", 201, ""),
+            ("users.manage", "test admin", 200, ""),
+            ("sessions.open", "anonymous", 401, "bad_credentials"),
+            ("sessions.open", "ada", 200, ""),
+        ]
+        assert [row["detail"] for row in found][:3] == [
+            "ada: operator, robots sim_*",
+            f"key {made['id']} ci: viewer, robots *",
+            "ada: viewer, robots sim_*",
+        ]
+        assert not {password, made["secret"], made["key"]} & {value for row in found for value in row.values()}
+        assert password not in str(found)
+
+
+async def test_pages_and_filters(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready:
+        for number in range(5):
+            await set_budget(ready, OPERATOR_KEY if number % 2 else ADMIN, f"r_{number}")
+        async with client(ready, key=ADMIN) as http:
+            first = (await http.get("/api/v1/audit?limit=3")).json()
+            second = (await http.get(f"/api/v1/audit?limit=3&before={first['next']}")).json()
+        assert [row["number"] for row in (*first["rows"], *second["rows"])] == [5, 4, 3, 2, 1]
+        assert second["next"] is None
+        assert [row["number"] for row in await rows(ready, name="test operator")] == [4, 2]
+        assert await rows(ready, action="store.read") == []
+        assert await rows(ready, name="a\x00b") == []
+
+
+async def test_many_at_once_are_one_chain(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready:
+        await asyncio.gather(*(set_budget(ready, OPERATOR_KEY, f"r_{number}") for number in range(60)))
+        assert len(await rows(ready)) == 60
+        found = await proof(ready)
+        assert (found["ok"], found["rows"], found["faults"]) == (True, 60, [])
+
+
+async def test_a_restart_goes_on_and_the_head_is_in_the_object_store(tmp_path: Path) -> None:
+    for number in range(2):
+        async with running_gateway(tmp_path) as ready:
+            await set_budget(ready, OPERATOR_KEY, f"r_{number}")
+    async with running_gateway(tmp_path) as ready:
+        found = await proof(ready)
+        assert (found["ok"], found["rows"], found["heads"], found["heads_sealed"]) == (True, 2, 2, 2)
+
+
+async def test_a_log_that_was_changed(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready:
+        for number in range(3):
+            await set_budget(ready, OPERATOR_KEY, f"r_{number}")
+    with sqlite3.connect(tmp_path / "data" / DATABASE) as database:
+        database.execute("DROP TRIGGER audit_no_update")
+        database.execute("UPDATE audit SET name = 'somebody else', at_ns = 9e18 WHERE number = 2")
+    database.close()
+    async with running_gateway(tmp_path) as ready:
+        found = await proof(ready)
+        assert not found["ok"]
+        assert [(fault["number"], fault["fault"]) for fault in found["faults"]] == [(2, "hash")]
+        assert [row["name"] for row in await rows(ready)][1] == "somebody else"
+
+
+async def test_a_refusal_of_nobody_known_is_seen(tmp_path: Path) -> None:
+    ring = KeyRing()
+    async with running_gateway(tmp_path, door=ring, anonymous=False) as ready:
+        async with client(ready, key="") as http:
+            assert (await http.get("/api/v1/robots")).status_code == 401
+        admin = (ready.data_dir / "local.key").read_text().strip()
+        async with client(ready, key=admin) as http:
+            found = (await http.get("/api/v1/audit")).json()["rows"]
+        assert [(row["kind"], row["action"], row["code"]) for row in found] == [("anonymous", "robots.read", "sign_in")]
