@@ -18,6 +18,7 @@ from gateway.objects import ObjectStore
 from gateway.store import Store
 from gateway.store.audit import AuditEvent, AuditFault, AuditHead, AuditRow, append, read_head, read_page, walk
 from gateway.store.audit_heads import Seal, check_heads, export_head
+from gateway.store.audit_proof import MAX_FAULTS, STEP_ROWS, proof
 from metaros.clock import Clock
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS, Limits
@@ -26,11 +27,9 @@ __all__ = ["AuditLog"]
 
 log = logging.getLogger(__name__)
 BATCH = 256
-STEP_ROWS = 2000
 RETRY_S = 0.5
 EXPORT_S = 3600.0
 EXPORT_RETRY_S = 60.0
-MAX_FAULTS = 100
 HOUR_S = 3600.0
 CLOSE_S = 2.0
 
@@ -150,29 +149,19 @@ class AuditLog:
         )
 
     async def _verified(self) -> dict[str, Any]:
-        at, faults, more = AuditHead(0, ""), list[AuditFault](), True
-        rows = 0
+        """Step by step, so that other readers come in between."""
+        at, more = AuditHead(0, ""), True
+        faults: list[AuditFault] = []
         while more:
             at, found, more = await self._store.read(partial(walk, known=at, limit=STEP_ROWS))
             faults += found[: MAX_FAULTS - len(faults)]
-            rows = at.number
-        heads, error = None, ""
         try:
             heads = await self._store.read_slowly(
                 lambda engine: check_heads(engine, self._objects, limit=self._limits.audit_heads, seal=self._seal)
             )
-        except GatewayError as failed:
-            error = str(failed)
-        faults += heads.faults[: MAX_FAULTS - len(faults)] if heads is not None else []
-        return {
-            "ok": not faults and not error,
-            "rows": rows,
-            "hash": at.hash,
-            "faults": [fault._asdict() for fault in faults],
-            "heads": heads.checked if heads is not None else 0,
-            "heads_sealed": heads.sealed if heads is not None else 0,
-            "heads_error": error,
-        }
+        except GatewayError as error:
+            return proof(at, faults, None, error=str(error))
+        return proof(at, faults, heads)
 
     async def _settled(self) -> None:
         if self._writer is not None:

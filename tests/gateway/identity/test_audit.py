@@ -16,6 +16,7 @@ from gateway.identity import audit
 from gateway.identity.audit import HOUR_S, AuditLog
 from gateway.objects import open_objects
 from gateway.store import Store
+from gateway.store.audit_heads import head_names
 from gateway.store.retention import Retention
 from metaros.clock import Clock, ManualClock
 from metaros.limits import LIMITS
@@ -96,10 +97,10 @@ async def test_the_head_is_exported_every_hour(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(audit, "EXPORT_S", 0.01)
     async with open_log(tmp_path) as (log, _):
         running = asyncio.create_task(log.run())
-        heads, folder = [], tmp_path / "objects" / "audit"
+        heads, objects = [], open_objects("", tmp_path)
         for number in range(1, 3):
             await log.record(action="x")
-            await wait_until_async(lambda number=number: len(list(folder.glob("*"))) == number)
+            await wait_until_async(lambda number=number: len(head_names(objects, limit=9)) == number)
             heads.append((await log.verify())["heads"])
         running.cancel()
         assert heads == [1, 2]
