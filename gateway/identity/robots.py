@@ -7,6 +7,7 @@ on the database reaches each within `POLL_S`, and a robot comes back while the d
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import secrets
 from collections.abc import Awaitable, Callable
@@ -148,7 +149,11 @@ class RobotIdentities:
         await self._know(admitted)
         if peer.certificate is None:
             await self._prove(hello, read, ask)
-        self._check(admitted)
+        try:
+            self._check(admitted)
+        except IdentityError:
+            await self._look()  # it may have been enrolled again a moment ago
+            self._check(admitted)
         return admitted
 
     def _without(self, robot: str, peer: Peer) -> Admitted:
@@ -181,6 +186,11 @@ class RobotIdentities:
         except StoreError:
             return False
         return len(self._authorities.issuers) != before
+
+    async def _look(self) -> None:
+        """Learn what changed, if the database can be asked."""
+        with contextlib.suppress(StoreError):
+            await self.refresh()
 
     async def _know(self, admitted: Admitted) -> None:
         """An identity that another gateway made a moment ago."""

@@ -1,0 +1,231 @@
+"""Robots' identities over HTTP: enrolment and renewal for robots, tokens and revocation for people."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from typing import Any
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import Response
+
+from gateway.api import models, models_enrol
+from gateway.api.allow import allow, principal_of, require_seen
+from gateway.api.audited import note
+from gateway.api.problem import JsonResponse
+from gateway.api.rest.auth import REFUSALS
+from gateway.api.rest.bodies import body_document, read_body
+from gateway.api.services import services_of
+from gateway.api.views import rfc3339
+from gateway.domain.identity import RobotIdentity, TokenState
+from gateway.errors import IdentityError, InvalidRequestError
+from gateway.identity.enrol import CHALLENGE_S, Enrolled
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/v1", tags=["identity"], default_response_class=JsonResponse)
+
+
+@router.get(
+    "/enrol/roots",
+    dependencies=[allow("agent.enrol")],
+    responses={200: {"model": models_enrol.FleetRoots}, 503: {"model": models.Problem}},
+)
+async def get_roots(request: Request) -> Response:
+    """The fleet's roots, for a robot that compares them with the pin in its token before it believes anything."""
+    authorities = services_of(request).identities.authorities
+    return JsonResponse({"fleet": authorities.fleet, "roots": authorities.roots_pem, "pins": sorted(authorities.pins)})
+
+
+@router.post(
+    "/enrol",
+    status_code=201,
+    dependencies=[allow("agent.enrol")],
+    responses={201: {"model": models_enrol.Enrolment}, 200: {"model": models_enrol.Enrolment}, **REFUSALS},
+    openapi_extra=body_document(models_enrol.EnrolRequest),
+)
+async def enrol(request: Request) -> Response:
+    """A robot's first certificate for its token; 200 for the answer to a request that was answered before."""
+    body = await read_body(request, models_enrol.EnrolRequest)
+    services = services_of(request)
+    given = await services.identities.enrol.enrol(body.token, body.robot, body.csr)
+    await services.identities.robots.refresh()
+    services.links.recheck()  # whoever spoke under this name without an identity goes now
+    note(request, detail=f"robot {given.robot} enrolled")
+    return JsonResponse(_enrolment(request, given), status_code=201 if given.fresh else 200)
+
+
+@router.post(
+    "/enrol/challenge",
+    dependencies=[allow("agent.enrol")],
+    responses={200: {"model": models_enrol.EnrolChallenge}, **REFUSALS},
+    openapi_extra=body_document(models_enrol.ChallengeRequest),
+)
+async def get_challenge(request: Request) -> Response:
+    """What a renewal has to sign; the same for every robot, known or not."""
+    await read_body(request, models_enrol.ChallengeRequest)
+    identities = services_of(request).identities
+    nonce = await identities.enrol.challenge()
+    return JsonResponse({"nonce": _base64(nonce), "audience": identities.fleet, "valid_s": CHALLENGE_S})
+
+
+@router.post(
+    "/enrol/renew",
+    dependencies=[allow("agent.enrol")],
+    responses={200: {"model": models_enrol.Enrolment}, **REFUSALS},
+    openapi_extra=body_document(models_enrol.RenewRequest),
+)
+async def renew(request: Request) -> Response:
+    """The next certificate for a robot that proves to hold the old one's key, up to 30 days after that one's end."""
+    body = await read_body(request, models_enrol.RenewRequest)
+    given = await services_of(request).identities.enrol.renew(
+        body.robot,
+        nonce=_bytes(body.nonce),
+        certificate=body.certificate,
+        csr=body.csr,
+        proof=_bytes(body.proof),
+    )
+    note(request, detail=f"robot {given.robot} renewed")
+    return JsonResponse(_enrolment(request, given))
+
+
+@router.get(
+    "/enrolment-tokens",
+    dependencies=[allow("robots.enrol")],
+    responses={200: {"model": models_enrol.EnrolmentTokenList}, **REFUSALS},
+)
+async def list_tokens(request: Request) -> Response:
+    """The newest enrolment tokens, used and unused, of robots in one's scope."""
+    principal = principal_of(request)
+    found = await services_of(request).identities.enrol.tokens()
+    seen = [one for one in found if principal.sees_all or principal.sees(one.robot or one.used_robot)]
+    return JsonResponse({"tokens": [_token(one) for one in seen]})
+
+
+@router.post(
+    "/enrolment-tokens",
+    status_code=201,
+    dependencies=[allow("robots.enrol")],
+    responses={201: {"model": models_enrol.NewEnrolmentToken}, **REFUSALS},
+    openapi_extra=body_document(models_enrol.TokenOrder),
+)
+async def make_token(request: Request) -> Response:
+    """Make a token that enrols one robot once. Its secret is in this answer and nowhere else."""
+    body = await read_body(request, models_enrol.TokenOrder)
+    principal, services = principal_of(request), services_of(request)
+    if body.robot:
+        require_seen(request, body.robot)
+    elif not principal.sees_all:
+        raise InvalidRequestError("robot: who does not see every robot has to say which one the token is for")
+    token, state = await services.identities.enrol.make_token(
+        robot=body.robot, made_by=principal.name, ttl_s=body.ttl_s
+    )
+    note(request, detail=f"token {state.id} for {body.robot or 'any robot'}")
+    url = f"{request.url.scheme}://{request.url.netloc}"
+    command = f"metaros agent enrol {token.text} --gateway {url}" + (f" --name {body.robot}" if body.robot else "")
+    return JsonResponse({**_token(state), "token": token.text, "command": command}, status_code=201)
+
+
+@router.delete(
+    "/enrolment-tokens/{token_id}",
+    dependencies=[allow("robots.enrol")],
+    responses={200: {"model": models.Ok}, **REFUSALS},
+)
+async def drop_token(request: Request, token_id: str) -> Response:
+    """Take back a token that no robot has used."""
+    if not await services_of(request).identities.enrol.drop_token(token_id):
+        raise IdentityError("token_unknown", f"there is no unused enrolment token {token_id[:40]!r}")
+    return JsonResponse({"ok": True})
+
+
+@router.get(
+    "/identities",
+    dependencies=[allow("robots.enrol")],
+    responses={200: {"model": models_enrol.IdentityList}, **REFUSALS},
+)
+async def list_identities(request: Request) -> Response:
+    """Every robot's identity and its certificates, of robots in one's scope."""
+    principal = principal_of(request)
+    found = await services_of(request).identities.robots.list()
+    return JsonResponse({"identities": [_identity(one) for one in found if principal.sees(one.robot)]})
+
+
+@router.post(
+    "/robots/{robot_id}/revoke",
+    dependencies=[allow("robots.revoke")],
+    responses={200: {"model": models.Ok}, **REFUSALS},
+    openapi_extra=body_document(models_enrol.RevokeRequest),
+)
+async def revoke(request: Request, robot_id: str) -> Response:
+    """End a robot's identity: its links are cut now, on other gateways within seconds."""
+    body = await read_body(request, models_enrol.RevokeRequest)
+    services = services_of(request)
+    await services.identities.robots.revoke(robot_id, body.reason)
+    services.links.recheck()
+    note(request, detail=f"robot {robot_id} revoked: {body.reason}")
+    return JsonResponse({"ok": True})
+
+
+def _enrolment(request: Request, given: Enrolled) -> dict[str, Any]:
+    services = services_of(request)
+    return {
+        "robot": given.robot,
+        "fleet": services.identities.fleet,
+        "certificate": given.certificate,
+        "chain": given.chain,
+        "roots": given.roots,
+        "not_after": rfc3339(given.not_after_ns),
+        "now": rfc3339(services.clock.wall_ns()),
+        "grpc_port": services.grpc_port(),
+        "grpc_tls": services.settings.tls_on,
+    }
+
+
+def _token(state: TokenState) -> dict[str, Any]:
+    return {
+        "id": state.id,
+        "robot": state.robot,
+        "made": rfc3339(state.made_ns),
+        "made_by": state.made_by,
+        "expires": rfc3339(state.expires_ns),
+        "used": _moment(state.used_ns),
+        "used_by": state.used_robot,
+    }
+
+
+def _identity(identity: RobotIdentity) -> dict[str, Any]:
+    return {
+        "robot": identity.robot,
+        "state": "revoked" if identity.revoked_ns else "active",
+        "enrolled": rfc3339(identity.enrolled_ns),
+        "revoked": _moment(identity.revoked_ns),
+        "reason": identity.reason,
+        "alarm": identity.alarm,
+        "alarm_at": _moment(identity.alarm_ns),
+        "certificates": [
+            {
+                "serial": one.serial,
+                "how": one.how,
+                "issued": rfc3339(one.issued_ns),
+                "not_after": rfc3339(one.not_after_ns),
+                "revoked": _moment(one.revoked_ns),
+            }
+            for one in identity.certificates
+        ],
+    }
+
+
+def _moment(stamp_ns: int) -> str | None:
+    return rfc3339(stamp_ns) if stamp_ns else None
+
+
+def _base64(data: bytes) -> str:
+    return base64.urlsafe_b64encode(data).decode().rstrip("=")
+
+
+def _bytes(text: str) -> bytes:
+    try:
+        return base64.b64decode(text + "=" * (-len(text) % 4), altchars=b"-_", validate=True)
+    except (binascii.Error, ValueError) as error:
+        raise IdentityError("proof_refused", "the challenge or the proof is not base64url") from error
