@@ -17,6 +17,7 @@ from metaros.cdr import field_reader
 from metaros.errors import FieldError, UsageError
 from metaros.idl import Catalogue, catalogue_of, schema_text
 from metaros.limits import LIMITS, Limits
+from metaros.seal.envelope import SEALED_CDR
 
 __all__ = ["METRIC_STREAM", "Channel", "Channels"]
 
@@ -56,15 +57,21 @@ class Channel:
     subscribers: int = 0
     live_seq: int = 0
     history: bool = False  # it is itself the copy of another
+    sealed: bool = False
     copy: Channel | None = None
     _last: tuple[int, int, int] = field(default=(0, 0, 0))  # monotonic ns, messages, bytes at the last statistics
+
+    @property
+    def encoding(self) -> str:
+        """What its payloads are, as MCAP and the gateway call it."""
+        return SEALED_CDR if self.sealed else "cdr"
 
     def describe(self) -> link_pb2.Channel:
         """The Channel of an Announce."""
         return link_pb2.Channel(
             channel_id=self.channel_id,
             topic=self.topic,
-            encoding="cdr",
+            encoding=self.encoding,
             schema_name=self.type_name,
             schema_encoding="ros2msg" if self.schema else "",
             schema=self.schema,
@@ -185,7 +192,9 @@ class Channels:
         rule = self._table.rule(topic)
         delivery, max_rate_hz = decide(rule, keeps_all=keeps_all)
         known = catalogue_of(type_name, hash_text) if hash_text.startswith("RIHS01_") else None
-        number = self._ids.channel(topic=topic, type_name=type_name, type_hash=hash_text, delivery=delivery)
+        number = self._ids.channel(
+            topic=topic, type_name=type_name, type_hash=hash_text, delivery=delivery, sealed=rule.sealed
+        )
         channel = Channel(
             channel_id=number,
             topic=topic,
@@ -197,6 +206,7 @@ class Channels:
             selector=Selector(rule, delivery, max_rate_hz=max_rate_hz),
             metrics=None,
             schema=schema_text(type_name, known).encode() if known else b"",
+            sealed=rule.sealed,
         )
         self._by_name[topic, type_name, hash_text] = self._by_id[channel.channel_id] = channel
         if known:
@@ -216,7 +226,9 @@ class Channels:
             self.refused += 1
             return None
         topic, type_name, type_hash = name
-        number = self._ids.channel(topic=topic, type_name=type_name, type_hash=type_hash, delivery=HISTORY)
+        number = self._ids.channel(
+            topic=topic, type_name=type_name, type_hash=type_hash, delivery=HISTORY, sealed=live.sealed
+        )
         return self._add_copy(self._ids.channels[number], live.rule, live.schema, catalogue)
 
     def _add_copy(self, known: ChannelId, rule: TopicRule, schema: bytes, catalogue: Catalogue | None) -> Channel:
@@ -234,8 +246,11 @@ class Channels:
             metrics=None,
             schema=schema,
             history=True,
+            sealed=known.sealed,
         )
-        self._by_id[copy.channel_id] = self._copies[known.topic, known.type_name, known.type_hash] = copy
+        self._by_id[copy.channel_id] = copy
+        if known.sealed == rule.sealed:  # else it only says what waits of an earlier run
+            self._copies[known.topic, known.type_name, known.type_hash] = copy
         if catalogue:
             self._read_fields(copy, catalogue)
         self._changed(copy)
@@ -263,7 +278,7 @@ class Channels:
         if known.delivery == HISTORY:
             self._add_copy(known, rule, schema, catalogue)
             return
-        same = delivery == known.delivery
+        same = (delivery, rule.sealed) == (known.delivery, known.sealed)
         channel = Channel(
             channel_id=known.channel,
             topic=known.topic,
@@ -275,6 +290,7 @@ class Channels:
             selector=Selector(rule, delivery, max_rate_hz=max_rate_hz),
             metrics=None,
             schema=schema,
+            sealed=known.sealed,
         )
         self._by_id[channel.channel_id] = channel
         if same and catalogue:
@@ -287,7 +303,7 @@ class Channels:
         """Those of the row's fields that the type has are read from now on: as series, and for the dead-band."""
         rule, type_name = channel.rule, channel.type_name
         fields = [path for path in rule.fields if has_field(type_name, path, catalogue)]
-        if not channel.history:
+        if not channel.history and rule.seal != "sealed":
             channel.metrics = self._extractor(channel.topic, type_name, rule, fields, catalogue)
         if rule.deadband > 0 and fields:
             reader = field_reader(type_name, fields, catalogue)

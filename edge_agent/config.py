@@ -13,7 +13,7 @@ from typing import Any, get_args
 from edge_agent.blackbox.settings import BlackBoxSettings, black_box_settings
 from edge_agent.drive_guard import DEFAULT_ACTUATORS
 from edge_agent.outbox import CLASSES, ClassPolicy
-from edge_agent.topics import DEFAULT_TOPICS, Delivery, TopicRule
+from edge_agent.topics import DEFAULT_TOPICS, Delivery, Seal, TopicRule
 from edge_agent.uplink.address import GatewayAddress, TransportSetting, parse_address
 from edge_agent.uplink.lane import Compression
 from metaros.errors import ConfigError, MetarosError
@@ -37,6 +37,7 @@ RULE_KEYS = {
     "deadband_max_s": float,
     "history_hz": float,
     "latest_only": bool,
+    "seal": str,
 }
 
 
@@ -82,6 +83,7 @@ class Settings:
     actuators: tuple[str, ...] = DEFAULT_ACTUATORS
     state_dir: Path | None = None  # None = ~/.metaros/agent/<name>
     status_file: Path | None = None
+    seal_keyring: Path | None = None  # None = seal.keys in the state directory
     labels: Mapping[str, str] = field(default_factory=dict)
     topics: tuple[TopicRule, ...] = DEFAULT_TOPICS
     outbox: OutboxSettings = OutboxSettings()
@@ -169,7 +171,7 @@ def convert(key: str, value: Any, where: str) -> Any:
             return outbox_settings(expect(value, dict, key, where), where)
         case "black_box":
             return black_box_settings(expect(value, dict, key, where), where)
-        case "status_file" | "state_dir":
+        case "status_file" | "state_dir" | "seal_keyring":
             return Path(value)
         case _:
             return expect(value, str, key, where)
@@ -211,6 +213,7 @@ def topic_rule(row: dict[str, Any], key: str, where: str) -> TopicRule:
             raise ConfigError(f"{where}: {key}.{name} must be 0 to 1000000, not {row[name]}")
     row["fields"] = tuple(expect(path, str, f"{key}.fields", where) for path in row.get("fields", ()))
     check_reduction(row, delivery, key, where)
+    check_seal(row, key, where)
     return TopicRule(delivery=delivery, **row)
 
 
@@ -227,6 +230,19 @@ def check_reduction(row: dict[str, Any], delivery: str, key: str, where: str) ->
         raise ConfigError(f"{where}: {key}.history_hz cannot be with class {delivery}: all of its samples are kept")
     if row.get("history_hz") and not row.get("forward", True):
         raise ConfigError(f"{where}: {key}.history_hz cannot be with forward = false: nothing leaves the robot")
+
+
+def check_seal(row: dict[str, Any], key: str, where: str) -> None:
+    """A row's seal, and that no series of a sealed topic leave the robot by mistake."""
+    seal = row.get("seal", "clear")
+    if seal not in get_args(Seal):
+        raise ConfigError(f"{where}: {key}.seal must be one of {', '.join(get_args(Seal))}, not {seal!r}")
+    if seal == "sealed" and row["fields"] and not row.get("deadband"):
+        raise ConfigError(
+            f'{where}: {key}.fields would go as readable series: say seal = "features", or leave them out'
+        )
+    if seal == "features" and not row["fields"]:
+        raise ConfigError(f'{where}: {key}.seal = "features" needs {key}.fields: which go as readable series')
 
 
 def outbox_settings(table: dict[str, Any], where: str) -> OutboxSettings:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import NamedTuple
 
 from edge_agent.channels import Channel
@@ -26,6 +27,7 @@ class LiveQueue:
 
     def __init__(self, *, max_bytes: int = LIMITS.live_bytes) -> None:
         self.max_bytes = max_bytes
+        self.seal: Callable[[Channel, int, bytes], bytes] | None = None  # what waits of a payload and its number
         self.dropped = 0
         self._queue: deque[tuple[Channel, LiveSample, int]] = deque()
         self.size_bytes = 0
@@ -36,6 +38,8 @@ class LiveQueue:
     def append(self, channel: Channel, stamp_ns: int, payload: bytes) -> None:
         """Queue a sample under its channel's next number; the oldest make room."""
         channel.live_seq += 1
+        if self.seal is not None:
+            payload = self.seal(channel, channel.live_seq, payload)
         size = len(payload) + OVERHEAD_BYTES
         self._queue.append((channel, LiveSample(channel.live_seq, stamp_ns, payload), size))
         self.size_bytes += size

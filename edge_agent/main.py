@@ -27,6 +27,7 @@ from edge_agent.outbox import OutboxWriter
 from edge_agent.pipeline import Pipeline
 from edge_agent.publishers import Publishers
 from edge_agent.scope import Scope
+from edge_agent.sealing import open_sealing
 from edge_agent.state import AgentState, open_state
 from edge_agent.status import status_file
 from edge_agent.tap import Tap
@@ -93,15 +94,9 @@ async def run_host(settings: Settings, context: Context, channels: Channels, clo
 async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Clock) -> None:
     """Build the parts on their node and run them; what was gathered when they end is flushed last."""
     outbox, scope = state.outbox, Scope(settings.namespace, settings.exclude)
-    box = open_box(settings.black_box, state.directory, state.disk, clock)
-    queues = Queues(
-        Channels(TopicTable(settings.topics), outbox.ids, namespace=settings.namespace),
-        outbox,
-        LiveQueue(max_bytes=settings.outbox.live_bytes),
-        Linger(),
-        Budget(limit_bytes_per_s=state.limit_bytes_per_s, now_s=clock.monotonic_s()),
-        open_shelf(state.directory),
-    )
+    box_sealing = open_sealing(settings, state.directory, clock)  # its thread's own
+    box = open_box(settings.black_box, state.directory, state.disk, clock, sealing=box_sealing)
+    queues = open_queues(settings, state, clock)
     publishers = Publishers(node)
     teleop = Teleop(DriveGuard(clock, settings.actuators), publishers, scope)
     limit = UplinkLimit(state.disk, queues.budget, clock)
@@ -150,6 +145,22 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
         publishers.close()
         writing.cancel()  # it flushes what came until now
         await asyncio.wait({writing})
+
+
+def open_queues(settings: Settings, state: AgentState, clock: Clock) -> Queues:
+    """Where samples wait for the link; what the topic table seals is sealed before it waits.
+
+    Raises:
+        ConfigError: something is to be sealed, and there is no usable keyring.
+    """
+    outbox, sealing = state.outbox, open_sealing(settings, state.directory, clock)
+    channels = Channels(TopicTable(settings.topics), outbox.ids, namespace=settings.namespace)
+    live = LiveQueue(max_bytes=settings.outbox.live_bytes)
+    if sealing is not None:
+        outbox.seal = sealing.accepted(channels.by_id)
+        live.seal = sealing.live(lambda: outbox.live_epoch)
+    budget = Budget(limit_bytes_per_s=state.limit_bytes_per_s, now_s=clock.monotonic_s())
+    return Queues(channels, outbox, live, Linger(), budget, open_shelf(state.directory))
 
 
 def door_of(settings: Settings, directory: Path) -> tuple[Credentials | None, list[GatewayAddress]]:

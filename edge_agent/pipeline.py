@@ -12,6 +12,7 @@ from edge_agent.live import LiveQueue
 from edge_agent.outbox import Outbox
 from metaros.errors import DecodeError
 from metaros.limits import LIMITS, Limits
+from metaros.seal.envelope import OVERHEAD_BYTES
 
 __all__ = ["Arrival", "Pipeline"]
 
@@ -84,7 +85,7 @@ class Pipeline:
 
     def _sample(self, channel: Channel, arrival: Arrival) -> int:
         live = channel.delivery == "live"
-        if arrival.size_bytes > self._limits.sample_bytes:
+        if arrival.size_bytes + (OVERHEAD_BYTES if channel.sealed else 0) > self._limits.sample_bytes:
             channel.dropped += 1
             if not live:
                 self._outbox.give_up(channel.channel_id, channel.delivery, "too_large")

@@ -11,9 +11,10 @@ from typing import Literal
 
 from metaros.idl.globs import Glob
 
-__all__ = ["DEFAULT_TOPICS", "Delivery", "TopicRule", "TopicTable", "series_name"]
+__all__ = ["DEFAULT_TOPICS", "Delivery", "Seal", "TopicRule", "TopicTable", "series_name"]
 
 Delivery = Literal["auto", "event", "bulk", "live"]
+Seal = Literal["clear", "sealed", "features"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,6 +31,12 @@ class TopicRule:
     deadband_max_s: float = 60.0  # and at the latest after so long; 0 = never without a move
     history_hz: float = 0.0  # of a live topic so many samples a second are kept, watched or not; 0 = none
     latest_only: bool = False  # bulk: while its class is behind only the newest sample waits
+    seal: Seal = "clear"  # features: the samples are sealed, the series of `fields` are not
+
+    @property
+    def sealed(self) -> bool:
+        """Whether the samples are sealed."""
+        return self.seal != "clear"
 
 
 DEFAULT_TOPICS: tuple[TopicRule, ...] = (

@@ -9,12 +9,18 @@
     │   ├── ConfigError           a setting or an option is wrong                       invalid_config
     │   ├── ParameterError        a parameter's value or declaration is refused         invalid_parameter
     │   │   └── UnknownParameterError   no parameter of that name was declared          unknown_parameter
+    │   ├── KeyringError          the file of sealing keys is missing, open to others, or damaged   keyring
+    │   ├── SealedError           a sealed payload is not decoded without its key       sealed
     │   └── ClosedError           the node, session or publisher was closed             closed
     ├── RecordingError            a recording cannot be written or read               recording
     └── PeerError                 the other side's fault
         ├── DecodeError           bytes that are no valid CDR of the type               malformed_cdr
         ├── AttachmentError       a sample's attachment is missing or malformed         malformed_attachment
         ├── TokenError            a liveliness token cannot be read                     malformed_token
+        ├── SealError             a sealed payload is not what its robot sealed, there  seal_broken
+        │   ├── SealFormatError   bytes that are no sealed payload                      malformed_seal
+        │   ├── SealKeyError      sealed by a key that the keyring lacks                seal_key_unknown
+        │   └── ReplayError       the same sealed payload came before                   seal_replayed
         ├── FrameError            a link frame breaks the protocol                      malformed_frame
         ├── TypeHashError         same type name, another hash                          type_hash_mismatch
         ├── TooLargeError         a message or frame is over its limit                  too_large
@@ -37,12 +43,18 @@ __all__ = [
     "DefinitionError",
     "FieldError",
     "FrameError",
+    "KeyringError",
     "MetarosError",
     "NameError_",
     "ParameterError",
     "PeerError",
     "PeerRestartedError",
     "RecordingError",
+    "ReplayError",
+    "SealError",
+    "SealFormatError",
+    "SealKeyError",
+    "SealedError",
     "TimeoutError_",
     "TokenError",
     "TooLargeError",
@@ -108,6 +120,18 @@ class UnknownParameterError(ParameterError):
     code = "unknown_parameter"
 
 
+class KeyringError(UsageError):
+    """The file of sealing keys is missing, readable for others, or damaged; the message says which and what to do."""
+
+    code = "keyring"
+
+
+class SealedError(UsageError):
+    """The payload is sealed, and is not decoded where its key is not."""
+
+    code = "sealed"
+
+
 class ClosedError(UsageError):
     """The node, session or publisher was closed before."""
 
@@ -142,6 +166,30 @@ class TokenError(PeerError):
     """A liveliness token cannot be read."""
 
     code = "malformed_token"
+
+
+class SealError(PeerError):
+    """A sealed payload was changed, or is not where its robot put it: another robot, topic, type or number."""
+
+    code = "seal_broken"
+
+
+class SealFormatError(SealError):
+    """Bytes that are no sealed payload."""
+
+    code = "malformed_seal"
+
+
+class SealKeyError(SealError):
+    """Sealed by a key that the keyring does not hold; the message names the key."""
+
+    code = "seal_key_unknown"
+
+
+class ReplayError(SealError):
+    """A sealed payload that came before."""
+
+    code = "seal_replayed"
 
 
 class FrameError(PeerError):

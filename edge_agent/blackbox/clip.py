@@ -117,7 +117,7 @@ class _Writer:
         self._schemas: dict[tuple[str, str], tuple[str, bytes]] = {}  # by the channel's identity: name, text
         self._names: dict[int, str] = {}
         self._places: dict[int, tuple[int, Publisher] | None] = {}  # by a source channel's identity
-        self._channels: dict[tuple[str, str, str], int] = {}
+        self._channels: dict[tuple[str, str, str, str], int] = {}
         self._schema_ids: dict[tuple[str, str], int] = {}
         self._checked = self._in_span = 0
 
@@ -184,9 +184,10 @@ class _Writer:
         place: tuple[int, Publisher] | None = None
         if not self._globs or any(glob.matches(topic) for glob in self._globs):
             name = self._names[id(channel)]
-            number = self._channels.get((topic, name, type_hash))
+            key = (topic, name, type_hash, channel.message_encoding)
+            number = self._channels.get(key)
             if number is None:
-                number = self._channels[topic, name, type_hash] = self._add(channel, name, type_hash)
+                number = self._channels[key] = self._add(channel, name, type_hash)
             gid = bytes.fromhex(channel.metadata.get(GID_KEY, ""))
             place = number, self._publishers.setdefault((topic, gid), Publisher(topic, name, gid))
         self._places[id(channel)] = place
@@ -199,7 +200,10 @@ class _Writer:
             schema = self._schema_ids[name, type_hash] = self._file.add_schema(name, text)
         own = (GID_KEY, DEPTH_KEY)
         return self._file.add_channel(
-            channel.topic, schema, {key: text for key, text in channel.metadata.items() if key not in own}
+            channel.topic,
+            schema,
+            {key: text for key, text in channel.metadata.items() if key not in own},
+            encoding=channel.message_encoding,
         )
 
 

@@ -32,7 +32,10 @@ def last_of_each(
         if not latched:
             continue
         for record in records(index, channels=latched, last_ns=before_ns - 1):
-            key = (record.channel.topic, repr(sorted(record.channel.metadata.items())))
+            key = (
+                f"{record.channel.message_encoding} {record.channel.topic}",
+                repr(sorted(record.channel.metadata.items())),
+            )
             samples = kept.setdefault(key, deque())
             samples.append(record)
             size_bytes += len(record.payload)
@@ -81,7 +84,9 @@ def retire_latched(place: Path, leaving: Path, *, limit_bytes: int) -> None:
                 if number is None:
                     name = names[id(channel)]
                     schema = file.add_schema(name, schemas[name, channel.metadata.get("type_hash", "")])
-                    number = channels[id(channel)] = file.add_channel(channel.topic, schema, channel.metadata)
+                    number = channels[id(channel)] = file.add_channel(
+                        channel.topic, schema, channel.metadata, encoding=channel.message_encoding
+                    )
                 file.write(number, record.log_ns, record.publish_ns, record.sequence, record.payload, None)
             file.finish(list, lambda _notes: None)
         draft.replace(place)

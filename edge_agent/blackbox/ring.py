@@ -67,12 +67,16 @@ class Ring:
         limit_bytes: int,
         free: Callable[[], tuple[int, int]],
         open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb", buffering=0),
+        seal: Callable[[Source, int, bytes], bytes] | None = None,
     ) -> None:
-        """Take over the files that an earlier run left. `free` tells free and all bytes of the disk, or DiskError."""
+        """`seal` makes what is kept of a payload and its number.
+
+        Take over the files that an earlier run left. `free` tells free and all bytes of the disk, or DiskError.
+        """
         self.trouble = ""
         self.lost = 0
         self._folder, self._clock, self._free, self._open_file = folder, clock, free, open_file
-        self._window_s, self._limit_bytes = window_s, limit_bytes
+        self._window_s, self._limit_bytes, self._seal = window_s, limit_bytes, seal
         self._piece_s = min(PIECE_S, window_s / 4)
         self._piece_bytes = min(LIMITS.black_box_piece_bytes, limit_bytes // 8)
         self._pieces: deque[Piece] = deque()
@@ -122,6 +126,8 @@ class Ring:
             self._lose([(source, sequence)])
             self._failed(error)
             return
+        if self._seal is not None:
+            payload = self._seal(source, sequence, payload)
         try:
             file.write(channel, log_ns, publish_ns, sequence, payload, (source, sequence))
         except OSError as error:
@@ -220,7 +226,7 @@ class Ring:
             schema = self._schemas[key] = file.add_schema(channel.type_name, channel.schema)
         metadata = source.metadata()
         self._latched = self._latched or DEPTH_KEY in metadata
-        return file.add_channel(channel.topic, schema, metadata)
+        return file.add_channel(channel.topic, schema, metadata, encoding=channel.encoding)
 
     def _due(self) -> bool:
         """Whether the open file, which may still be empty, is old enough."""

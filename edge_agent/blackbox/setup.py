@@ -11,6 +11,7 @@ from edge_agent.blackbox.settings import BlackBoxSettings
 from edge_agent.blackbox.shelf import Shelf
 from edge_agent.errors import DiskError
 from edge_agent.outbox import Disk
+from edge_agent.sealing import Sealing
 from metaros.clock import Clock
 
 __all__ = ["BOX_FOLDER", "RECORDINGS_FOLDER", "open_box", "open_shelf"]
@@ -19,8 +20,10 @@ LOG = logging.getLogger("metaros.agent.black_box")
 BOX_FOLDER, RECORDINGS_FOLDER = "black_box", "recordings"
 
 
-def open_box(settings: BlackBoxSettings, directory: Path, disk: Disk, clock: Clock) -> BlackBox | None:
-    """The black box of a state directory, begun; None where it is switched off."""
+def open_box(
+    settings: BlackBoxSettings, directory: Path, disk: Disk, clock: Clock, *, sealing: Sealing | None = None
+) -> BlackBox | None:
+    """The black box of a state directory, begun; None where it is switched off. `sealing` is its own alone."""
     if not settings.enabled:
         return None
 
@@ -31,6 +34,7 @@ def open_box(settings: BlackBoxSettings, directory: Path, disk: Disk, clock: Clo
             window_s=settings.minutes * 60,
             limit_bytes=settings.quota_bytes,
             free=disk.free,
+            seal=sealing.recorded if sealing is not None else None,
         )
 
     box = BlackBox(settings, open_ring, clock)

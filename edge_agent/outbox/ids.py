@@ -24,7 +24,7 @@ _MAX_BYTES = 64 * 1024 * 1024
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelId:
-    """A channel: topic, type and class. `schema` is kept where the catalogue does not have it."""
+    """A channel: topic, type, class, and whether sealed. `schema` is kept where the catalogue does not have it."""
 
     channel: int
     topic: str
@@ -32,6 +32,7 @@ class ChannelId:
     type_hash: str
     delivery: str
     schema: str = ""
+    sealed: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,11 +70,19 @@ class IdLog:
             with contextlib.suppress(DiskError):  # a full disk: the file stays long for now
                 self._rewrite()
 
-    def channel(self, *, topic: str, type_name: str, type_hash: str, delivery: str, schema: str = "") -> int:
+    def channel(
+        self, *, topic: str, type_name: str, type_hash: str, delivery: str, schema: str = "", sealed: bool = False
+    ) -> int:
         """A new channel's number."""
         number = self._take("channel")
         facts = ChannelId(
-            channel=number, topic=topic, type_name=type_name, type_hash=type_hash, delivery=delivery, schema=schema
+            channel=number,
+            topic=topic,
+            type_name=type_name,
+            type_hash=type_hash,
+            delivery=delivery,
+            schema=schema,
+            sealed=sealed,
         )
         self.describe(facts)
         return number

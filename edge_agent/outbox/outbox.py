@@ -22,7 +22,7 @@ from edge_agent.outbox.classes import BACKFILL_BIT, CLASSES, LOGS, ClassPolicy, 
 from edge_agent.outbox.disk import Disk
 from edge_agent.outbox.ids import IdLog
 from edge_agent.outbox.log import AppendJob, SegmentLog, Taken
-from edge_agent.outbox.pending import Lost, Pending, Row, Sample, pack
+from edge_agent.outbox.pending import Lost, Pending, Row, Sample, Seal, pack
 from edge_agent.outbox.rewrite import RewriteJob, with_room
 from edge_agent.outbox.state import OutboxState
 from metaros.clock import Clock
@@ -87,6 +87,7 @@ class Outbox:
         self._limits = limits
         self._reserve_bytes = reserve_bytes
         self.online = False  # whether the link is up, so that what comes is fresh
+        self.seal: Seal | None = None  # what is kept of a payload once it has its number
         self._note_at_s = 0.0
         self._pending = {name: Pending(limits) for name in LOGS}
         self._writing: set[LogName] = set()
@@ -131,8 +132,7 @@ class Outbox:
 
     def give_up(self, stream_id: int, delivery: str, reason: str) -> None:
         """Number a sample that cannot be kept: it becomes a gap."""
-        name, stream_id = self._route(stream_id, delivery)
-        self._lose(name, stream_id, reason)
+        self._lose(*self._route(stream_id, delivery), reason)
 
     def due_s(self, name: LogName) -> float | None:
         """Seconds until a log's gathering is to be flushed, 0 now, None when nothing waits or it is being written."""
@@ -161,6 +161,8 @@ class Outbox:
             wall_ns=self._clock.wall_ns(),
             mono_ns=round(self._clock.monotonic_s() * 1e9),
             limits=self._limits,
+            epoch=self.live_epoch,
+            seal=self.seal,
         )
         self._writing.add(name)
         return FlushJob(name, log.append_job(list(frames), era=self.state.era), streams)
@@ -312,8 +314,7 @@ class Outbox:
             for era, stream in log.streams()
         )
         waiting = [log.waiting_bytes + log.flight_bytes for log in logs]
-        disk_bytes = sum(log.size_bytes for log in logs)
-        return Depth(waiting[0], sum(waiting[1:]), samples, disk_bytes)
+        return Depth(waiting[0], sum(waiting[1:]), samples, sum(log.size_bytes for log in logs))
 
     # -- inside -----------------------------------------------------------------------------------------------------
 

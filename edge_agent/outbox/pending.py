@@ -11,11 +11,12 @@ from edge_agent.outbox.segment import Frame, Gap, Kind
 from metaros._proto import link_pb2
 from metaros.limits import Limits
 
-__all__ = ["ROW_BYTES", "Lost", "Pending", "Row", "Sample", "pack"]
+__all__ = ["ROW_BYTES", "Lost", "Pending", "Row", "Sample", "Seal", "pack"]
 
 ROW_BYTES = 20
 Row = tuple[int, float]  # series id, value
 Sample = tuple[int, bytes | Row]  # stamp ns, CDR or a metric row
+Seal = Callable[[int, int, int, bytes], bytes]  # of stream, epoch, seq and payload: what is kept of it
 
 
 @dataclass(slots=True)
@@ -103,11 +104,13 @@ def pack(
     wall_ns: int,
     mono_ns: int,
     limits: Limits,
+    epoch: int = 0,
+    seal: Seal | None = None,
 ) -> Iterator[Frame]:
-    """The frames of what was gathered, numbered on from `next_seq(stream)`."""
+    """The frames of what was gathered, numbered on from `next_seq(stream)`, each sample as `seal` makes it."""
     for stream_id, queue in streams.items():
         seq = next_seq(stream_id)
-        for run in runs(queue, limits):
+        for run in runs(sealed(queue, seal, stream_id, epoch, seq) if seal else queue, limits):
             if isinstance(run, Lost):
                 gap = Gap(seq, seq + run.count - 1, run.reason, run.from_ns, run.to_ns)
                 yield Frame.of_gap(stream_id, gap, wall_ns=wall_ns, mono_ns=mono_ns)
@@ -116,6 +119,20 @@ def pack(
             kind, body = (Kind.SAMPLES, samples_body(run)) if isinstance(run[0][1], bytes) else rows_body(run)
             yield Frame(kind, stream_id, seq, len(run), wall_ns, mono_ns, body)
             seq += len(run)
+
+
+def sealed(queue: list[Sample | Lost], seal: Seal, stream_id: int, epoch: int, seq: int) -> list[Sample | Lost]:
+    """The queue with every payload as `seal` makes it under its number; what was gathered stays as it was."""
+    made: list[Sample | Lost] = []
+    for item in queue:
+        if isinstance(item, Lost):
+            made.append(item)
+            seq += item.count
+            continue
+        stamp_ns, data = item
+        made.append((stamp_ns, seal(stream_id, epoch, seq, data)) if isinstance(data, bytes) else item)
+        seq += 1
+    return made
 
 
 def runs(queue: list[Sample | Lost], limits: Limits) -> Iterator[list[Sample] | Lost]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from gateway.domain.channel import Channel
 from metaros.cdr import codec
-from metaros.errors import MetarosError, TooLargeError, TypeHashError, UnknownTypeError
+from metaros.errors import MetarosError, SealedError, TooLargeError, TypeHashError, UnknownTypeError
 from metaros.idl import Catalogue, add_schema_text, default_catalogue, type_hash
 from metaros.idl.json import to_json
 from metaros.limits import LIMITS
@@ -15,6 +15,7 @@ from metaros.limits import LIMITS
 __all__ = ["Decoder"]
 
 MAX_CATALOGUES = 256
+SEALED = "sealed/"  # a channel's encoding begins so where its payloads are encrypted
 
 
 class Decoder:
@@ -25,6 +26,8 @@ class Decoder:
 
     def decode(self, channel: Channel, payload: bytes) -> Any:
         """The message; MetarosError when it is too large to show, of an unknown type, or not of its type."""
+        if channel.encoding.startswith(SEALED):
+            raise SealedError(f"{channel.topic} is sealed: only who has its key can read it")
         if len(payload) > LIMITS.history_decoded_bytes:
             raise TooLargeError(f"{len(payload)} bytes are not shown as JSON, at most {LIMITS.history_decoded_bytes}")
         if channel.encoding != "cdr":

@@ -59,6 +59,7 @@ NOUNS = (
     Noun("play", "metaros.cli.play", ROBOTS, "Replay a recording, or a real robot's log, as live topics"),
     Noun("recording", "", ROBOTS, "list, save, get, delete: the last minutes of a robot, in full", "gateway"),
     Noun("history", "", ROBOTS, "topics, messages, export: what a gateway has stored", "gateway"),
+    Noun("seal", "metaros.cli.seal", ROBOTS, "key, open: sealed topics, which the gateway cannot read"),
     Noun("driver", "metaros.cli.driver", ROBOTS, "list, run: cameras and other devices", "drivers"),
 )
 

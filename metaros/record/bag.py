@@ -40,6 +40,8 @@ class BagTopic:
     encoding: str
     qos_text: str
     messages: int = 0
+    robot: str = ""  # where a gateway or a black box wrote it: whose topic it is,
+    origin: str = ""  # and its name there
     _decode: Callable[[bytes], Any] | None = field(default=None, repr=False)
 
     @property
@@ -74,7 +76,7 @@ class Bag:
     def __init__(self, path: Path, files: Sequence[FileIndex]) -> None:
         self.path = path
         self.files = sorted(files, key=lambda file: (file.first_ns, file.path.name))
-        self._topics: dict[tuple[str, str, str], BagTopic] = {}
+        self._topics: dict[tuple[str, str, str, str], BagTopic] = {}
         self._of_channel: dict[tuple[Path, int], BagTopic] = {}
         for file in self.files:
             for channel in file.channels.values():
@@ -176,12 +178,20 @@ class Bag:
         schema = file.schemas.get(channel.schema_id)
         name = schema.name if schema else ""
         type_hash = channel.metadata.get("type_hash") or channel.metadata.get("topic_type_hash", "")
-        key = (channel.topic, name, type_hash)
+        key = (channel.topic, name, type_hash, channel.message_encoding)
         if key not in self._topics:
             text = schema.data.decode(errors="replace") if schema and schema.encoding == "ros2msg" else ""
             qos = channel.metadata.get("offered_qos_profiles", "")
-            self._topics[key] = BagTopic(channel.topic, name, type_hash, text, channel.message_encoding, qos)
+            robot, origin = channel.metadata.get("robot", _robot_of(file)), channel.metadata.get("topic", channel.topic)
+            self._topics[key] = BagTopic(
+                channel.topic, name, type_hash, text, channel.message_encoding, qos, robot=robot, origin=origin
+            )
         return self._topics[key]
+
+
+def _robot_of(file: FileIndex) -> str:
+    """Whose black box the file was cut from; empty where it says nothing."""
+    return next((facts.get("robot", "") for name, facts in file.metadata if name == "metaros.recording"), "")
 
 
 def open_bag(path: str | Path) -> Bag:

@@ -12,7 +12,7 @@ from typing import Final
 
 from metaros.errors import ConfigError, RecordingError
 from metaros.mcap import McapFile
-from metaros.record.bag import Bag, BagTopic
+from metaros.record.bag import Bag, BagMessage, BagTopic
 from metaros.record.ledger import GAPS
 
 __all__ = ["Rewritten", "rewrite"]
@@ -41,8 +41,11 @@ def rewrite(
     duration_s: float | None = None,
     compression: str = "zstd",
     damaged: Callable[[str], object] | None = None,
+    change: Callable[[BagMessage], BagMessage | None] | None = None,
 ) -> Rewritten:
     """Copy what lies within `start_s` and `duration_s` of the recording's begin into one new .mcap file.
+
+    `change` makes what is written of a message; None leaves it out.
 
     ConfigError when `output` is there or is no .mcap name; RecordingError when a chunk is damaged, unless `damaged`
     is told of it, or when the disk does not take the file, which is removed then.
@@ -58,7 +61,10 @@ def rewrite(
         with path.open("xb", buffering=0) as stream:
             file: McapFile[None] = McapFile(stream, compression=compression, chunk_bytes=_CHUNK_BYTES)
             channels: dict[BagTopic, int] = {}
-            for message in bag.messages(topics, start_ns=start_ns, end_ns=end_ns, damaged=damaged):
+            for found in bag.messages(topics, start_ns=start_ns, end_ns=end_ns, damaged=damaged):
+                message = found if change is None else change(found)
+                if message is None:
+                    continue
                 channel = channels.get(message.topic)
                 if channel is None:
                     channel = channels[message.topic] = _add_channel(file, message.topic)

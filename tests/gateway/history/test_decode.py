@@ -63,6 +63,13 @@ def test_what_cannot_be_shown_says_why() -> None:
     assert code(replace(string, encoding="json"), b"{}") == "unknown_type"
 
 
+def test_a_sealed_message_is_said_to_be_sealed_and_not_decoded() -> None:
+    string = announced("std_msgs/msg/String", schema_text("std_msgs/msg/String"), type_hash("std_msgs/msg/String"))
+    sealed = replace(string, encoding="sealed/cdr")
+    assert code(sealed, b"\x00\x01\x00\x00\x03\x00\x00\x00hi\x00") == "sealed"
+    assert code(sealed, bytes(LIMITS.history_decoded_bytes + 1)) == "sealed"
+
+
 def test_catalogues_are_bounded() -> None:
     decoder = Decoder()
     for number in range(MAX_CATALOGUES + 10):
