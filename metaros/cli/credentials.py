@@ -9,10 +9,13 @@ from __future__ import annotations
 import json
 import os
 import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+from metaros.cli.instance import file_lock
 from metaros.errors import ConfigError
 
 __all__ = ["credentials_file", "forget_key", "key_for", "save_key"]
@@ -41,17 +44,31 @@ def key_for(url: str) -> str:
 
 def save_key(url: str, key: str | Path) -> None:
     """Remember the key of the gateway at `url`, or in which file it is."""
-    kept = _read()
-    kept.pop(_origin(url), None)
-    _write(dict([*kept.items(), (_origin(url), str(key))][-ENTRIES:]))
+    with _changing():
+        kept = _read()
+        kept.pop(_origin(url), None)
+        _write(dict([*kept.items(), (_origin(url), str(key))][-ENTRIES:]))
 
 
 def forget_key(url: str, key: str | Path) -> None:
     """Forget it, unless another one is there by now."""
-    kept = _read()
-    if kept.get(_origin(url)) == str(key):
-        del kept[_origin(url)]
-        _write(kept)
+    with _changing():
+        kept = _read()
+        if kept.get(_origin(url)) == str(key):
+            del kept[_origin(url)]
+            _write(kept)
+
+
+@contextmanager
+def _changing() -> Iterator[None]:
+    """Two programs that change the file at once do it one after the other."""
+    path = credentials_file()
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with file_lock(path.with_name("credentials.lock")):
+            yield
+    except OSError as error:
+        raise ConfigError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 def _read_key(path: Path) -> str:
@@ -92,7 +109,6 @@ def _write(keys: dict[str, str]) -> None:
     path = credentials_file()
     draft = path.with_name(f"{path.name}.{secrets.token_hex(4)}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "w") as file:
             json.dump({"gateways": keys}, file, indent=2)

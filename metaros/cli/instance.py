@@ -26,6 +26,7 @@ __all__ = [
     "StateFile",
     "claim_lock",
     "data_root",
+    "file_lock",
     "open_data_dir",
     "running_instances",
     "runtime_dir",
@@ -103,7 +104,14 @@ def try_lock(file: IO[str]) -> bool:
 @contextmanager
 def claim_lock() -> Iterator[None]:
     """Held while ports and names are chosen and claimed; waits for another instance that is choosing."""
-    with (runtime_dir() / "claims.lock").open("a") as file:
+    with file_lock(runtime_dir() / "claims.lock"):
+        yield
+
+
+@contextmanager
+def file_lock(path: Path) -> Iterator[None]:
+    """Hold the lock of a file, made where there is none; waits for who has it."""
+    with path.open("a") as file:
         if sys.platform == "win32":
             import msvcrt
 

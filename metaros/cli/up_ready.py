@@ -22,11 +22,16 @@ def ready_file(path: Path) -> bool:
         return False
 
 
-def get_json(port: int, path: str, *, host: str = "127.0.0.1", timeout_s: float = 2.0) -> tuple[int, Any]:
-    """GET from the gateway; status 0 where nobody answers. Blocks: call it in a thread."""
+def get_json(
+    port: int, path: str, *, host: str = "127.0.0.1", timeout_s: float = 2.0, key: str = ""
+) -> tuple[int, Any]:
+    """GET from the gateway, with an API key where one is given; status 0 where nobody answers.
+
+    Blocks: call it in a thread.
+    """
     connection = http.client.HTTPConnection(host, port, timeout=timeout_s)
     try:
-        connection.request("GET", path)
+        connection.request("GET", path, headers={"Authorization": f"Bearer {key}"} if key else {})
         response = connection.getresponse()
         return response.status, json.loads(response.read() or b"null")
     except (OSError, ValueError, http.client.HTTPException):
@@ -35,9 +40,9 @@ def get_json(port: int, path: str, *, host: str = "127.0.0.1", timeout_s: float 
         connection.close()
 
 
-def robots_online(port: int, *, host: str = "127.0.0.1") -> set[str]:
+def robots_online(port: int, *, host: str = "127.0.0.1", key: str = "") -> set[str]:
     """The robots that the gateway says are online."""
-    status, body = get_json(port, "/api/v1/robots", host=host)
+    status, body = get_json(port, "/api/v1/robots", host=host, key=key)
     if status != 200 or not isinstance(body, dict):
         return set()
     robots: Iterable[dict[str, Any]] = body.get("robots", ())

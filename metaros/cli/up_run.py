@@ -12,7 +12,7 @@ from collections.abc import Callable, Coroutine
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from metaros.cli import instance, up_ready
+from metaros.cli import instance, up_access, up_ready
 from metaros.cli.instance import Instance, StateFile
 from metaros.cli.up_decide import UpOptions, claim, decide
 from metaros.cli.up_plan import GATEWAY, Plan, launches
@@ -83,7 +83,8 @@ class _Up:
             await self._start()
             self._ready = True
             self._save("ready")
-            self._screen.ready(self._plan, self._clock.monotonic_s() - began)
+            link = await asyncio.to_thread(up_access.sign_in_link, self._plan, host=self._host)
+            self._screen.ready(self._plan, self._clock.monotonic_s() - began, link)
             await self._stop.wait()
         except StopAskedError:
             pass
@@ -101,6 +102,7 @@ class _Up:
         self._save("stopping")
         self._screen.stopping()
         await self._supervisor.stop(grace_s=STOP_GRACE_S)
+        up_access.end_access(self._plan)
         self._screen.stopped()
 
     async def _start(self) -> None:
@@ -113,6 +115,8 @@ class _Up:
         if plan.own_router:
             await self._step("router", lambda: up_ready.ready_file(plan.status_file("router")))
         await self._step("gateway", self._gateway_ready)
+        if fault := up_access.begin_access(plan):
+            self._screen.note(fault)
         self._supervisor.start(row for row in rows if row.stage > GATEWAY)
         if plan.robots:
             await self._step("simulator", lambda: up_ready.ready_file(plan.status_file("sim")))
@@ -124,7 +128,8 @@ class _Up:
         return status == 200
 
     def _all_online(self) -> bool:
-        online = up_ready.robots_online(self._plan.http_port, host=self._host) & set(self._plan.robot_names)
+        key = up_access.local_key(self._plan)
+        online = up_ready.robots_online(self._plan.http_port, host=self._host, key=key) & set(self._plan.robot_names)
         self._screen.progress("robots", f"{len(online)} of {len(self._plan.robot_names)} online")
         return len(online) == len(self._plan.robot_names)
 

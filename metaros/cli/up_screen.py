@@ -62,12 +62,13 @@ class Screen:
         took = self._clock.monotonic_s() - self._step_s
         self._print(f"  [green]✓[/green] {LABELS[what]:<14}[dim]{took:4.1f} s[/dim]")
 
-    def ready(self, plan: Plan, took_s: float) -> None:
-        """The one clear screen."""
+    def ready(self, plan: Plan, took_s: float, link: str = "") -> None:
+        """The one clear screen; `link` signs a browser in once."""
         router = "hosted here" if plan.own_router else "joined"
         names = "  ".join(plan.robot_names) or "none"
         rows = (
             ("Dashboard", f"[bold cyan underline]{plan.url}[/]"),
+            *([("Sign in", f"[cyan]{link}[/]  [dim]once, within 15 min[/]")] if link else []),
             ("Robots", f"[bold]{names}[/]  [dim]all online[/]" if plan.robot_names else "[dim]none[/]"),
             ("Zenoh", f"tcp/127.0.0.1:{plan.zenoh_port}  [dim]router {router} · ROS domain {plan.domain}[/]"),
             ("Agents", f"127.0.0.1:{plan.grpc_port}  [dim]gRPC[/]"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -15,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import httpx
 import psutil
 import pytest
 
@@ -112,6 +114,7 @@ def own_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """State files and default data of this test only."""
     monkeypatch.setenv("METAROS_RUNTIME_DIR", str(tmp_path / "runtime"))
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
     monkeypatch.delenv("METAROS_ZENOH_PORT", raising=False)
 
 
@@ -138,6 +141,30 @@ def test_one_robot_and_this_machine_come_up_and_go(tmp_path: Path) -> None:
         up.stop()
         assert up.text.rstrip().endswith("stopped")
         assert list((tmp_path / "runtime").glob("up-*")) == []
+
+
+def test_the_printed_link_signs_in_once_and_the_command_line_has_a_key(tmp_path: Path) -> None:
+    credentials = tmp_path / "home" / ".metaros" / "credentials"
+    with running(tmp_path, "--robots", "0", "--no-host", "--data-dir", str(tmp_path / "data"), *ports()) as up:
+        wait_until(lambda: "Ctrl-C" in up.text)
+        link = re.search(r"Sign in +(http://127\.0\.0\.1:\d+)/signin#([0-9a-f]{64}) ", up.text)
+        assert link is not None, up.text
+        assert link[1] == up.state_url
+
+        def follow() -> httpx.Response:
+            return httpx.post(f"{link[1]}/api/v1/auth/link", json={"token": link[2]}, trust_env=False, timeout=60)
+
+        first, second = follow(), follow()
+        assert (first.status_code, first.json()["name"], first.json()["role"]) == (200, "admin", "admin")
+        assert (second.status_code, second.json()["code"]) == (401, "bad_credentials")
+        assert credentials.stat().st_mode & 0o077 == 0
+        listed = subprocess.run(
+            [sys.executable, "-m", "metaros", "user", "list", "-o", "json"], capture_output=True, text=True, timeout=120
+        )
+        assert [user["name"] for user in json.loads(listed.stdout)] == ["admin"], listed.stderr
+        assert link[2] not in "".join(path.read_text() for path in (tmp_path / "data" / "logs").iterdir())
+        up.stop()
+        assert json.loads(credentials.read_text()) == {"gateways": {}}
 
 
 def test_kill_9_of_up_leaves_no_process(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -79,6 +80,12 @@ def test_the_file_is_bounded_and_keeps_the_newest() -> None:
         save_key(f"http://127.0.0.1:{port}", f"mrk_{port}")
     assert len(json.loads(credentials_file().read_text())["gateways"]) == 64
     assert (key_for("http://127.0.0.1:36"), key_for("http://127.0.0.1:100")) == ("", "mrk_100")
+
+
+def test_many_who_write_at_once_lose_nothing() -> None:
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda port: save_key(f"http://127.0.0.1:{port}", f"mrk_{port}"), range(1, 41)))
+    assert [key_for(f"http://127.0.0.1:{port}") for port in range(1, 41)] == [f"mrk_{port}" for port in range(1, 41)]
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]", '{"gateways": 3}', "not json"])
