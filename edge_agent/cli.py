@@ -33,6 +33,12 @@ def run_command(
     zenoh_port: Annotated[
         int | None, typer.Option(help="Port of the Zenoh router on this host.", envvar="METAROS_ZENOH_PORT")
     ] = None,
+    zenoh_profile: Annotated[
+        str | None, typer.Option(metavar="open|protected", help="How the router guards this robot.")
+    ] = None,
+    zenoh_credentials: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="The protected profile's session files.")
+    ] = None,
     config: Annotated[Path | None, typer.Option(help="TOML file with settings and the topic table.")] = None,
     exclude: Annotated[list[str] | None, typer.Option(help="Leave these topics to others, e.g. '/sim_*/**'.")] = None,
     host_metrics: Annotated[
@@ -56,6 +62,8 @@ def run_command(
         "namespace": namespace,
         "gateway": gateway,
         "zenoh_port": zenoh_port,
+        "zenoh_profile": zenoh_profile,
+        "zenoh_credentials": zenoh_credentials,
         "exclude": exclude or None,
         "host_metrics": host_metrics,
         "state_dir": state_dir,

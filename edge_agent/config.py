@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 from edge_agent.blackbox.settings import BlackBoxSettings, black_box_settings
 from edge_agent.drive_guard import DEFAULT_ACTUATORS
@@ -23,7 +23,12 @@ from metaros.limits import LIMITS
 
 __all__ = ["OutboxSettings", "Settings", "load_settings", "sanitised_hostname"]
 
-CHOICES = {"transport": get_args(TransportSetting), "compression": get_args(Compression)}
+ZenohProfile = Literal["open", "protected"]
+CHOICES = {
+    "transport": get_args(TransportSetting),
+    "compression": get_args(Compression),
+    "zenoh_profile": get_args(ZenohProfile),
+}
 DEFAULT_GATEWAY = "127.0.0.1:8081"
 MAX_SYNC_MS = 10_000
 RULE_KEYS = {
@@ -78,6 +83,8 @@ class Settings:
     transport: TransportSetting = "auto"
     compression: Compression = "none"  # of bulk and event batches on the wire
     zenoh_port: int = 7447
+    zenoh_profile: ZenohProfile = "open"
+    zenoh_credentials: Path | None = None  # None = ~/.metaros/zenoh
     exclude: tuple[str, ...] = ()
     host_metrics: bool = True
     actuators: tuple[str, ...] = DEFAULT_ACTUATORS
@@ -160,7 +167,7 @@ def convert(key: str, value: Any, where: str) -> Any:
             if not texts:
                 raise ConfigError(f"{where}: gateways must name at least one")
             return tuple(checked_gateway(text, where) for text in dict.fromkeys(texts))
-        case "transport" | "compression":
+        case "transport" | "compression" | "zenoh_profile":
             return chosen(key, value, where)
         case "host_metrics":
             return expect(value, bool, key, where)
@@ -171,7 +178,7 @@ def convert(key: str, value: Any, where: str) -> Any:
             return outbox_settings(expect(value, dict, key, where), where)
         case "black_box":
             return black_box_settings(expect(value, dict, key, where), where)
-        case "status_file" | "state_dir" | "seal_keyring":
+        case "status_file" | "state_dir" | "seal_keyring" | "zenoh_credentials":
             return Path(value)
         case _:
             return expect(value, str, key, where)

@@ -40,6 +40,7 @@ from edge_agent.uplink.keeper import SessionKeeper
 from edge_agent.uplink.session import Identity, Queues
 from edge_agent.uplink.uplink import Uplink, transports_with
 from edge_agent.uplink_limit import UplinkLimit
+from edge_agent.zenoh_profile import session_environ
 from metaros.clock import Clock, SystemClock, system_rng
 from metaros.errors import ConfigError
 from metaros.node import Context, Node
@@ -69,7 +70,12 @@ async def run_agent(settings: Settings, *, clock: Clock | None = None) -> None:
     with contextlib.ExitStack() as stack:
         state = await open_state(settings, clock, stack)
         context = stack.enter_context(
-            Context(connect=[f"tcp/127.0.0.1:{settings.zenoh_port}"], clock=clock, shared_memory="off")
+            Context(
+                connect=[f"tcp/127.0.0.1:{settings.zenoh_port}"],
+                clock=clock,
+                shared_memory="off",
+                environ=session_environ(settings),
+            )
         )
         node = stack.enter_context(
             Node(NODE_NAME, namespace=settings.namespace, context=context, enable_parameters=False)

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, StatusFile
+from metaros.cli.options import DEFAULT_ZENOH_PORT, CredentialsFolder, ProfileOption, StatusFile, ZenohProfile
 
 if TYPE_CHECKING:
+    from pathlib import Path
     from threading import Event
 
     from metaros.wire import Router
@@ -35,28 +36,35 @@ def router(
     standby: Annotated[
         bool, typer.Option("--standby", help="Wait until the port is free, then host: a router's understudy.")
     ] = False,
+    zenoh_profile: ProfileOption = ZenohProfile.OPEN,
+    zenoh_credentials: CredentialsFolder = None,
     status_file: StatusFile = "",
 ) -> None:
     """Host a Zenoh router until Ctrl-C. Where one runs already there is nothing to do, and it says so."""
     from metaros.cli import running
+    from metaros.wire.profile import default_folder
+
+    folder = (zenoh_credentials or default_folder()) if zenoh_profile is ZenohProfile.PROTECTED else None
 
     with running.stop_on_signals() as stop:
         if standby:
-            hosted = _await_port(port, host, stop)
-        elif (hosted := open_or_join(port, host, "metaros router --port PORT")) is None:
+            hosted = _await_port(port, host, stop, folder)
+        elif (hosted := open_or_join(port, host, "metaros router --port PORT", protected=folder)) is None:
             typer.echo(f"a Zenoh router runs already on tcp/{host}:{port}; nodes on this machine use it")
             return
         if hosted is not None:
             with hosted:
                 running.write_status(running.status_file(status_file), zenoh_port=port, endpoint=hosted.endpoint)
                 typer.echo(f"Zenoh router on {hosted.endpoint}  (Ctrl-C stops it)")
+                if folder is not None:
+                    typer.echo(f"protected: sessions need ZENOH_SESSION_CONFIG_URI={folder}/node.json5")
                 running.wait_for_stop(stop)
     typer.echo("stopped")
 
 
-def open_or_join(port: int, host: str, other: str) -> Router | None:
-    """A router of our own, or None where there is one already; ConfigError where the port is another program's:
-    `other` is the command that takes another port.
+def open_or_join(port: int, host: str, other: str, *, protected: Path | None = None) -> Router | None:
+    """A router of our own, or None where there is one already; ConfigError where the port is another program's, or
+    where a router is to be `protected` and one that is not has the port: `other` is the command for another port.
     """
     from metaros.cli.up_ports import port_owner
     from metaros.errors import ConfigError
@@ -65,10 +73,12 @@ def open_or_join(port: int, host: str, other: str) -> Router | None:
     state = probe(port, host=host)
     if state == "foreign":
         raise ConfigError(f"port {port} is in use by {port_owner(port)}\nchoose another: {other}")
-    return None if state == "zenoh" else open_router(port, host=host)
+    if state == "zenoh" and protected is not None:
+        raise ConfigError(f"an open Zenoh router has port {port} already: end it, or choose another: {other}")
+    return None if state == "zenoh" else open_router(port, host=host, protected=protected)
 
 
-def _await_port(port: int, host: str, stop: Event) -> Router | None:
+def _await_port(port: int, host: str, stop: Event, protected: Path | None) -> Router | None:
     """Wait for the port; None when asked to stop. Of several understudies one gets it, the others wait on."""
     from metaros.cli.up_ports import port_free
     from metaros.errors import ConfigError
@@ -80,7 +90,7 @@ def _await_port(port: int, host: str, stop: Event) -> Router | None:
         free = free + 1 if port_free(port, host=host) else 0
         if free >= STANDBY_STEPS:
             try:
-                return open_router(port, host=host)
+                return open_router(port, host=host, protected=protected)
             except ConfigError:  # another understudy was faster
                 free = 0
     return None

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from metaros import __version__
-from metaros.cli.options import Domain
+from metaros.cli.options import CredentialsFolder, Domain, ProfileOption, ZenohProfile
 
 __all__ = ["register"]
 
@@ -63,6 +63,8 @@ def up(
     this_host: ThisHost = True,
     camera: Camera = "",
     domain: Domain = 0,
+    zenoh_profile: ProfileOption = ZenohProfile.OPEN,
+    zenoh_credentials: CredentialsFolder = None,
 ) -> None:
     """Start everything on this machine and stay until Ctrl-C.
 
@@ -75,6 +77,7 @@ def up(
     from metaros.cli.up_run import run
     from metaros.cli.up_screen import Screen
     from metaros.clock import SystemClock, system_rng
+    from metaros.wire.profile import default_folder
 
     require("agent", "gateway")
     clock = SystemClock()
@@ -91,5 +94,6 @@ def up(
         seed=seed,
         host_robot=this_host,
         camera=camera,
+        protected=(zenoh_credentials or default_folder()) if zenoh_profile is ZenohProfile.PROTECTED else None,
     )
     asyncio.run(run(options, screen, clock=clock, rng=system_rng()))

@@ -38,6 +38,7 @@ class UpOptions:
     seed: int = 1
     host_robot: bool = True
     camera: str = ""
+    protected: Path | None = None  # the folder of Zenoh's protected profile; None: open
 
 
 def decide(options: UpOptions, data: DataDir, screen: Screen) -> Plan:
@@ -73,6 +74,7 @@ def decide(options: UpOptions, data: DataDir, screen: Screen) -> Plan:
         seed=options.seed,
         host_robot=host_robot_name(socket.gethostname()) if options.host_robot else "",
         camera=options.camera,
+        protected=options.protected,
     )
 
 
@@ -87,7 +89,10 @@ def _router(options: UpOptions, others: list[Instance], screen: Screen) -> tuple
 
     wanted = options.zenoh_port or DEFAULT_ZENOH_PORT
     state = probe(wanted)
-    if state == "zenoh" or any(other.zenoh_port == wanted for other in others):
+    running = state == "zenoh" or any(other.zenoh_port == wanted for other in others)
+    if running and options.protected is not None:
+        raise ConfigError(f"a Zenoh router has port {wanted} already: a protected one needs another, --zenoh-port PORT")
+    if running:
         screen.note(f"a Zenoh router runs already on port {wanted}: joining it")
         return wanted, False
     if state == "free":

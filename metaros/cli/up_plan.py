@@ -32,6 +32,7 @@ class Plan:
     seed: int
     host_robot: str  # empty: this machine is no robot
     camera: str  # empty: none
+    protected: Path | None = None  # the folder of Zenoh's protected profile; None: open
 
     @property
     def robot_names(self) -> tuple[str, ...]:
@@ -95,8 +96,21 @@ def _row(plan: Plan, name: str, stage: int, *arguments: str) -> Launch:
         argv=(sys.executable, "-m", "metaros", *arguments),
         log_path=plan.log_dir / f"{name.replace(' ', '-')}.log",
         stage=stage,
-        env={"ROS_DOMAIN_ID": str(plan.domain), "PYTHONUNBUFFERED": "1"},
+        env={"ROS_DOMAIN_ID": str(plan.domain), "PYTHONUNBUFFERED": "1", **_session(plan, stage)},
     )
+
+
+def _session(plan: Plan, stage: int) -> dict[str, str]:
+    """Which session file a process has: what is no agent may not drive. The router made it before it was ready."""
+    if plan.protected is None or stage != SIMULATOR:
+        return {}
+    return {"ZENOH_SESSION_CONFIG_URI": str(plan.protected / "node.json5")}
+
+
+def _profile(plan: Plan) -> tuple[str, ...]:
+    if plan.protected is None:
+        return ()
+    return ("--zenoh-profile", "protected", "--zenoh-credentials", str(plan.protected))
 
 
 def _zenoh(plan: Plan) -> tuple[str, ...]:
@@ -105,7 +119,8 @@ def _zenoh(plan: Plan) -> tuple[str, ...]:
 
 def _router(plan: Plan) -> Launch:
     status = str(plan.status_file("router"))
-    return _row(plan, "router", ROUTER, "router", "--port", str(plan.zenoh_port), "--status-file", status)
+    place = ("--port", str(plan.zenoh_port), *_profile(plan))
+    return _row(plan, "router", ROUTER, "router", *place, "--status-file", status)
 
 
 def _understudy(plan: Plan) -> Launch:
@@ -128,14 +143,14 @@ def _simulator(plan: Plan) -> Launch:
 def _agent(plan: Plan, name: str) -> Launch:
     link = ("--gateway", f"127.0.0.1:{plan.grpc_port}", *_zenoh(plan))
     who = ("--name", name, "--namespace", f"/{name}", *_state_dir(plan, name))
-    return _row(plan, f"agent {name}", AGENTS, "agent", *who, *link, "--no-host-metrics")
+    return _row(plan, f"agent {name}", AGENTS, "agent", *who, *link, *_profile(plan), "--no-host-metrics")
 
 
 def _host_agent(plan: Plan) -> Launch:
     link = ("--gateway", f"127.0.0.1:{plan.grpc_port}", *_zenoh(plan), "--exclude", "/sim_*/**")
     name = plan.host_robot
     who = ("--name", name, "--namespace", "/", *_state_dir(plan, name))
-    return _row(plan, f"agent {name}", AGENTS, "agent", *who, *link, "--host-metrics")
+    return _row(plan, f"agent {name}", AGENTS, "agent", *who, *link, *_profile(plan), "--host-metrics")
 
 
 def _state_dir(plan: Plan, name: str) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 from metaros.clock import Clock, SystemClock
@@ -29,7 +29,8 @@ class Context:
 
     `domain_id` defaults to `ROS_DOMAIN_ID` or 0; `connect` to the router on this host, `tcp/localhost:7447` or the
     port in `METAROS_ZENOH_PORT`; `listen` to any free port of this host; `shared_memory` to `METAROS_SHARED_MEMORY` or
-    "off". With "auto" large messages to processes of this host that have it, too, go through shared memory.
+    "off". With "auto" large messages to processes of this host that have it, too, go through shared memory. `environ`
+    stands in for the process's environment.
     """
 
     def __init__(
@@ -40,9 +41,12 @@ class Context:
         clock: Clock | None = None,
         *,
         shared_memory: str | None = None,
+        environ: Mapping[str, str] | None = None,
     ) -> None:
         self.clock: Clock = SystemClock() if clock is None else clock
-        self.session = WireSession(domain_id=domain_id, connect=connect, listen=listen, shared_memory=shared_memory)
+        self.session = WireSession(
+            domain_id=domain_id, connect=connect, listen=listen, environ=environ, shared_memory=shared_memory
+        )
         self.graph = Graph(self.session)
         self.ingress = Ingress()
         self.arrivals = Arrivals(self.session, self.ingress)

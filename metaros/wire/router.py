@@ -10,11 +10,13 @@ import json
 import os
 import socket
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Final, Literal
 
 import zenoh
 
 from metaros.errors import ConfigError
+from metaros.wire.profile import make_profile
 from metaros.wire.session import DEFAULT_PORT, insert_setting
 
 __all__ = ["PortState", "Router", "open_router", "probe"]
@@ -58,15 +60,23 @@ class Router:
 
 
 def open_router(
-    port: int = DEFAULT_PORT, *, host: str = "127.0.0.1", environ: Mapping[str, str] | None = None
+    port: int = DEFAULT_PORT,
+    *,
+    host: str = "127.0.0.1",
+    environ: Mapping[str, str] | None = None,
+    protected: Path | None = None,
 ) -> Router:
     """Start a router in this process; ConfigError when the port is taken. `ZENOH_ROUTER_CONFIG_URI` is honoured.
+
+    `protected` is the folder of the protected profile (`metaros.wire.profile`), made where it is missing.
 
     A router forwards what may block, so it keeps Zenoh's own larger thread pools: open it before any session.
     """
     environ = os.environ if environ is None else environ
     uri = environ.get("ZENOH_ROUTER_CONFIG_URI")
     endpoint = f"tcp/{host}:{port}"
+    if protected is not None:
+        uri = str(make_profile(protected, endpoint))
     try:
         config = zenoh.Config.from_file(uri.removeprefix("file://")) if uri else _default_config(endpoint)
         session = zenoh.open(config)

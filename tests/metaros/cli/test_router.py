@@ -10,7 +10,7 @@ import sys
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from metaros.wire import open_router, probe
+from metaros.wire import WireSession, open_router, probe
 from tests.support.processes import END_S, started
 from tests.support.waiting import wait_until
 
@@ -67,3 +67,27 @@ def test_the_understudy_takes_over(free_port: int, tmp_path: Path) -> None:
         router.send_signal(signal.SIGINT)
         router.communicate(timeout=END_S)
         assert router.returncode == 0
+
+
+def test_a_protected_router_says_what_sessions_need_and_lets_nobody_else_in(free_port: int, tmp_path: Path) -> None:
+    status, folder = tmp_path / "router.json", tmp_path / "zenoh"
+    protected = ("--zenoh-profile", "protected", "--zenoh-credentials", str(folder))
+    with start("--port", str(free_port), *protected, "--status-file", str(status)) as router:
+        wait_until(lambda: status.exists() or router.poll() is not None)
+        assert probe(free_port) == "foreign"  # no password, no session
+        environ = {"ZENOH_SESSION_CONFIG_URI": str(folder / "node.json5")}
+        session = WireSession(environ=environ)
+        assert session.connected()
+        session.close()
+        router.send_signal(signal.SIGTERM)
+        out, _ = router.communicate(timeout=END_S)
+    assert f"ZENOH_SESSION_CONFIG_URI={folder}/node.json5" in out
+
+
+def test_an_open_router_is_not_taken_for_a_protected_one(zenoh_router: str, tmp_path: Path) -> None:
+    port = zenoh_router.rsplit(":", 1)[1]
+    protected = ("--zenoh-profile", "protected", "--zenoh-credentials", str(tmp_path))
+    with start("--port", port, *protected) as router:
+        _, err = router.communicate(timeout=END_S)
+        assert router.returncode == 2
+        assert "an open Zenoh router" in err

@@ -123,3 +123,16 @@ def test_numbering_goes_on_after_the_highest(names: list[str], first: int) -> No
 )
 def test_the_url_is_one_that_a_browser_on_this_machine_can_open(host: str, url: str) -> None:
     assert plan(host=host).url == url
+
+
+def test_in_the_protected_profile_only_agents_may_drive() -> None:
+    open_rows = launches(plan(camera="test"))
+    assert not any("ZENOH_SESSION_CONFIG_URI" in row.env or "--zenoh-profile" in row.argv for row in open_rows)
+    rows = {row.name: row for row in launches(plan(camera="test", protected=Path("/secret")))}
+    for name in ("router", "agent sim_1", "agent desk"):
+        argv = rows[name].argv
+        assert argv[argv.index("--zenoh-profile") + 1] == "protected"
+        assert argv[argv.index("--zenoh-credentials") + 1] == "/secret"
+    for name in ("sim", "camera"):
+        assert rows[name].env["ZENOH_SESSION_CONFIG_URI"] == "/secret/node.json5"
+    assert "--zenoh-profile" not in rows["gateway"].argv
