@@ -2,10 +2,12 @@
 
 import { parse } from "@foxglove/rosmsg";
 import { MessageReader } from "@foxglove/rosmsg2-serialization";
+import { Keyring, SealError } from "../seal/envelope";
 import type { Answer, Order } from "./decoder";
 import { rawToRgba, type RawImage } from "./raw_image";
 
 const readers = new Map<string, MessageReader>();
+let keyring: Promise<Keyring> | null = null;
 const post = (answer: Answer, transfer: Transferable[] = []) => self.postMessage(answer, { transfer });
 
 async function toBitmap(message: Record<string, unknown>): Promise<ImageBitmap> {
@@ -16,10 +18,16 @@ async function toBitmap(message: Record<string, unknown>): Promise<ImageBitmap> 
   return createImageBitmap(new ImageData(rawToRgba(image), image.width, image.height));
 }
 
+async function opened({ payload, sealed }: Extract<Order, { kind: "decode" }>): Promise<ArrayBuffer> {
+  if (!sealed) return payload;
+  if (!keyring) throw new SealError("sealed: open it with its keyring on the Topics page");
+  return (await keyring).open(new Uint8Array(payload), sealed.origin, sealed.seq);
+}
+
 async function decode(order: Extract<Order, { kind: "decode" }>): Promise<void> {
   const reader = readers.get(order.key);
   if (!reader) throw new Error("no schema");
-  const message = reader.readMessage<Record<string, unknown>>(new Uint8Array(order.payload));
+  const message = reader.readMessage<Record<string, unknown>>(new Uint8Array(await opened(order)));
   if (!order.image) {
     post({ ticket: order.ticket, message });
     return;
@@ -30,6 +38,10 @@ async function decode(order: Extract<Order, { kind: "decode" }>): Promise<void> 
 
 self.onmessage = (event: MessageEvent<Order>) => {
   const order = event.data;
+  if (order.kind === "keyring") {
+    keyring = Keyring.parse(order.text);
+    return;
+  }
   if (order.kind === "schema") {
     try {
       readers.set(order.key, new MessageReader(parse(order.schema, { ros2: true })));

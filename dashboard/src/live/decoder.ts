@@ -6,13 +6,15 @@
  */
 
 import type { Channel } from "../api/types";
+import { Keyring, SEALED_CDR, type Origin } from "../seal/envelope";
 import type { StreamRecord } from "./records";
 
 export type Message = Record<string, unknown>;
 
 export type Order =
   | { kind: "schema"; key: string; schema: string }
-  | { kind: "decode"; key: string; ticket: number; image: boolean; payload: ArrayBuffer };
+  | { kind: "keyring"; text: string }
+  | { kind: "decode"; key: string; ticket: number; image: boolean; payload: ArrayBuffer; sealed?: { origin: Origin; seq: number } };
 
 export type Answer = { ticket: number; message?: Message; bitmap?: ImageBitmap; error?: string };
 
@@ -63,8 +65,15 @@ export class Decoder {
     return new Feed(this, options, onDecoded);
   }
 
+  /** Open sealed messages with this keyring's text from now on; the ids of its keys, or SealError. It stays in this page. */
+  async unlock(text: string): Promise<string[]> {
+    const { ids } = await Keyring.parse(text);
+    this.worker.postMessage({ kind: "keyring", text }, []);
+    return ids;
+  }
+
   decode(waiting: Waiting, image: boolean, done: (answer: Answer) => void): void {
-    const { channel, payload } = waiting;
+    const { channel, payload, seq } = waiting;
     const key = `${channel.type}|${channel.type_hash}|${channel.schema.length}`;
     if (!this.#known.has(key)) {
       this.#known.add(key);
@@ -72,7 +81,9 @@ export class Decoder {
     }
     const ticket = this.#nextTicket++;
     this.#tickets.set(ticket, done);
-    this.worker.postMessage({ kind: "decode", key, ticket, image, payload }, [payload]);
+    const { robot, topic, type, type_hash } = channel;
+    const sealed = channel.encoding === SEALED_CDR ? { origin: { robot, topic, type, type_hash }, seq } : undefined;
+    this.worker.postMessage({ kind: "decode", key, ticket, image, payload, sealed }, [payload]);
   }
 }
 

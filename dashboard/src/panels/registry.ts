@@ -1,6 +1,7 @@
 /** Which card shows which message type. What is not here is a tree of names and values. */
 
 import type { Topic } from "../api/types";
+import { SEALED_CDR } from "../seal/envelope";
 
 export type CardKind = "camera" | "map" | "imu" | "tree";
 
@@ -26,7 +27,7 @@ const lastWord = (topic: string) => topic.slice(topic.lastIndexOf("/") + 1);
 
 /** Sort a robot's topics into cards: a map for each odometry, with the scan nearest to it. */
 export function layoutOf(topics: Topic[]): Layout {
-  const sorted = topics.filter(({ encoding }) => encoding === "cdr").sort((a, b) => a.topic.localeCompare(b.topic));
+  const sorted = topics.filter(({ encoding }) => encoding === "cdr" || encoding === SEALED_CDR).sort((a, b) => a.topic.localeCompare(b.topic));
   const published = sorted.filter(({ publishers, messages, received }) => publishers > 0 || messages > 0 || received > 0);
   const of = (kind: CardKind) => published.filter(({ type }) => (KINDS[type] ?? "tree") === kind);
   const scans = published.filter(({ type }) => type === SCAN).map(({ topic }) => topic);

@@ -1,6 +1,8 @@
 /** The topics tab: what the robot publishes, how much of it, and what reached the gateway. */
 
 import type { Robot, Topic } from "../api/types";
+import { SEALED_CDR } from "../seal/envelope";
+import { LockMark, Unlock } from "../seal/lock";
 import { bytesPerSecond, fixed, integer, NONE, relativeTopic, typeWord } from "../ui/format";
 
 export function TopicsTab({ robot, topics }: { robot: Robot; topics: Topic[] | null }) {
@@ -8,6 +10,7 @@ export function TopicsTab({ robot, topics }: { robot: Robot; topics: Topic[] | n
   const sorted = [...topics].sort((a, b) => a.topic.localeCompare(b.topic));
   return (
     <div class="scroll">
+      {topics.some(({ encoding }) => encoding === SEALED_CDR) && <Unlock />}
       <table class="topics">
         <thead>
           <tr>
@@ -26,6 +29,7 @@ export function TopicsTab({ robot, topics }: { robot: Robot; topics: Topic[] | n
             <tr key={`${topic.topic} ${topic.type}`} data-topic={topic.topic}>
               <td title={topic.type}>
                 <span class="mono">{relativeTopic(topic.topic, robot.namespace)}</span>
+                {topic.encoding === SEALED_CDR && <LockMark />}
                 <span class="sub">{typeWord(topic.type)}</span>
               </td>
               <td><span class={`chip chip-${topic.class}`}>{topic.forward ? topic.class : "kept on robot"}</span></td>
