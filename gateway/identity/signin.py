@@ -42,6 +42,7 @@ def begin_password(
     Raises:
         TooManyRequestsError: too many attempts failed under this name from this address.
     """
+    sweep(engine, now_ns=now_ns)  # here, so that a flood of wrong names fills no disk
     who, where = secret_hash(name), address_group(address)
     write_failures(engine, who, where, lockout.attempt(read_failures(engine, who, where), now_ns=now_ns))
     return accounts.find_user(engine, name) if is_user_name(name) else None
@@ -90,6 +91,5 @@ def follow_link(engine: StoreEngine, token: str, *, now_ns: int, address: str) -
 
 
 def _signed_in(engine: StoreEngine, user: User, *, now_ns: int, address: str) -> SignedIn:
-    sweep(engine, now_ns=now_ns)
     accounts.change_user(engine, user.id, signed_in_ns=now_ns)
     return SignedIn(user, open_session(engine, user, now_ns=now_ns, address=address))

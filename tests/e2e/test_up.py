@@ -40,7 +40,13 @@ class Up:
         command += ["--zenoh-port", str(self.zenoh_port)]
         self.log = folder / "up.log"
         with self.log.open("wb") as log:
-            self.process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT)
+            self.process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, "HOME": str(folder)},  # it keeps a key for the command line there
+            )
 
     def online(self) -> int:
         """How many robots the gateway calls online; 0 while it does not answer."""

@@ -119,6 +119,17 @@ async def test_names_that_are_nobody_s_lock_out_alike(gate: Gate) -> None:
         await gate.sign_in("nobody", "wrong")
 
 
+async def test_a_flood_of_wrong_names_fills_no_disk(gate: Gate) -> None:
+    for number in range(10):
+        with pytest.raises(CredentialsError):
+            await gate.sign_in(f"nobody{number}", "wrong")
+    gate.clock.advance(3600.0)
+    with pytest.raises(CredentialsError):
+        await gate.sign_in("somebody", "wrong")
+    rows = await gate.store.run(lambda engine: engine.fetch("SELECT count(*) FROM login_failures"))
+    assert rows[0][0] == 1
+
+
 async def test_a_session_ends_unused_or_old(gate: Gate) -> None:
     await gate.user()
     idle, busy = await gate.sign_in(), await gate.sign_in()
