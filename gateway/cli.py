@@ -36,6 +36,11 @@ RobotBytes = Annotated[int, typer.Option(min=0, help="Bytes of them a second fro
 Anonymous = Annotated[
     bool, typer.Option("--anonymous/--no-anonymous", help="Who has not signed in may look, on this machine only.")
 ]
+Fleet = Annotated[str, typer.Option(metavar="NAME", help="The fleet in robots' names; default: of the store's id.")]
+RequireEnrolment = Annotated[bool, typer.Option("--require-enrolment", help="No robot gets in without an identity.")]
+CaCert = Annotated[Path | None, typer.Option(dir_okay=False, help="PEM of an issuer made elsewhere, its root last.")]
+CaKey = Annotated[Path | None, typer.Option(dir_okay=False, help="PEM of that issuer's key.")]
+CertificateHours = Annotated[float, typer.Option(min=24.0, max=168.0, help="How long a robot's certificate is valid.")]
 StatusFile = Annotated[Path | None, typer.Option(metavar="FILE", help="Write this JSON file when ready.")]
 
 
@@ -58,6 +63,11 @@ def _gateway(
     allow_host: AllowHost = None,
     allow_origin: AllowOrigin = None,
     anonymous: Anonymous = True,
+    fleet: Fleet = "",
+    require_enrolment: RequireEnrolment = False,
+    ca_cert: CaCert = None,
+    ca_key: CaKey = None,
+    robot_certificate_hours: CertificateHours = 168.0,
     retention_days: RetentionDays = 7.0,
     event_retention_days: EventRetentionDays = 90.0,
     retention_mib: RetentionMib = 4096,
@@ -83,6 +93,11 @@ def _gateway(
         store_url=store,
         objects_url=objects,
         anonymous=anonymous,
+        fleet=fleet,
+        require_enrolment=require_enrolment,
+        ca_cert=ca_cert,
+        ca_key=ca_key,
+        robot_certificate_s=robot_certificate_hours * 3600.0,
         retention_days=retention_days,
         event_retention_days=event_retention_days,
         retention_bytes=retention_mib * MIB,

@@ -1,0 +1,65 @@
+"""`metaros robot`: which robots belong to the fleet; tokens that enrol them, and the end of an identity."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from gateway.cli_http import GatewayOption, open_gateway, path_part
+from metaros.cli.options import Format, FormatOption
+from metaros.cli.output import Output
+
+__all__ = ["register"]
+
+Ttl = Annotated[float, typer.Option("--ttl-min", min=1.0, max=1440.0, metavar="MIN", help="How long it is good.")]
+RobotId = Annotated[
+    str, typer.Option("--robot", metavar="ROBOT", help="Only for this robot; needed to enrol one again.")
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the noun to `metaros`."""
+    noun = typer.Typer(no_args_is_help=True, help="Robots of the fleet: who they are, and how they come to belong.")
+    for name, command in (("token", _token), ("list", _list), ("revoke", _revoke)):
+        noun.command(name)(command)
+    app.add_typer(noun, name="robot")
+
+
+def _token(
+    robot: RobotId = "", ttl_min: Ttl = 60.0, gateway: GatewayOption = "", output: FormatOption = Format.TEXT
+) -> None:
+    """Make a token that enrols one robot once, and print the command to run on that robot."""
+    out = Output(output)
+    made = open_gateway(gateway).post("/api/v1/enrolment-tokens", {"robot": robot, "ttl_s": ttl_min * 60.0})
+    if out.json:
+        out.objects(made)
+        return
+    out.line(made["command"])
+    out.note(f"run it on the robot before {made['expires'][:16]}Z; it works once and is not shown again")
+
+
+def _list(gateway: GatewayOption = "", output: FormatOption = Format.TEXT) -> None:
+    """The identities there are, and what looks wrong with them."""
+    out = Output(output)
+    found = open_gateway(gateway).get("/api/v1/identities")["identities"]
+    if out.json:
+        out.objects(found)
+        return
+    names = ("Robot", "State", "Enrolled", "Certificate ends", "Note")
+    out.table(names, [_row(item) for item in found], empty="no robot is enrolled")
+
+
+def _row(item: dict[str, Any]) -> tuple[str, ...]:
+    good = [one["not_after"] for one in item["certificates"] if not one["revoked"]]
+    note = item["alarm"] or item["reason"]
+    return item["robot"], item["state"], item["enrolled"][:10], max(good)[:16] if good else "–", note or "–"
+
+
+def _revoke(
+    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="The robot, as `metaros robot list` shows it.")],
+    reason: Annotated[str, typer.Option("--reason", metavar="TEXT", help="Why, for whoever looks later.")] = "",
+    gateway: GatewayOption = "",
+) -> None:
+    """End a robot's identity: its link is cut within seconds, and only a token for this robot brings it back."""
+    open_gateway(gateway).post(f"/api/v1/robots/{path_part(robot)}/revoke", {"reason": reason})
