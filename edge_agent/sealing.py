@@ -38,6 +38,7 @@ class Sealing:
         self._path = path
         self._robot = robot
         self._clock = clock
+        self._origins: dict[int, Origin] = {}  # a channel's number means one thing for ever
         self._mark = mark_of(path)
         self._sealer = Sealer(Keyring.load(path), clock)
         self._look_s = clock.monotonic_s() + LOOK_S
@@ -73,9 +74,10 @@ class Sealing:
         if now_s >= self._look_s:
             self._look_s = now_s + LOOK_S
             self._look()
-        origin = Origin(
-            robot=self._robot, topic=channel.topic, type_name=channel.type_name, type_hash=channel.type_hash
-        )
+        origin = self._origins.get(channel.channel_id)
+        if origin is None:
+            names = {"topic": channel.topic, "type_name": channel.type_name, "type_hash": channel.type_hash}
+            origin = self._origins[channel.channel_id] = Origin(robot=self._robot, **names)
         return self._sealer.seal(payload, origin, stream=stream, epoch=epoch, seq=seq)
 
     def _look(self) -> None:

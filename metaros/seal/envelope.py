@@ -12,12 +12,14 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 
 from metaros.errors import SealFormatError
+from metaros.limits import LIMITS
 
 __all__ = ["HEAD", "OVERHEAD_BYTES", "SEALED_CDR", "VERSION", "Head", "Origin", "associated", "data_key", "parse_head"]
 
@@ -72,8 +74,13 @@ def parse_head(sealed: bytes) -> Head:
 
 def associated(head: bytes, origin: Origin) -> bytes:
     """The associated data: what the payload is bound to."""
+    return head + _bound(origin)
+
+
+@lru_cache(maxsize=LIMITS.seal_streams)
+def _bound(origin: Origin) -> bytes:
     texts = [text.encode() for text in (origin.robot, origin.topic, origin.codec)]
-    return head + b"".join(_LENGTH.pack(len(text)) + text for text in texts)
+    return b"".join(_LENGTH.pack(len(text)) + text for text in texts)
 
 
 def data_key(secret: bytes, *, key_id: bytes, boot: bytes, robot: str, stream: int) -> bytes:

@@ -104,9 +104,11 @@ def test_the_gateways_disk_and_memory_hold_nothing_readable_and_the_key_opens_wh
                 name: node.create_publisher(make, name, metaros.qos_reliable_all) for name in ("secret", "plain")
             }
 
-            def publish() -> None:
+            def publish() -> bool:
+                """One of each."""
                 for name, marker in (("secret", secret), ("plain", plain)):
                     publishers[name].publish(make(data=list(marker)))
+                return True
 
             def received(count: int) -> bool:
                 topics = stack.topics("r1")
@@ -114,7 +116,7 @@ def test_the_gateways_disk_and_memory_hold_nothing_readable_and_the_key_opens_wh
 
             wait_until(lambda: {"/r1/secret", "/r1/plain"} <= stack.topics("r1").keys())
             subscribe(viewer, 1, "r1", "/r1/*")
-            wait_until(lambda: (publish(), received(20))[1])
+            wait_until(lambda: publish() and received(20))
             seen: dict[str, bytes] = {}
             names: dict[int, str] = {}
             while seen.keys() != {"/r1/secret", "/r1/plain"}:
@@ -129,9 +131,9 @@ def test_the_gateways_disk_and_memory_hold_nothing_readable_and_the_key_opens_wh
             assert secret not in seen["/r1/secret"]
             assert stack.topics("r1")["/r1/secret"]["encoding"] == "sealed/cdr"
             run("seal", "key", "rotate", str(state / "seal.keys"))
-            wait_until(lambda: (publish(), "sealing with key" in agent.output)[1])
+            wait_until(lambda: publish() and "sealing with key" in agent.output)
             before = stack.topics("r1")["/r1/secret"]["received"]
-            wait_until(lambda: (publish(), received(before + 5))[1])
+            wait_until(lambda: publish() and received(before + 5))
         assert found(files(tmp_path / "data"), secret, plain) == {plain}
         assert found(memory(gateway.process.pid), secret, plain) == {plain}
         shown = run("history", "messages", "r1", "--topics", "secret", "-o", "json", "--gateway", stack.url)
