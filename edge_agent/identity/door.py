@@ -21,7 +21,7 @@ from metaros.errors import ConfigError
 __all__ = ["GatewayDoor", "check_url", "is_loopback", "unverified", "verified"]
 
 ANSWER_BYTES = 64 * 1024
-TIMEOUT_S = 10.0
+TIMEOUT_S = 30.0
 API = "/api/v1"
 
 
@@ -85,7 +85,7 @@ class GatewayDoor:
             )
 
     def get(self, path: str) -> dict[str, Any]:
-        """The JSON object there. Blocks for at most 10 s between two pieces of the answer.
+        """The JSON object there. Blocks for at most 30 s between two pieces of the answer.
 
         Raises:
             EnrolRefusedError: the gateway said no; `reason` is its code.
