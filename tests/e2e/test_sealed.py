@@ -1,0 +1,98 @@
+"""A sealed topic in a real browser: a lock, and its messages once a keyring was chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from metaros.clock import SystemClock
+from metaros.idl import type_hash
+from metaros.seal import SEALED_CDR, Keyring, Origin, Sealer, SealKey
+from tests.e2e.fake_gateway import FakeGateway
+from tests.e2e.fake_world import FakeRobot, FakeTopic
+
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+TYPE = "std_msgs/msg/String"
+
+
+class SealedRobot(FakeRobot):
+    """Its `note` is sealed; a subscription's numbers begin at 1, as the fake gateway counts them."""
+
+    def seal_with(self, ring: Keyring) -> None:
+        """Seal by this keyring."""
+        self.sealer = Sealer(ring, SystemClock())
+        self.seq = 0
+
+    def describe_topic(self, number: int, topic: FakeTopic) -> dict[str, Any]:
+        """As of any robot, but for the encoding."""
+        described = super().describe_topic(number, topic)
+        return {**described, "encoding": SEALED_CDR} if topic.name == "note" else described
+
+    def describe_channel(self, number: int, topic: FakeTopic) -> dict[str, Any]:
+        """Likewise; a subscription begins."""
+        described = super().describe_channel(number, topic)
+        if topic.name != "note":
+            return described
+        self.seq = 0
+        return {**described, "encoding": SEALED_CDR}
+
+    def encode(self, topic: FakeTopic, at_s: float) -> bytes:
+        """The message, sealed."""
+        payload = super().encode(topic, at_s)
+        if topic.name != "note":
+            return payload
+        self.seq += 1
+        origin = Origin(robot=self.id, topic=self.topic("note"), type_name=TYPE, type_hash=type_hash(TYPE))
+        return self.sealer.seal(payload, origin, stream=7, epoch=1, seq=self.seq)
+
+
+@pytest.fixture
+def ring() -> Keyring:
+    """A new one."""
+    return Keyring((SealKey.make(SystemClock()),))
+
+
+@pytest.fixture
+def sealed(free_port: int, ring: Keyring) -> Iterator[FakeGateway]:
+    """One robot with a sealed topic."""
+    robot = SealedRobot("sim_1", "/sim_1", note="the safe is open")
+    robot.seal_with(ring)
+    served = FakeGateway(free_port, [robot])
+    served.start()
+    yield served
+    served.stop()
+
+
+def choose(page: Page, path: Path) -> None:
+    """Choose a keyring on the Topics page."""
+    page.get_by_role("button", name="Topics").click()
+    expect(page.locator("tr[data-topic='/sim_1/note'] [data-sealed]")).to_be_visible()
+    expect(page.locator("[data-sealed]")).to_have_count(1)
+    page.locator("[data-unlock] input").set_input_files(path)
+
+
+def test_a_sealed_topic_has_a_lock_and_opens_with_its_keyring_alone(
+    sealed: FakeGateway, ring: Keyring, open_page: Callable[..., Page], tmp_path: Path
+) -> None:
+    page = open_page(f"{sealed.url}/robots/sim_1")
+    card = page.locator("[data-card=tree][data-topic='/sim_1/note']")
+    card.locator("summary").click()
+    expect(card).to_contain_text("sealed: open it with its keyring")
+    other, right = tmp_path / "other.keys", tmp_path / "right.keys"
+    Keyring((SealKey.make(SystemClock()),)).save(other)
+    ring.save(right)
+    choose(page, other)
+    expect(page.locator("[data-unlock]")).to_contain_text("opens with key")
+    page.get_by_role("button", name="Live", exact=True).click()
+    card.locator("summary").click()
+    expect(card).to_contain_text("which is not here")
+    expect(card).not_to_contain_text("the safe is open")
+    choose(page, right)
+    expect(page.locator("[data-unlock]")).to_contain_text(ring.current.key_id.hex())
+    page.get_by_role("button", name="Live", exact=True).click()
+    card.locator("summary").click()
+    expect(card).to_contain_text("the safe is open")
