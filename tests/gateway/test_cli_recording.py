@@ -82,7 +82,9 @@ async def test_a_download_goes_on_and_a_damaged_one_is_told(tmp_path: Path, have
         )
         await robot.offer(answer["id"], BLOB)
         await robot.deliver(answer["id"], BLOB)
-        item = await asyncio.to_thread(GatewayClient(ready.url, key=OPERATOR_KEY).get, f"/api/v1/recordings/{answer['id']}")
+        item = await asyncio.to_thread(
+            GatewayClient(ready.url, key=OPERATOR_KEY).get, f"/api/v1/recordings/{answer['id']}"
+        )
         partial = tmp_path / f"x.mcap.{item['sha256'][:8]}.partial"
         partial.write_bytes(b"?" + BLOB[1:have])  # its first byte is wrong: what it has is not fetched again
         code, _, err = await metaros(ready, "get", answer["id"], "--file", "x.mcap", folder=tmp_path)

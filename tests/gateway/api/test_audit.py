@@ -65,6 +65,7 @@ async def test_a_change_that_failed_says_why(tmp_path: Path) -> None:
         ("", 401, "sign_in", "anonymous"),
         ("mrk_wrong_key", 401, "bad_credentials", "anonymous"),
     ],
+    ids=["viewer", "nobody", "wrong"],  # a key of a ring is another one in every process: no part of a test's name
 )
 async def test_who_is_refused(tmp_path: Path, key: str, status: int, code: str, name: str) -> None:
     async with running_gateway(tmp_path) as ready:
