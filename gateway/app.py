@@ -26,6 +26,8 @@ from gateway.identity.desk import IdentityChoices, IdentityDesk
 from gateway.identity.door import Door
 from gateway.identity.local import Doors, LocalKey
 from gateway.identity.master import MasterKey
+from gateway.identity.oidc import OidcClient
+from gateway.identity.oidc_settings import OidcSettings
 from gateway.identity.store_door import StoreDoor
 from gateway.ingest.links import LinkHooks, Links
 from gateway.ingest.quota import Quota
@@ -96,6 +98,8 @@ class Gateway:
         master = MasterKey.load_or_make(settings.data_dir)
         self.accounts = Accounts(self.store, stored, master, clock=clock)
         self.audit = AuditLog(self.store, self.objects, clock=clock, seal=master)
+        provider = OidcSettings.load(settings.oidc) if settings.oidc is not None else None
+        self.oidc = OidcClient(provider, master, clock=clock) if provider is not None else None
         self.door = Doors(self.local_key, stored, *([door] if door is not None else []))
         self.attendance = Attendance(self.door)
         self._demand = DemandBook()
@@ -112,6 +116,7 @@ class Gateway:
             door=self.door,
             accounts=self.accounts,
             audit=self.audit,
+            oidc=self.oidc,
             attendance=self.attendance,
             identities=self.identities,
             grpc_port=lambda: self.grpc_port,

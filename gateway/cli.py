@@ -41,6 +41,7 @@ RequireEnrolment = Annotated[bool, typer.Option("--require-enrolment", help="No 
 CaCert = Annotated[Path | None, typer.Option(dir_okay=False, help="PEM of an issuer made elsewhere, its root last.")]
 CaKey = Annotated[Path | None, typer.Option(dir_okay=False, help="PEM of that issuer's key.")]
 CertificateHours = Annotated[float, typer.Option(min=24.0, max=168.0, help="How long a robot's certificate is valid.")]
+Oidc = Annotated[Path | None, typer.Option(metavar="FILE", help="JSON: the identity provider where people sign in.")]
 StatusFile = Annotated[Path | None, typer.Option(metavar="FILE", help="Write this JSON file when ready.")]
 
 
@@ -63,6 +64,7 @@ def _gateway(
     allow_host: AllowHost = None,
     allow_origin: AllowOrigin = None,
     anonymous: Anonymous = True,
+    oidc: Oidc = None,
     fleet: Fleet = "",
     require_enrolment: RequireEnrolment = False,
     ca_cert: CaCert = None,
@@ -93,6 +95,7 @@ def _gateway(
         store_url=store,
         objects_url=objects,
         anonymous=anonymous,
+        oidc=oidc,
         fleet=fleet,
         require_enrolment=require_enrolment,
         ca_cert=ca_cert,

@@ -63,6 +63,7 @@ ERRORS: tuple[ErrorRow, ...] = (
     ErrorRow("damaged", 500, "DATA_LOSS", "What was stored cannot be read"),
     ErrorRow("object_missing", 500, "DATA_LOSS", "A stored object is not there"),
     ErrorRow("object_corrupt", 500, "DATA_LOSS", "A stored object holds something else"),
+    ErrorRow("provider_unavailable", 503, "UNAVAILABLE", "The identity provider cannot be asked"),
     ErrorRow("not_ready", 503, "UNAVAILABLE", "The gateway is not ready"),
     ErrorRow("expired", 504, "DEADLINE_EXCEEDED", "The command came too late and was not executed"),
     ErrorRow("timeout", 504, "DEADLINE_EXCEEDED", "No answer in time"),

@@ -41,6 +41,7 @@ class Settings:
     robot_certificate_s: float = 7 * 86_400.0
     ca_cert: Path | None = None  # an issuer made elsewhere, and its key; None: the gateway makes its own
     ca_key: Path | None = None
+    oidc: Path | None = None  # a file that says where people sign in
     tls: str = "auto"  # "auto": beyond loopback; "on", "off"
     retention_days: float = 7.0
     event_retention_days: float = 90.0

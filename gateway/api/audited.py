@@ -82,7 +82,7 @@ class _Watch:
         kind = str(message["type"])
         if self._done:
             await self._send(message)
-        elif kind.endswith("response.start") and (self.changes or message["status"] in REFUSALS):
+        elif kind.endswith("response.start") and (self._changed or message["status"] in REFUSALS):
             self._held = message
         elif kind.endswith("response.body") and self._held is not None:
             held, self._held, self._done = self._held, None, True
@@ -112,8 +112,13 @@ class _Watch:
         row = self._granted
         if status in REFUSALS or (row is not None and row.who == "anyone" and status >= 400):
             self._log.refuse(**self._facts(status, code))
-        elif self.changes and row is not None and row.mutates:
+        elif self._changed and row is not None and row.mutates:
             await self._log.record(**self._facts(status, code))
+
+    @property
+    def _changed(self) -> bool:
+        """Whether it may have changed something: a GET has where somebody came back from where they sign in."""
+        return self.changes or "actor" in self._scope["state"].get("audit", {})
 
     @property
     def _granted(self) -> Permission | None:

@@ -17,6 +17,7 @@ from gateway.identity.accounts import Accounts
 from gateway.identity.audit import AuditLog
 from gateway.identity.desk import IdentityDesk
 from gateway.identity.door import Door
+from gateway.identity.oidc import OidcClient
 from gateway.ingest.links import Links
 from gateway.ingest.registry import Registry
 from gateway.live.hub import Hub
@@ -37,6 +38,7 @@ class Services:
     door: Door
     accounts: Accounts
     audit: AuditLog
+    oidc: OidcClient | None
     attendance: Attendance
     identities: IdentityDesk
     grpc_port: Callable[[], int]

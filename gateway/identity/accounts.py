@@ -11,6 +11,8 @@ from gateway.errors import CredentialsError, ForbiddenError, InvalidRequestError
 from gateway.identity import keys, users
 from gateway.identity.keys import KeyRequest, NewKey
 from gateway.identity.master import MasterKey
+from gateway.identity.oidc import Person
+from gateway.identity.oidc_users import sign_in_person
 from gateway.identity.passwords import Passwords, check_password
 from gateway.identity.signin import (
     Link,
@@ -73,6 +75,13 @@ class Accounts:
         """Open a session by a one-time link; CredentialsError when it is not good."""
         now_ns = self._clock.wall_ns()
         return await self._store.run(lambda engine: follow_link(engine, token, now_ns=now_ns, address=address))
+
+    async def sign_in_person(self, person: Person, *, robots: tuple[str, ...], address: str) -> SignedIn:
+        """Open a session for whom an identity provider has signed in, see `oidc_users`."""
+        now_ns = self._clock.wall_ns()
+        return await self._change(
+            lambda engine: sign_in_person(engine, person, robots=robots, now_ns=now_ns, address=address)
+        )
 
     async def make_link(self, name: str = "") -> tuple[User, Link]:
         """A sign-in link for a user; without a name for the first admin, who is made where there is none."""

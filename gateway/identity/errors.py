@@ -4,6 +4,7 @@ RequestError
 ├── UnknownUserError         there is no such user                              unknown_user
 ├── UnknownKeyError          there is no such key                               unknown_key
 ├── UserExistsError          the user's name is taken                           user_exists
+├── ProviderError            the identity provider cannot be asked, or errs     provider_unavailable
 └── LastAdminError           nobody could look after the gateway any more       last_admin
 """
 
@@ -11,7 +12,7 @@ from __future__ import annotations
 
 from gateway.errors import RequestError
 
-__all__ = ["LastAdminError", "UnknownKeyError", "UnknownUserError", "UserExistsError"]
+__all__ = ["LastAdminError", "ProviderError", "UnknownKeyError", "UnknownUserError", "UserExistsError"]
 
 
 class UnknownUserError(RequestError):
@@ -36,3 +37,9 @@ class LastAdminError(RequestError):
     """The last admin who may sign in cannot be removed, disabled or given a lesser role."""
 
     code = "last_admin"
+
+
+class ProviderError(RequestError):
+    """The identity provider gives no answer, or one that cannot be used."""
+
+    code = "provider_unavailable"

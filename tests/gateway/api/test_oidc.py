@@ -1,0 +1,223 @@
+"""Signing in at a real identity provider in this process: the flow, and everything that must not get in."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from joserfc.jwk import RSAKey
+
+from gateway.main import Ready
+from tests.gateway.harness import client, running_gateway
+from tests.support.oidc_server import CLIENT_ID, CLIENT_SECRET, OidcServer, oidc_server
+
+START, BACK = "/api/v1/auth/oidc/start", "/api/v1/auth/oidc/callback"
+
+
+@pytest.fixture
+def provider() -> Iterator[OidcServer]:
+    with oidc_server() as server:
+        yield server
+
+
+@asynccontextmanager
+async def world(folder: Path, provider: OidcServer, **more: Any) -> AsyncIterator[tuple[Ready, httpx.AsyncClient]]:
+    """A gateway that trusts the provider, and a browser."""
+    path = folder / "oidc.json"
+    document = {
+        "issuer": provider.issuer,
+        "client_id": CLIENT_ID,
+        "client_secret": CLIENT_SECRET,
+        "redirect_url": f"http://127.0.0.1:1{BACK}",  # the test goes there by itself
+        "name": "Example Lab",
+        "roles": {"viewer": ["robot-lookers"], "operator": ["robot-ops"], "admin": ["robot-admins"]},
+        "robots": ["sim_*"],
+        **more,
+    }
+    path.write_text(json.dumps(document))
+    path.chmod(0o600)
+    async with running_gateway(folder, oidc=path, anonymous=False) as ready, client(ready, key="") as browser:
+        yield ready, browser
+
+
+async def at_provider(browser: httpx.AsyncClient) -> dict[str, str]:
+    """Begin, and sign in there: what the browser brings back."""
+    begun = await browser.get(START)
+    assert begun.status_code == 302, begun.text
+    async with httpx.AsyncClient(trust_env=False) as elsewhere:
+        sent = await elsewhere.get(begun.headers["location"])
+    return dict(httpx.URL(sent.headers["location"]).params)
+
+
+async def sign_in(browser: httpx.AsyncClient) -> httpx.Response:
+    return await browser.get(BACK, params=await at_provider(browser))
+
+
+async def me(browser: httpx.AsyncClient) -> dict[str, Any]:
+    return dict((await browser.get("/api/v1/auth/me")).json())
+
+
+async def test_signing_in(tmp_path: Path, provider: OidcServer) -> None:
+    async with world(tmp_path, provider) as (ready, browser):
+        offered = (await browser.get("/api/v1/auth/oidc")).json()
+        assert offered == {"name": "Example Lab", "url": START}
+        answer = await sign_in(browser)
+        assert (answer.status_code, answer.headers["location"]) == (302, "/")
+        account = await me(browser)
+        assert (account["name"], account["role"], account["robots"]) == ("ada-l", "operator", ["sim_*"])
+        out = await browser.post("/api/v1/auth/logout", json={}, headers={"X-CSRF-Token": account["csrf"]})
+        assert out.status_code == 200
+        admin = (ready.data_dir / "local.key").read_text().strip()
+        async with client(ready, key=admin) as http:
+            rows = (await http.get("/api/v1/audit", params={"action": "sessions.open"})).json()["rows"]
+        assert [(row["name"], row["status"], row["target"]) for row in rows] == [("ada-l", 302, BACK)]
+        assert rows[0]["detail"] == f"by {provider.issuer}"
+
+
+async def test_the_role_of_today_each_time(tmp_path: Path, provider: OidcServer) -> None:
+    async with world(tmp_path, provider) as (ready, browser):
+        await sign_in(browser)
+        first = await me(browser)
+        provider.user["groups"] = ["x", "robot-admins", "robot-ops"]
+        provider.user["preferred_username"] = "other"
+        await sign_in(browser)
+        second = await me(browser)
+        assert (second["id"], second["name"], second["role"]) == (first["id"], "ada-l", "admin")
+        provider.user["groups"] = ["x"]
+        assert (await sign_in(browser)).status_code == 401
+        admin = (ready.data_dir / "local.key").read_text().strip()
+        provider.user["groups"] = ["robot-admins"]
+        async with client(ready, key=admin) as http:
+            body = {"name": "second", "role": "admin"}
+            assert (await http.post("/api/v1/users", json=body)).status_code == 201
+            assert (await http.patch("/api/v1/users/ada-l", json={"disabled": True})).status_code == 200
+        assert (await sign_in(browser)).status_code == 401
+
+
+async def test_a_name_in_common_is_no_account_in_common(tmp_path: Path, provider: OidcServer) -> None:
+    async with world(tmp_path, provider) as (ready, browser):
+        admin = (ready.data_dir / "local.key").read_text().strip()
+        async with client(ready, key=admin) as http:
+            assert (await http.post("/api/v1/users", json={"name": "ada-l", "role": "admin"})).status_code == 201
+        await sign_in(browser)
+        account = await me(browser)
+        assert account["name"].startswith("ada-l.")
+        assert account["role"] == "operator"
+
+
+@pytest.mark.parametrize(
+    "claims",
+    [
+        {"iss": "https://other.example"},
+        {"aud": "another"},
+        {"aud": [CLIENT_ID, "another"]},
+        {"azp": "another"},
+        {"nonce": "n"},
+        {"nonce": None},
+        {"exp": 1_000_000_000},
+        {"exp": None},
+        {"iat": None},
+        {"iat": 99_000_000_000},
+        {"nbf": 99_000_000_000},
+        {"sub": None},
+        {"sub": ""},
+        {"sub": 7},
+        {"groups": []},
+        {"groups": None},
+        {"groups": {"robot-ops": 1}},
+    ],
+    ids=str,
+)
+async def test_claims_that_do_not_hold(tmp_path: Path, provider: OidcServer, claims: dict[str, Any]) -> None:
+    provider.claims = claims
+    async with world(tmp_path, provider) as (_, browser):
+        answer = await sign_in(browser)
+        assert (answer.status_code, answer.json()["code"]) == (401, "bad_credentials")
+        assert (await browser.get("/api/v1/auth/me")).status_code == 401
+
+
+@pytest.mark.parametrize("how", ["none", "HS256", "stranger"])
+async def test_signatures_that_do_not_hold(tmp_path: Path, provider: OidcServer, how: str) -> None:
+    if how == "stranger":
+        provider.signing = RSAKey.generate_key(2048, {"kid": provider.kid})
+    else:
+        provider.algorithm = how
+    async with world(tmp_path, provider) as (_, browser):
+        assert (await sign_in(browser)).status_code == 401
+
+
+async def test_a_provider_with_new_keys(tmp_path: Path, provider: OidcServer) -> None:
+    async with world(tmp_path, provider) as (_, browser):
+        assert (await sign_in(browser)).status_code == 302
+        provider.new_key()
+        assert (await sign_in(browser)).status_code == 302
+
+
+async def test_somebody_elses_sign_in(tmp_path: Path, provider: OidcServer) -> None:
+    async with world(tmp_path, provider) as (ready, browser), client(ready, key="") as other:
+        params = await at_provider(browser)
+        assert (await other.get(BACK, params=params)).status_code == 401  # no cookie
+        await at_provider(other)
+        assert (await other.get(BACK, params=params)).status_code == 401  # another state
+        assert (await browser.get(BACK, params={**params, "state": params["state"] + "x"})).status_code == 401
+        assert (await browser.get(BACK, params={**params, "code": "guessed"})).status_code == 401
+        assert (await browser.get(BACK, params={"error": "access_denied", "state": params["state"]})).status_code == 401
+        assert (await browser.get(BACK, params=params)).status_code == 302
+        again = await browser.get(BACK, params=params)
+        assert again.status_code == 401  # a code works once
+
+
+@pytest.mark.parametrize(
+    ("path", "answer"),
+    [
+        ("/.well-known/openid-configuration", (200, b"{" + b" " * 300_000, {})),
+        ("/.well-known/openid-configuration", (200, b"[]", {})),
+        ("/.well-known/openid-configuration", (200, b"\xff", {})),
+        ("/.well-known/openid-configuration", (500, b"{}", {})),
+        ("/.well-known/openid-configuration", (302, b"", {"Location": "/jwks"})),
+        ("/jwks", (200, b'{"keys": 1}', {})),
+        ("/jwks", (200, b'{"keys": [1]}', {})),
+        ("/jwks", (200, b'{"keys": [{"kty": "RSA"}]}', {})),
+    ],
+)
+async def test_a_provider_that_answers_badly(
+    tmp_path: Path, provider: OidcServer, path: str, answer: tuple[int, bytes, dict[str, str]]
+) -> None:
+    provider.answers[path] = answer
+    async with world(tmp_path, provider) as (_, browser):
+        got = await browser.get(START)
+        assert (got.status_code, got.json()["code"]) == (503, "provider_unavailable")
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"issuer": "https://other.example"},
+        {"token_endpoint": "http://127.0.0.1:1/token"},
+        {"token_endpoint": "https://user@example.com/token"},
+        {"jwks_uri": "https://localhost/jwks"},
+        {"jwks_uri": "https://[::ffff:10.0.0.1]/jwks"},
+        {"jwks_uri": "https://169.254.169.254/latest"},
+        {"jwks_uri": "file:///etc/passwd"},
+        {"jwks_uri": None},
+        {"authorization_endpoint": "javascript:alert(1)"},
+    ],
+    ids=str,
+)
+async def test_where_the_provider_must_not_lead(tmp_path: Path, provider: OidcServer, said: dict[str, Any]) -> None:
+    provider.discovery = said
+    async with world(tmp_path, provider) as (_, browser):
+        got = await browser.get(START)
+        assert (got.status_code, got.json()["code"]) == (503, "provider_unavailable")
+
+
+async def test_without_a_provider(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready, key="") as browser:
+        assert (await browser.get("/api/v1/auth/oidc")).json() == {"name": None, "url": None}
+        for path in (START, BACK):
+            assert (await browser.get(path)).status_code == 404
