@@ -9,7 +9,7 @@ from concurrent.futures import CancelledError, Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from typing import TypeVar
 
-from gateway.errors import DamagedError, ObjectStoreError, StoreError
+from gateway.errors import DamagedError, ObjectStoreError, PurgedError, StoreError
 from gateway.objects import ObjectStore
 from gateway.store.compact import Compaction, CompactPace, Due
 from gateway.store.engine import StoreEngine
@@ -135,6 +135,8 @@ class Compactor:
         for one in due:
             try:
                 moved += work.compact(one)
+            except PurgedError as error:  # retention was faster, or another gateway
+                log.debug("a segment was given up: %s", error)
             except StoreError as error:
                 failed = error
             if self._stopped.is_set() or (self._shared and not self.transact(self._lease)):
