@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import io
 import os
+import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -226,3 +227,31 @@ def test_asked_without_a_link_it_comes_with_the_link(world: World) -> None:
     total = check_full(world, blob, start_ns, end_ns - 10**9)
     assert total > 0
     assert max(numbers(blob)["/robot/imu"]) < len(world.publisher.sent["/robot/imu"]) - 200  # it ends when it was asked
+
+
+def test_deaths_of_both_sides_on_the_way_change_nothing(world: World) -> None:
+    start_ns, end_ns = cut_with_a_fault(world)
+    # So slow that everybody can die on the way.
+    with world.client.open("PUT", "/api/v1/robots/robot/uplink", body={"bytes_per_s": 100_000}):
+        pass
+    asked = world.save(last_s=CUT_S + 2 * MARGIN_S)
+    path = f"/api/v1/recordings/{asked['id']}"
+
+    def received(least: int) -> bool:
+        shown = world.stack.get(path) or {"received_bytes": 0, "state": ""}
+        return shown["received_bytes"] >= least or shown["state"] == "stored"
+
+    wait_until(lambda: received(1))
+    before = dict(world.stack.get(path))
+    assert before["state"] == "transferring"
+    world.gateway.kill()
+    world.gateway = world.stack.restart(world.gateway)
+    wait_until(world.online)
+    wait_until(lambda: received(before["received_bytes"] + 1))
+    os.kill(world.agent.process.pid, signal.SIGKILL)
+    world.agent.process.wait(10)
+    world.agent = world.stack.restart(world.agent)
+    recording = world.stored(asked)
+    check_full(world, world.file(recording), start_ns, end_ns)
+    kept = world.stack.folder / "agent-robot" / "recordings"
+    wait_until(lambda: not list(kept.glob("*.mcap")))
