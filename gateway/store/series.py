@@ -32,8 +32,9 @@ _INSIDE = """
 """  # in one bucket
 _TOUCHING = "FROM metric_chunks WHERE series = ? AND last_ns >= ? AND first_ns <= ? AND coalesce(valid, 1) > 0"
 _SUMMARIES = f"""
-    SELECT place, CAST(sum(valid) AS BIGINT), min(low), max(high), sum(total) FROM (
-        SELECT CASE WHEN {_INSIDE} THEN (first_ns - ?) / ? ELSE -chunk END AS place, valid, low, high, total {_TOUCHING}
+    SELECT place, sum(valid), min(low), max(high), sum(total) FROM (
+        SELECT CASE WHEN {_INSIDE} THEN (first_ns - ?) / ? ELSE -chunk END AS place,
+            CAST(valid AS INTEGER) AS valid, low, high, total {_TOUCHING}
     ) AS spans GROUP BY place
 """
 _EXTREMES = f"""
