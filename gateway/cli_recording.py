@@ -6,6 +6,7 @@ import re
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -55,8 +56,8 @@ def _list(
     if out.json:
         out.objects(found)
         return
-    names = ("Id", "Robot", "State", "Start", "End", "Messages", "Size")
-    out.table(names, [_row(item) for item in found], empty="no recordings", right=(5, 6))
+    names = ("Id", "Robot", "State", "From (UTC)", "Span", "Messages", "Size")
+    out.table(names, [_row(item) for item in found], empty="no recordings", right=(4, 5, 6))
 
 
 def _save(
@@ -165,8 +166,11 @@ def _row(item: dict[str, Any]) -> Sequence[object]:
     elif state == "transferring" and item["size_bytes"]:
         state = f"transferring {100 * item['received_bytes'] // item['size_bytes']} %"
     size = human_bytes(item["size_bytes"]) if item["size_bytes"] else ""
-    start, end = item["first"] or item["start"], item["last"] or item["end"]
-    return item["id"], item["robot"], state, start, end, item["messages"] or "", size
+    start, end = (
+        datetime.fromisoformat(item[had] or item[asked]) for had, asked in (("first", "start"), ("last", "end"))
+    )
+    span = f"{(end - start).total_seconds():.0f} s"
+    return item["id"], item["robot"], state, f"{start:%m-%d %H:%M:%S}", span, item["messages"] or "", size
 
 
 def _progress(item: dict[str, Any]) -> str:

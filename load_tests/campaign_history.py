@@ -41,6 +41,7 @@ from tests.support.waiting import wait_until
 __all__ = ["HistoryStack", "main"]
 
 ACTS = (("kill compacting", 6), ("kill exporting", 4), ("kill starting", 2), ("stop gateway", 1))
+DRAIN_S = 240.0  # a gateway that does all this at once answers late, and back-fill takes that for a slow network
 KEPT = ("bulk=,200KiB",)
 
 
@@ -53,7 +54,8 @@ class HistoryStack(LoadStack):
         HistoryStack.legs += 1
         self.purged = HistoryStack.legs % 2 == 0
         rules = KEPT if self.purged else ()
-        super().__init__(folder, gateway={"busy": True, "retention_rules": rules, "store_url": url})
+        gateway = {"busy": True, "retention_rules": rules, "store_url": url}
+        super().__init__(folder, robot={"drain_s": DRAIN_S}, gateway=gateway)
         self.objects = DirectoryStore(self.gateway_config.data_dir / "objects")
 
     def export(self, timeout_s: float = 60.0) -> bytes:
@@ -70,7 +72,7 @@ class HistoryStack(LoadStack):
 
     def check(self) -> Verdict:
         """End well, start again, export, and compare everything with everything."""
-        self.end()
+        self.end(timeout_s=DRAIN_S + 30)
         stored, verdict = self.stored(), Verdict()
         self.start("gateway")
         wait_until(self.answers)

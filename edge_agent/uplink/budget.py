@@ -40,8 +40,12 @@ class Use(Enum):
     EVENT = 0.0
     LIVE = 0.1
     METRIC = 0.25
+    RECORDING = 0.3  # somebody waits for it: before the bulk that never ends, within back-fill's share
     BULK = 0.4
     BACKFILL = 0.5
+
+
+_SHARED = (Use.RECORDING, Use.BACKFILL)  # what goes out of back-fill's own bucket
 
 
 class Budget:
@@ -92,7 +96,7 @@ class Budget:
     def room(self, use: Use, now_s: float) -> int:
         """How many bytes of this use may go now; what is due in one piece may go where this is above 0."""
         self._pass(now_s)
-        if use is Use.BACKFILL:
+        if use in _SHARED:
             return min(self._shared_room(use), int(self._backfill_level))
         return self._shared_room(use)
 
@@ -104,7 +108,7 @@ class Budget:
         if self.limit_bytes_per_s:
             level = self._event_level if use is Use.EVENT else self._level
             waits.append((1 + use.value * self._burst - level) / self.limit_bytes_per_s)
-        if use is Use.BACKFILL:
+        if use in _SHARED:
             waits.append((1 - self._backfill_level) / self.backfill_bytes_per_s)
         return max(waits)
 
@@ -116,7 +120,7 @@ class Budget:
             self._level -= size_bytes
             if use in (Use.EVENT, Use.COMMAND):
                 self._event_level -= size_bytes
-        if use is Use.BACKFILL:
+        if use in _SHARED:
             self._backfill_level -= size_bytes
             self._backfill_spent += size_bytes
 

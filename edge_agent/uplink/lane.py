@@ -144,8 +144,8 @@ class LaneSender:
             self.put(link_pb2.AgentFrame(recording=offer))
         if not self.parts.ready():
             return
-        if self._queues.budget.room(Use.BACKFILL, now_s) <= moved:
-            self._blocked = Use.BACKFILL
+        if self._queues.budget.room(Use.RECORDING, now_s) <= moved:
+            self._blocked = Use.RECORDING
         elif (part := self.parts.next(now_s)) is not None:
             self.put(link_pb2.AgentFrame(recording=part))
 

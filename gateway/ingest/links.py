@@ -148,7 +148,8 @@ class Links:
     def send(self, robot_id: str, frame: link_pb2.GatewayFrame, *, lane: int = LANES[0]) -> None:
         """Put a frame on a lane of the robot's, by default control; RobotOfflineError when it has no link."""
         live = self._live.get(robot_id)
-        if live is None or not live.session.online:
+        control = lane == LANES[0]  # commands need the whole link; an answer on another lane needs that one alone
+        if live is None or lane not in live.outboxes or (control and not live.session.online):
             raise RobotOfflineError(f"robot {robot_id} has no link now")
         self._put(live, lane, frame)
 

@@ -24,6 +24,7 @@ __all__ = ["Arrivals", "TellRobot"]
 
 log = logging.getLogger(__name__)
 
+STALLED_S = 60.0
 PROGRESS_S = 2.0  # between two updates of a recording's row
 KEEP_RETRY_S = 5.0
 MAX_OFFERS = 1024  # looked up at a time; more are offered again
@@ -40,6 +41,7 @@ class _Arrival:
     running: bool = False  # false: it waits for its turn
     whole: bool = False
     replaced: bool = False
+    moved_s: float = 0.0  # when something last came
     saved_s: float = 0.0
     said: str = ""
     ended: asyncio.Event = field(default_factory=asyncio.Event)
@@ -76,6 +78,12 @@ class Arrivals:
     def ids(self) -> set[str]:
         """The recordings that are on their way here."""
         return {*self._here, *self._offers}
+
+    def moving(self) -> set[str]:
+        """Those of them that wait for no word of their robot's: one that stalls may have missed ours."""
+        since_s = self._clock.monotonic_s() - STALLED_S
+        idle = {a.recording.id for a in self._here.values() if a.running and not a.whole and a.moved_s < since_s}
+        return self.ids - idle
 
     def received(self, recording_id: str) -> int | None:
         """How much of a file is on this gateway's disk; None when it does not come here."""
@@ -208,7 +216,7 @@ class Arrivals:
             budget=self._budget,
             window_bytes=self._limits.recording_window_bytes,
         )
-        return _Arrival(recording, transfer)
+        return _Arrival(recording, transfer, moved_s=self._clock.monotonic_s())
 
     def _next(self, robot_id: str) -> None:
         """Begin what waits of a robot's, as far as its number at a time allows."""
@@ -263,6 +271,8 @@ class Arrivals:
     async def _progress(self, recording_id: str, offset: int, message: str) -> None:
         """Show how far it is, not too often; stop it when nobody wants it any more."""
         arrival, now_s = self._here.get(recording_id), self._clock.monotonic_s()
+        if arrival is not None:
+            arrival.moved_s = now_s
         if arrival is None or (message == arrival.said and now_s - arrival.saved_s < PROGRESS_S):
             return
         arrival.saved_s, arrival.said = now_s, message

@@ -195,7 +195,7 @@ class RecordingDesk:
                 await self._expire(recording)
             else:
                 alive.append(recording)
-        self._asking.again(alive, arriving=self._arrivals.ids)
+        self._asking.again(alive, arriving=self._arrivals.moving())
 
     async def close(self) -> None:
         """Stop; what is half here is continued by the next gateway on this data directory."""

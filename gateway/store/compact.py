@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from gateway.errors import StoreError
+from gateway.errors import PurgedError, StoreError
 from gateway.objects import ObjectStore
 from gateway.store.engine import Row, StoreEngine, placeholders, signed, slices, unsigned
 from gateway.store.ledger import Transact, announce, doom, stored
@@ -115,6 +115,7 @@ class Compaction:
         """Move the oldest of these batches into one segment; how many went (0: there are none that can).
 
         Raises:
+            PurgedError: somebody else compacted or purged some of them meanwhile; nothing happened.
             StoreError, ObjectStoreError: it did not happen; the batches are where they were.
         """
         picked, items = self._pick(due)
@@ -193,14 +194,14 @@ class Compaction:
         self._on_step("swapped")
 
     def _swap(self, engine: StoreEngine, due: Due, picked: Sequence[Row], segment: Segment, name: str) -> None:
-        """The batches go and the segment comes; StoreError when they are not exactly those that were read."""
+        """The batches go and the segment comes; PurgedError when they are not exactly those that were read."""
         expected = {row[0]: tuple(row[1:5]) for row in picked}
         found: dict[int, tuple[Any, ...]] = {}
         for some in slices(sorted(expected)):
             for row in engine.fetch(_SAME.format(placeholders(len(some))) + engine.for_update, *some):
                 found[row[0]] = tuple(row[1:5])
         if found != expected:
-            raise StoreError("the batches of a segment were purged or compacted by somebody else meanwhile")
+            raise PurgedError("the batches of a segment were purged or compacted by somebody else meanwhile")
         self._on_step("checked")
         gone = 0
         for some in slices(sorted(expected)):

@@ -9,7 +9,7 @@ from concurrent.futures import CancelledError, Future
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from typing import TypeVar
 
-from gateway.errors import DamagedError, ObjectStoreError, StoreError
+from gateway.errors import DamagedError, ObjectStoreError, PurgedError, StoreError
 from gateway.objects import ObjectStore
 from gateway.store.compact import Compaction, CompactPace, Due
 from gateway.store.engine import StoreEngine
@@ -108,18 +108,23 @@ class Compactor:
 
     def _turn(self, engine: StoreEngine) -> float:
         """Sweep, look, and make one segment of each robot that is due; how long to wait for the next turn."""
-        if self._shared and not self.transact(self._lease):
-            return self._pace.look_every_s
-        if self._work is None:
-            check_mark(engine, self.transact, self._objects, clock=self._clock)
-            self._work = Compaction(engine, self.transact, self._objects, clock=self._clock, pace=self._pace)
         begun_s = self._clock.monotonic_s()
-        if begun_s - self._last_sweep_s >= self._pace.sweep_every_s:
+        sweeping = begun_s - self._last_sweep_s >= self._pace.sweep_every_s
+        if sweeping:
+            check_mark(engine, self.transact, self._objects, clock=self._clock)
+        if self._shared and not self.transact(self._lease):
+            self._last_sweep_s = begun_s if sweeping else self._last_sweep_s
+            return self._pace.look_every_s
+        if sweeping:
             sweep_objects(self.transact, self._objects, now_ns=self._clock.wall_ns())
             self._last_sweep_s = begun_s
+        if self._work is None:
+            self._work = Compaction(engine, self.transact, self._objects, clock=self._clock, pace=self._pace)
         begun_s = self._clock.monotonic_s()
         due = self._work.due()
         look_s = self._clock.monotonic_s() - begun_s
+        if due:  # into the directory of ever, not the empty one below a disk that was unmounted a moment ago
+            check_mark(engine, self.transact, self._objects, clock=self._clock)
         moved = self._compact(self._work, due)
         # A look at a large backlog costs: no more than a tenth of the time goes into looking.
         return max(0.0 if moved else self._pace.look_every_s, 9 * look_s)
@@ -130,6 +135,8 @@ class Compactor:
         for one in due:
             try:
                 moved += work.compact(one)
+            except PurgedError as error:  # retention was faster, or another gateway
+                log.debug("a segment was given up: %s", error)
             except StoreError as error:
                 failed = error
             if self._stopped.is_set() or (self._shared and not self.transact(self._lease)):

@@ -8,7 +8,9 @@ a time, so that a query's memory does not grow with its range.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Literal
 
 import numpy as np
@@ -32,8 +34,9 @@ _INSIDE = """
 """  # in one bucket
 _TOUCHING = "FROM metric_chunks WHERE series = ? AND last_ns >= ? AND first_ns <= ? AND coalesce(valid, 1) > 0"
 _SUMMARIES = f"""
-    SELECT place, CAST(sum(valid) AS BIGINT), min(low), max(high), sum(total) FROM (
-        SELECT CASE WHEN {_INSIDE} THEN (first_ns - ?) / ? ELSE -chunk END AS place, valid, low, high, total {_TOUCHING}
+    SELECT place, sum(valid), min(low), max(high), sum(total) FROM (
+        SELECT CASE WHEN {_INSIDE} THEN (first_ns - ?) / ? ELSE -chunk END AS place,
+            CAST(valid AS INTEGER) AS valid, low, high, total {_TOUCHING}
     ) AS spans GROUP BY place
 """
 _EXTREMES = f"""
@@ -147,18 +150,29 @@ class _Reading:
         picture.add(*self.span.cut(self.waiting[1][mine], self.waiting[2][mine]))
 
     def _rows(self, chunks: Sequence[int]) -> Iterator[tuple[Stamps, Values]]:
-        for some in slices(chunks):
-            query = (
-                "SELECT encoding, count, stamps, vals, first_ns, last_ns FROM metric_chunks"
-                f" WHERE chunk IN ({placeholders(len(some))}) ORDER BY last_ns"
-            )
-            found = self.engine.fetch(query, *some)
-            for first in range(0, len(found), TOGETHER):
-                rows = found[first : first + TOGETHER]
-                try:
-                    yield decode([(row[0], row[1], row[2], row[3]) for row in rows])
-                except ValueError:
-                    yield from self._undamaged(rows)
+        """The database reads the next slice while this one is decoded: each takes about as long."""
+        pieces = slices(chunks)
+        with ThreadPoolExecutor(1, thread_name_prefix="gateway-series") as ahead:
+            coming = [ahead.submit(self._fetch, some) for some in islice(pieces, 1)]
+            while coming:
+                found = coming.pop().result()
+                coming = [ahead.submit(self._fetch, some) for some in islice(pieces, 1)]
+                yield from self._decoded(found)
+
+    def _fetch(self, chunks: Sequence[int]) -> Sequence[Row]:
+        query = (
+            "SELECT encoding, count, stamps, vals, first_ns, last_ns FROM metric_chunks"
+            f" WHERE chunk IN ({placeholders(len(chunks))}) ORDER BY last_ns"
+        )
+        return self.engine.fetch(query, *chunks)
+
+    def _decoded(self, found: Sequence[Row]) -> Iterator[tuple[Stamps, Values]]:
+        for first in range(0, len(found), TOGETHER):
+            rows = found[first : first + TOGETHER]
+            try:
+                yield decode([(row[0], row[1], row[2], row[3]) for row in rows])
+            except ValueError:
+                yield from self._undamaged(rows)
 
     def _undamaged(self, rows: Sequence[Row]) -> Iterator[tuple[Stamps, Values]]:
         for row in rows:

@@ -7,6 +7,7 @@ import io
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -81,6 +82,20 @@ def test_nothing_is_deleted_in_the_objects_of_another_store(folder: Path, tmp_pa
         code, _, err = store(folder, *command, "--objects", (tmp_path / "others").as_uri())
         assert (code, "is not the object store" in err) == (1, True), command
     assert [info.name for info in objects.names()] == ["segments/x"]
+
+
+@pytest.mark.slow
+def test_objects_in_s3(folder: Path, s3_url: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:
+    url = s3_url()
+    assert store(folder, "compact", "--objects", url)[0] == 0
+    assert not (folder / "objects").exists()
+    code, out, _ = store(folder, "check", "--deep", "--objects", url)
+    assert (code, "3 objects" in out, "nothing is damaged" in out) == (0, True, True)
+    code, out, _ = store(folder, "check")  # looked for in the wrong place
+    assert (code, "missing" in out) == (1, True)
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "not-the-secret")
+    code, _, err = store(folder, "check", "--objects", url)
+    assert (code, "SignatureDoesNotMatch" in err, "not-the-secret" in err) == (1, True, False)
 
 
 def test_there_must_be_a_store(tmp_path: Path) -> None:

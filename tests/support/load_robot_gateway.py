@@ -20,7 +20,7 @@ __all__ = ["GatewayConfig", "run_gateway"]
 BUSY_COMPACTION = CompactPace(
     size_bytes=48 << 10, small_bytes=0, age_s=0.5, batches=400, look_every_s=0.005, sweep_every_s=0.3, retry_s=0.05
 )
-BUSY_WRITER = Pace(merge_at_batches=32, merge_after_s=0.5, purge_every_s=0.05)
+BUSY_WRITER = Pace(merge_at_batches=32, merge_after_s=0.5, purge_every_s=0.2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,6 +1,7 @@
 /** Typed calls of the gateway's REST interface. Every failure is an ApiError with the server's own words. */
 
-import type { Gap, Problem, Robot, SeriesInfo, SeriesRange, Topic, Uplink } from "./types";
+import type { Ranged } from "./history_types";
+import type { Gap, Problem, Robot, SeriesInfo, Topic, Uplink } from "./types";
 
 const BASE = "/api/v1";
 
@@ -55,14 +56,14 @@ export const api = {
   robot: (id: string) => request<Robot>(robotPath(id)),
   topics: async (id: string) => (await request<{ topics: Topic[] }>(`${robotPath(id)}/topics`)).topics,
   metrics: async (id: string) => (await request<{ series: SeriesInfo[] }>(`${robotPath(id)}/metrics`)).series,
-  range: async (id: string, names: string[], start: string, points: number) => {
+  range: (id: string, names: string[], start: string, points: number) => {
     const query = new URLSearchParams([
       ...names.map((name) => ["name", name]),
       ["start", start],
       ["end", "now"],
       ["points", String(points)],
     ]);
-    return (await request<{ series: SeriesRange[] }>(`${robotPath(id)}/metrics/range?${query}`)).series;
+    return request<Ranged>(`${robotPath(id)}/metrics/range?${query}`);
   },
   gaps: async (id: string, limit: number) =>
     (await request<{ gaps: Gap[] }>(`${robotPath(id)}/gaps?limit=${limit}`)).gaps,

@@ -3,6 +3,7 @@
 import { signal, type Signal } from "@preact/signals";
 import { useEffect, useMemo } from "preact/hooks";
 import { api } from "../api/client";
+import type { Span } from "../api/history_types";
 import { useLive } from "../ui/context";
 import { Card } from "../ui/parts";
 import { plotsOf, type PlotSpec } from "./plot_table";
@@ -18,6 +19,8 @@ interface Track {
   timelines: Timeline[];
   version: Signal<number>;
   receivedMs: Signal<number | null>;
+  /** What the robot declared lost. */
+  holes: Signal<Span[]>;
 }
 
 function makeTracks(names: Set<string>, windowS: number): Track[] {
@@ -26,6 +29,7 @@ function makeTracks(names: Set<string>, windowS: number): Track[] {
     timelines: spec.lines.map(() => new Timeline(windowS)),
     version: signal(0),
     receivedMs: signal<number | null>(null),
+    holes: signal<Span[]>([]),
   }));
 }
 
@@ -41,10 +45,12 @@ function* linesOf(tracks: Track[]) {
 async function loadHistory(robot: string, tracks: Track[], range: string): Promise<void> {
   const lines = [...linesOf(tracks)];
   const found = await api.range(robot, lines.map(({ line }) => line.series), `-${range}`, POINTS);
+  const holes = (found.gaps ?? []).map(([from_ms, to_ms]) => ({ from_ms, to_ms }));
   for (const { track, line, timeline, factor } of lines) {
-    const series = found.find(({ name }) => name === line.series);
+    track.holes.value = holes;
+    const series = found.series.find(({ name }) => name === line.series);
     if (!series) continue;
-    timeline.prepend(series.stamp_ms, series.mean.map((value) => value * factor));
+    timeline.prepend(series.stamp_ms, series.mean.map((value) => value * factor), holes);
     track.version.value += 1;
     track.receivedMs.value ??= series.stamp_ms.at(-1) ?? null;
   }
@@ -103,6 +109,7 @@ function PlotCard({ track, windowS }: { track: Track; windowS: number }) {
         bounds={spec.bounds}
         windowS={windowS}
         version={track.version}
+        holes={track.holes}
       />
     </Card>
   );

@@ -63,6 +63,12 @@ test("history goes before the live values that came first", () => {
   expect(line.values).toEqual([1, 2, 5]);
 });
 
+test("history is broken where something is known to be lost, however short", () => {
+  const line = new Timeline(600);
+  line.prepend([1000, 2000, 3000], [1, 2, 3], [{ from_ms: 2100, to_ms: 2900 }]);
+  expect(line.values).toEqual([1, 2, null, 3]);
+});
+
 test("a message as rows: nesting, stamps, long arrays, big integers", () => {
   const rows = treeRows({
     header: { stamp: { sec: 3, nanosec: 40 }, frame_id: "base" },

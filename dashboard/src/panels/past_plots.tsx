@@ -12,7 +12,7 @@ import { useLive } from "../ui/context";
 import { Card } from "../ui/parts";
 import { PAST_PLOTS, plotsOf, type PlotSpec } from "./plot_table";
 import { Plot, type Frame } from "./plot";
-import { HOLE_S, Timeline } from "./timeline";
+import { HOLE_S, isBroken, Timeline } from "./timeline";
 
 /** Of what is loaded at once, so that moving a little needs no request: the shown span is half of it. */
 const POINTS = 500;
@@ -36,7 +36,7 @@ function fill(track: Track, ranged: Ranged, holes: Span[]): void {
     const timeline = track.timelines[i]!;
     let last = -Infinity;
     found?.stamp_ms.forEach((stamp, at) => {
-      if (holes.some(({ from_ms, to_ms }) => from_ms < stamp && to_ms > last)) timeline.cut();
+      if (isBroken(holes, last, stamp)) timeline.cut();
       timeline.add(stamp, found.mean[at]! * (line.factor ?? 1));
       last = stamp;
     });

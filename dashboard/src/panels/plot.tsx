@@ -9,6 +9,8 @@ import { hatched } from "../ui/hatch";
 import { palette, type Palette } from "../ui/theme";
 import type { Timeline } from "./timeline";
 
+const UNSEEN_MS = 1000;
+
 /** What a plot of the past shows: a span, the instant in it, and where data is known to be lost. */
 export interface Frame {
   startMs: number;
@@ -29,6 +31,8 @@ export interface PlotProps {
   height?: number;
   /** The past; without it the window ends now. */
   frame?: Signal<Frame | null>;
+  /** Where data of the live window is known to be lost. */
+  holes?: Signal<Span[]>;
 }
 
 const clock = new Intl.DateTimeFormat("en-GB", { hour: "2-digit", minute: "2-digit", second: "2-digit" });
@@ -63,7 +67,7 @@ function options(props: PlotProps, colours: Palette, width: number, hovered: (in
     ],
     hooks: {
       setCursor: [(plot) => hovered(plot.cursor.idx ?? null)],
-      drawClear: [(plot) => props.frame?.peek() && drawHoles(plot, props.frame.peek()!, colours)],
+      drawClear: [(plot) => drawHoles(plot, props.frame?.peek()?.holes ?? props.holes?.peek() ?? [], colours)],
       draw: [(plot) => props.frame?.peek() && drawCursor(plot, props.frame.peek()!, colours)],
     },
   };
@@ -74,9 +78,9 @@ function frameRange({ frame }: PlotProps): [number, number] | null {
   return shown ? [shown.startMs / 1000, shown.endMs / 1000] : null;
 }
 
-function drawHoles(plot: uPlot, frame: Frame, colours: Palette): void {
+function drawHoles(plot: uPlot, holes: Span[], colours: Palette): void {
   const { left, top, width, height } = plot.bbox;
-  for (const { from_ms, to_ms } of frame.holes) {
+  for (const { from_ms, to_ms } of holes) {
     const from = Math.max(left, plot.valToPos(from_ms / 1000, "x", true));
     const to = Math.min(left + width, plot.valToPos(to_ms / 1000, "x", true));
     if (to > left && from < left + width) hatched(plot.ctx, from, top, Math.max(2, to - from), height, colours.warn);
@@ -117,6 +121,7 @@ export function Plot(props: PlotProps) {
   const hovered = useRef<number | null>(null);
   const inView = useRef(true);
   const pending = useRef(0);
+  const late = useRef<ReturnType<typeof setTimeout>>(undefined);
 
   const data = (): uPlot.AlignedData => {
     const tables = props.timelines.map(({ times, values: numbers }) => [times, numbers] as uPlot.AlignedData);
@@ -133,11 +138,17 @@ export function Plot(props: PlotProps) {
       if (cell) cell.textContent = fixed(value, props.digits, props.unit);
     });
   };
-  /** Painting is what costs: a plot that nobody sees waits for it. */
+  const paint = () => {
+    clearTimeout(late.current);
+    late.current = undefined;
+    plot.current?.setData(data());
+  };
+  /** Painting is what costs: a plot that nobody sees is painted once a second. */
   const update = () => {
     pending.current ||= requestAnimationFrame(() => {
       pending.current = 0;
-      if (inView.current) plot.current?.setData(data());
+      if (inView.current) paint();
+      else late.current ??= setTimeout(paint, UNSEEN_MS);
       caption();
     });
   };
@@ -174,6 +185,8 @@ export function Plot(props: PlotProps) {
       watcher.disconnect();
       cancelAnimationFrame(pending.current);
       pending.current = 0;
+      clearTimeout(late.current);
+      late.current = undefined;
       plot.current?.destroy();
       plot.current = null;
     };

@@ -1,8 +1,14 @@
 /** Points of one line in time: history from the store, then live values, within a window that moves. */
 
+import type { Span } from "../api/history_types";
+
 export const POINTS_KEPT = 4000;
 /** A hole of this length is drawn as a hole. */
 export const HOLE_S = 15;
+
+/** Whether something between two instants is known to be lost. */
+export const isBroken = (holes: Span[], afterMs: number, untilMs: number) =>
+  holes.some(({ from_ms, to_ms }) => from_ms < untilMs && to_ms > afterMs);
 
 export class Timeline {
   times: number[] = [];
@@ -14,13 +20,15 @@ export class Timeline {
   ) {}
 
   /** Put history before whatever live values came while it was fetched. */
-  prepend(stampsMs: number[], values: (number | null)[]): void {
+  prepend(stampsMs: number[], values: (number | null)[], holes: Span[] = []): void {
     const first = this.times[0] ?? Infinity;
     const live = { times: this.times, values: this.values };
     this.times = [];
     this.values = [];
     stampsMs.forEach((stamp, i) => {
-      if (stamp / 1000 < first) this.add(stamp, values[i] ?? null);
+      if (stamp / 1000 >= first) return;
+      if (i > 0 && isBroken(holes, stampsMs[i - 1]!, stamp)) this.cut();
+      this.add(stamp, values[i] ?? null);
     });
     live.times.forEach((time, i) => this.add(time * 1000, live.values[i] ?? null));
   }

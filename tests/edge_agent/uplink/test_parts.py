@@ -9,7 +9,7 @@ import pytest
 
 from edge_agent.blackbox.clip import Clip
 from edge_agent.blackbox.shelf import Shelf
-from edge_agent.uplink.session import BACKFILL, AgentSession, Queues
+from edge_agent.uplink.session import BACKFILL, LANES, AgentSession, Queues
 from metaros._proto import link_pb2
 from metaros.limits import Limits
 from tests.edge_agent.session_rig import SessionRig
@@ -207,6 +207,26 @@ def test_the_budget_holds_and_parts_are_small_where_it_is(rig: Rig) -> None:
     sent = len(rig.got(1))
     assert 0.5 * 35_000 * 10 <= sent <= 35_000 * 10 + 50 * KIB, "70 % of the budget"
     assert max(len(part.data) for part in rig.half.parts) <= 8 * KIB
+
+
+def test_bulk_without_end_does_not_keep_a_recording_from_coming(rig: Rig) -> None:
+    rig.budget.set_limit(50_000, rig.clock.monotonic_s())
+    rig.add(1, os.urandom(600 * KIB))
+    rig.connect()
+    rig.half.want(1)
+    begin_s, bulk, told, produced = rig.clock.monotonic_s(), os.urandom(8 * KIB), 0, 0
+    while (passed_s := rig.clock.monotonic_s() - begin_s) < 10:
+        while produced < 80_000 * passed_s:
+            rig.put("/bulk/a", bulk, "bulk")
+            produced += len(bulk)
+        rig.deliver()
+        rig.send()
+        waits = [wait_s for lane in LANES if (wait_s := rig.session.wait_s(lane)) is not None]
+        rig.clock.advance(min(max(min(waits), 1e-4), 0.05))
+        if len(rig.got(1)) > told:
+            told = len(rig.got(1))
+            rig.half.want(1, told)
+    assert told > 0.5 * 35_000 * 10, "most of back-fill's share"
 
 
 def test_an_agent_without_a_shelf_ignores_what_it_is_told(tmp_path: Path) -> None:

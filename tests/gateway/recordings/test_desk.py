@@ -165,6 +165,24 @@ async def test_an_answer_without_an_offer_is_asked_for_again(tmp_path: Path) -> 
         await world.until(lambda: len(world.commands) == 2)
 
 
+async def test_a_transfer_that_stalls_is_asked_for_again(tmp_path: Path) -> None:
+    async with opened(tmp_path) as world:
+        asked = await world.desk.request("r1", last_s=60)
+        world.part(asked)
+        await world.until(lambda: world.told)
+        world.clock.advance(59)
+        await world.desk.look()
+        await world.store.flush()
+        assert len(world.commands) == 1
+        world.clock.advance(2)
+        await world.desk.look()
+        await world.until(lambda: len(world.commands) == 2)
+        world.told.clear()
+        world.part(asked)  # which is how an agent answers
+        await world.until(lambda: world.told)
+        assert world.told[0].offset == 0
+
+
 async def test_nothing_is_sent_to_a_robot_that_is_elsewhere(tmp_path: Path) -> None:
     async with opened(tmp_path) as world:
         world.online = False

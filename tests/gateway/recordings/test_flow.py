@@ -137,6 +137,19 @@ async def test_a_lost_link_goes_on_where_it_was(tmp_path: Path) -> None:
             assert (await robot.deliver(asked["id"], BLOB)).stored
 
 
+async def test_an_offer_is_answered_before_the_other_lanes_are_open(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http:
+        async with RecordingRobot(ready):
+            asked = await save(http)
+        robot = RecordingRobot(ready, number=2)
+        try:
+            await robot.open(BACKFILL)
+            await robot.offer(asked["id"], BLOB)
+            assert (await robot.wanted()).offset == 0
+        finally:
+            await robot.__aexit__()
+
+
 async def test_the_gateway_restarts_in_the_middle(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
         asked = await save(http)

@@ -142,6 +142,26 @@ async def test_another_object_store_than_before_is_noticed(tmp_path: Path) -> No
     await back.close()
 
 
+async def test_a_directory_whose_disk_was_unmounted_is_noticed(tmp_path: Path) -> None:
+    """What is there then is an empty directory of that name."""
+    objects = DirectoryStore(tmp_path / "objects")
+    store = open_store(tmp_path, objects)
+    store.start()
+    submit(store, 1, 5)
+    await store.flush()
+    await all_moved(store)
+    (tmp_path / "objects").rename(tmp_path / "elsewhere")
+    submit(store, 6, 5)
+    await store.flush()
+    await wait_until_async(lambda: store.objects_error is not None)
+    assert segments(objects) == []
+    (tmp_path / "elsewhere").rename(tmp_path / "objects")
+    await all_moved(store)
+    assert await numbers(store) == list(range(1, 11))
+    await wait_until_async(lambda: store.objects_error is None)
+    await store.close()
+
+
 async def test_two_gateways_compact_one_postgresql_store(tmp_path: Path, postgres: PostgresServer) -> None:
     """Without a lease that would keep them apart: both find the same batches, and neither doubles nor loses any."""
     url, objects = postgres.schema(), DirectoryStore(tmp_path / "objects")

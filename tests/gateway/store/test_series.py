@@ -60,8 +60,10 @@ def check(engine: StoreEngine, points: Sequence[Point], start_ns: int, end_ns: i
     assert found.min.tolist() == [min(group) for group in groups.values()]
     assert found.max.tolist() == [max(group) for group in groups.values()]
     with np.errstate(invalid="ignore", over="ignore"):
-        means = [np.sum(group) / len(group) for group in groups.values()]
-    np.testing.assert_allclose(found.mean, means, rtol=1e-9, atol=1e-9)
+        means = np.array([np.sum(group) / len(group) for group in groups.values()])
+        # Near the end of what a double holds the sum of finite values depends on their order, which nobody promises.
+        ordered = [np.sum(np.abs([v for v in group if np.isfinite(v)])) < 1e300 for group in groups.values()]
+    np.testing.assert_allclose(found.mean[ordered], means[ordered], rtol=1e-9, atol=1e-9)
 
 
 STAMPS = st.integers(0, 6000)
