@@ -2,36 +2,31 @@
 
 from __future__ import annotations
 
-import asyncio
-import logging
 import re
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
-from starlette.types import Message, Receive, Scope, Send
 
 from gateway.api import models
 from gateway.api.models_recordings import Recording, RecordingList, RecordingRequest
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.rest.downloads import DownloadResponse
 from gateway.api.rest.times import parse_time
 from gateway.api.services import services_of
 from gateway.api.views import rfc3339
 from gateway.domain import recording as domain
 from gateway.errors import InvalidRequestError
 from gateway.recordings.download import Download
-from metaros.errors import MetarosError
 
 __all__ = ["router"]
 
 MAX_LISTED = 1000
 MEDIA_TYPE = "application/mcap"
-STALL_S = 60.0
 _RANGE = re.compile(r"bytes=(\d{0,19})-(\d{0,19})")
 
-log = logging.getLogger(__name__)
 router = APIRouter(prefix="/api/v1", tags=["recordings"], default_response_class=JsonResponse)
 
 
@@ -114,13 +109,13 @@ async def get_file(request: Request, recording_id: str) -> Response:
         return Response(status_code=304, headers=headers)
     span = _span(request, found.size_bytes, etag)
     if span is None:
-        return _FileResponse(desk.download(found), 200, found.size_bytes, headers)
+        return _sent(desk.download(found), found.size_bytes, headers, status_code=200)
     start, end = span
     if start >= end:
         return Response(status_code=416, headers={**headers, "content-range": f"bytes */{found.size_bytes}"})
     headers["content-range"] = f"bytes {start}-{end - 1}/{found.size_bytes}"
     part = desk.download(found, start=start, size_bytes=end - start)
-    return _FileResponse(part, 206, end - start, headers)
+    return _sent(part, end - start, headers, status_code=206)
 
 
 def recording_view(item: domain.Recording) -> dict[str, Any]:
@@ -152,34 +147,9 @@ def file_name(item: domain.Recording) -> str:
     return f"{item.robot}_{moment}Z.mcap"
 
 
-class _FileResponse(StreamingResponse):
-    """As fast as the client takes it; ended when it takes nothing, or when the rest cannot be read."""
-
-    def __init__(self, download: Download, status: int, size_bytes: int, headers: dict[str, str]) -> None:
-        all_headers = {**headers, "content-length": str(size_bytes)}
-        super().__init__(download.pieces(), status_code=status, headers=all_headers, media_type=MEDIA_TYPE)
-        self._download = download
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send it, and give the place to another whatever happens."""
-        try:
-            await super().__call__(scope, receive, send)
-        finally:
-            self._download.close()
-
-    async def stream_response(self, send: Send) -> None:
-        """Each piece within STALL_S; an early end closes the connection before the promised length."""
-
-        async def bounded(message: Message) -> None:
-            async with asyncio.timeout(STALL_S):
-                await send(message)
-
-        try:
-            await super().stream_response(bounded)
-        except MetarosError as error:
-            log.warning("a download ended early: %s", error)
-        except TimeoutError:
-            log.warning("a download ended early: its reader took nothing for %.0f s", STALL_S)
+def _sent(part: Download, size_bytes: int, headers: dict[str, str], *, status_code: int) -> Response:
+    sized = {**headers, "content-length": str(size_bytes)}
+    return DownloadResponse(part, what="a download", media_type=MEDIA_TYPE, headers=sized, status_code=status_code)
 
 
 def _span(request: Request, size_bytes: int, etag: str) -> tuple[int, int] | None:
