@@ -89,7 +89,7 @@ def interrupted_start(*, crash_in: int | None = None, fail_in: int | None = None
     """What reaches the store of a robot whose first start is interrupted, and whose second one is not."""
     robot = full_robot()
     robot.disk.crash_in, robot.disk.fail_in = crash_in, fail_in
-    with suppress(Crash, DiskError):
+    with suppress(DiskError if crash_in is None else Crash):
         robot.start()
     robot.disk.crash_in = robot.disk.fail_in = None
     robot.start()
