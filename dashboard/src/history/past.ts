@@ -72,7 +72,7 @@ export class Past {
       this.#tMs = tMs;
       this.#ask();
     } else if (!preview) {
-      this.#latest.settle();
+      this.#ask(); // a preview brought less
     }
   }
 
@@ -101,10 +101,12 @@ export class Past {
     this.#scheduled = false;
     const tMs = this.#tMs;
     const watches = [...this.#watches];
-    if (tMs !== null && watches.length > 0) this.#latest.ask((abort) => this.#load(tMs, watches, abort), { preview: this.#preview });
+    const preview = this.#preview;
+    if (tMs !== null && watches.length > 0) this.#latest.ask((abort) => this.#load(tMs, watches, abort, preview), { preview });
   }
 
-  async #load(tMs: number, watches: Watch[], abort: AbortSignal): Promise<Answer> {
+  /** A preview does without the samples around the instant. */
+  async #load(tMs: number, watches: Watch[], abort: AbortSignal, preview: boolean): Promise<Answer> {
     const topics = [...new Set(watches.map(({ topic }) => topic))];
     const wide = watches.filter(({ backS, aheadS }) => backS + aheadS > 0);
     const startMs = tMs - Math.max(0, ...wide.map(({ backS }) => backS)) * 1000;
@@ -112,7 +114,7 @@ export class Past {
     const named = [...new Set(wide.map(({ topic }) => topic))];
     const [body, around] = await Promise.all([
       this.asks.at(this.robot, tMs, topics, MAX_AGE_S, abort),
-      wide.length > 0 ? this.asks.messages(this.robot, named, startMs, endMs, MESSAGES, abort) : [],
+      wide.length > 0 && !preview ? this.asks.messages(this.robot, named, startMs, endMs, MESSAGES, abort) : [],
     ]);
     return { tMs, watches, at: parseAt(body), around };
   }

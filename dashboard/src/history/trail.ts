@@ -12,7 +12,7 @@ import { trailOf } from "./path";
 /** How much of the path before the instant is drawn. */
 export const TRAIL_S = 300;
 const POINTS = 600;
-const AFTER_MS = 60;
+const AFTER_MS = 200;
 
 /** Call `onTrail` with the path up to the instant whenever it moves; never while LIVE. */
 export function useTrail(robot: string, namespace: string, odom: string, onTrail: (trail: number[]) => void): void {

@@ -15,7 +15,7 @@ import { Plot, type Frame } from "./plot";
 import { HOLE_S, isBroken, Timeline } from "./timeline";
 
 /** Of what is loaded at once, so that moving a little needs no request: the shown span is half of it. */
-const POINTS = 500;
+const POINTS = 400;
 
 interface Track {
   spec: PlotSpec;

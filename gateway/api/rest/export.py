@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
-import asyncio
-import logging
-from collections.abc import AsyncIterator
 from typing import Annotated
 
 from fastapi import APIRouter, Query
 from starlette.requests import Request
-from starlette.responses import Response, StreamingResponse
-from starlette.types import Message, Send
+from starlette.responses import Response
 
 from gateway.api import models
 from gateway.api.allow import allow, require_seen
+from gateway.api.rest.downloads import DownloadResponse
 from gateway.api.rest.ranges import End, Start, Topics, chosen_topics, parse_range
 from gateway.api.services import services_of
 from gateway.api.views_history import compact_time
 from gateway.errors import InvalidRequestError
-from gateway.history.desk import ExportStream
 from gateway.history.export import ExportRequest
-from metaros.errors import MetarosError
 
 __all__ = ["router"]
 
 MAX_ROBOTS = 64
-STALL_S = 60.0
 MEDIA_TYPE = "application/octet-stream"  # MCAP has no registered one
 
 router = APIRouter(prefix="/api/v1", tags=["history"])
-log = logging.getLogger(__name__)
 
 
 @router.get(
@@ -61,30 +54,6 @@ async def export_mcap(
         raise InvalidRequestError("robot is missing: name one at least")
     stream = services.history.export(ExportRequest(topics=topics, start_ns=start_ns, end_ns=end_ns))
     whose = next(iter(topics)) if len(topics) == 1 else f"{len(topics)}-robots"
-    pieces = services.attendance.pieces(request, stream.pieces())
-    return _McapResponse(stream, pieces, f"{whose}-{compact_time(start_ns)}.mcap")
-
-
-class _McapResponse(StreamingResponse):
-    """Ends without the end of the body where the file has none, and lets the export go whatever happens."""
-
-    def __init__(self, stream: ExportStream, pieces: AsyncIterator[bytes], name: str) -> None:
-        headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
-        super().__init__(pieces, media_type=MEDIA_TYPE, headers=headers)
-        self._stream = stream
-
-    async def stream_response(self, send: Send) -> None:
-        """Send it piece by piece, each within STALL_S."""
-
-        async def bounded(message: Message) -> None:
-            async with asyncio.timeout(STALL_S):
-                await send(message)
-
-        try:
-            await super().stream_response(bounded)
-        except MetarosError as error:
-            log.warning("an export ended early: %s", error)
-        except TimeoutError:
-            log.warning("an export ended early: its reader took nothing for %.0f s", STALL_S)
-        finally:
-            self._stream.close()
+    name = f"{whose}-{compact_time(start_ns)}.mcap"
+    headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
+    return DownloadResponse(request, stream, what="an export", media_type=MEDIA_TYPE, headers=headers)

@@ -2,38 +2,32 @@
 
 from __future__ import annotations
 
-import asyncio
-import logging
 import re
-from collections.abc import AsyncIterator
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
-from starlette.types import Message, Receive, Scope, Send
 
 from gateway.api import models
 from gateway.api.allow import allow, principal_of
 from gateway.api.models_recordings import Recording, RecordingList, RecordingRequest
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.rest.downloads import DownloadResponse
 from gateway.api.rest.times import parse_time
 from gateway.api.services import services_of
 from gateway.api.views import rfc3339
 from gateway.domain import recording as domain
 from gateway.errors import InvalidRequestError, UnknownRecordingError
 from gateway.recordings.download import Download
-from metaros.errors import MetarosError
 
 __all__ = ["router"]
 
 MAX_LISTED = 1000
 MEDIA_TYPE = "application/mcap"
-STALL_S = 60.0
 _RANGE = re.compile(r"bytes=(\d{0,19})-(\d{0,19})")
 
-log = logging.getLogger(__name__)
 router = APIRouter(prefix="/api/v1", tags=["recordings"], default_response_class=JsonResponse)
 
 
@@ -127,13 +121,13 @@ async def get_file(request: Request, recording_id: str) -> Response:
         return Response(status_code=304, headers=headers)
     span = _span(request, found.size_bytes, etag)
     if span is None:
-        return _file(request, desk.download(found), 200, found.size_bytes, headers)
+        return _sent(request, desk.download(found), found.size_bytes, headers, status_code=200)
     start, end = span
     if start >= end:
         return Response(status_code=416, headers={**headers, "content-range": f"bytes */{found.size_bytes}"})
     headers["content-range"] = f"bytes {start}-{end - 1}/{found.size_bytes}"
     part = desk.download(found, start=start, size_bytes=end - start)
-    return _file(request, part, 206, end - start, headers)
+    return _sent(request, part, end - start, headers, status_code=206)
 
 
 def recording_view(item: domain.Recording) -> dict[str, Any]:
@@ -189,38 +183,11 @@ async def _seen(request: Request, robot_id: str | None, *, limit: int, before: s
     return kept[:limit]
 
 
-def _file(request: Request, part: Download, status: int, size_bytes: int, headers: dict[str, str]) -> Response:
-    pieces = services_of(request).attendance.pieces(request, part.pieces())
-    return _FileResponse(part, pieces, status, {**headers, "content-length": str(size_bytes)})
-
-
-class _FileResponse(StreamingResponse):
-    """As fast as the client takes it; ended when it takes nothing, or when the rest cannot be read."""
-
-    def __init__(self, download: Download, pieces: AsyncIterator[bytes], status: int, headers: dict[str, str]) -> None:
-        super().__init__(pieces, status_code=status, headers=headers, media_type=MEDIA_TYPE)
-        self._download = download
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send it, and give the place to another whatever happens."""
-        try:
-            await super().__call__(scope, receive, send)
-        finally:
-            self._download.close()
-
-    async def stream_response(self, send: Send) -> None:
-        """Each piece within STALL_S; an early end closes the connection before the promised length."""
-
-        async def bounded(message: Message) -> None:
-            async with asyncio.timeout(STALL_S):
-                await send(message)
-
-        try:
-            await super().stream_response(bounded)
-        except MetarosError as error:
-            log.warning("a download ended early: %s", error)
-        except TimeoutError:
-            log.warning("a download ended early: its reader took nothing for %.0f s", STALL_S)
+def _sent(request: Request, part: Download, size_bytes: int, headers: dict[str, str], *, status_code: int) -> Response:
+    sized = {**headers, "content-length": str(size_bytes)}
+    return DownloadResponse(
+        request, part, what="a download", media_type=MEDIA_TYPE, headers=sized, status_code=status_code
+    )
 
 
 def _span(request: Request, size_bytes: int, etag: str) -> tuple[int, int] | None:

@@ -85,31 +85,30 @@ def test_it_starts_and_declares_what_had_to_go() -> None:
     assert len(stamps) + lost == len(robot.ledger.places)
 
 
-@pytest.mark.parametrize("point", range(8))
-def test_a_crash_on_the_way_loses_nothing_undeclared(point: int) -> None:
+def interrupted_start(*, crash_in: int | None = None, fail_in: int | None = None) -> SimStore:
+    """What reaches the store of a robot whose first start is interrupted, and whose second one is not."""
     robot = full_robot()
-    robot.disk.crash_in = point
-    with suppress(Crash):
+    robot.disk.crash_in, robot.disk.fail_in = crash_in, fail_in
+    with suppress(DiskError if crash_in is None else Crash):
         robot.start()
-    robot.disk.crash_in = None
+    robot.disk.crash_in = robot.disk.fail_in = None
     robot.start()
     store = SimStore()
     deliver(robot.outbox, store)
     check_ledger(robot.ledger, store)
+    return store
+
+
+@pytest.mark.parametrize("point", range(8))
+def test_a_crash_on_the_way_loses_nothing_undeclared(point: int) -> None:
+    store = interrupted_start(crash_in=point)
     assert {stamp for rows in store.rows.values() for stamp in rows.values()} >= set(EVENTS)
 
 
 @pytest.mark.parametrize("point", range(4))
 def test_a_disk_that_fails_on_the_way_is_tried_again(point: int) -> None:
-    robot = full_robot()
-    robot.disk.fail_in = point
-    with suppress(DiskError):
-        robot.start()
-    robot.disk.fail_in = None
-    robot.start()
-    store = SimStore()
-    deliver(robot.outbox, store)
-    check_ledger(robot.ledger, store)
+    store = interrupted_start(fail_in=point)
+    assert {stamp for rows in store.rows.values() for stamp in rows.values()} >= set(EVENTS)
 
 
 def test_where_nothing_may_go_it_says_so_and_changes_nothing() -> None:

@@ -15,7 +15,7 @@ import pytest
 from mcap.reader import make_reader
 
 from gateway.api import models_history
-from gateway.api.rest import export
+from gateway.api.rest import downloads
 from gateway.api.rest.history import RECORDS_TYPE
 from gateway.api.rest.ranges import chosen_topics, full_pattern, parse_age
 from gateway.domain.records import split_records
@@ -236,7 +236,7 @@ async def test_a_reader_that_takes_nothing_gives_its_place_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(desk, "LIMITS", Limits(exports=1))
-    monkeypatch.setattr(export, "STALL_S", 0.1)
+    monkeypatch.setattr(downloads, "STALL_S", 0.1)
     path = f"/api/v1/export.mcap?robot=sim_1&{RANGE}"
     async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
         await make_noise(agent)

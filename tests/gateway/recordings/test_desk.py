@@ -168,6 +168,7 @@ async def test_an_answer_without_an_offer_is_asked_for_again(tmp_path: Path) -> 
 async def test_a_transfer_that_stalls_is_asked_for_again(tmp_path: Path) -> None:
     async with opened(tmp_path) as world:
         asked = await world.desk.request("r1", last_s=60)
+        await world.until(lambda: len(world.commands) == 1)
         world.part(asked)
         await world.until(lambda: world.told)
         world.clock.advance(59)
