@@ -30,6 +30,7 @@ ERRORS: tuple[ErrorRow, ...] = (
     ErrorRow("forbidden", 403, "PERMISSION_DENIED", "The role does not suffice"),
     ErrorRow("host_not_allowed", 403, "PERMISSION_DENIED", "The Host header is not allowed"),
     ErrorRow("origin_not_allowed", 403, "PERMISSION_DENIED", "The Origin is not allowed"),
+    ErrorRow("proxy_only", 403, "PERMISSION_DENIED", "Only this gateway's proxies may connect"),
     ErrorRow("out_of_scope", 403, "PERMISSION_DENIED", "The topic or service is not the robot's own"),
     ErrorRow("not_found", 404, "NOT_FOUND", "There is nothing at this path"),
     ErrorRow("unknown_robot", 404, "NOT_FOUND", "No such robot"),

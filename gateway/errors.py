@@ -77,6 +77,7 @@ __all__ = [
     "ObjectStoreError",
     "OriginError",
     "ProtocolError",
+    "ProxyOnlyError",
     "PurgedError",
     "RecordingNotStoredError",
     "RequestError",
@@ -152,6 +153,12 @@ class HostError(RequestError):
     """The Host header names none of this gateway's names: DNS rebinding looks like this."""
 
     code = "host_not_allowed"
+
+
+class ProxyOnlyError(RequestError):
+    """Without TLS beyond loopback a gateway takes requests of its trusted proxies alone."""
+
+    code = "proxy_only"
 
 
 class OriginError(RequestError):

@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from gateway.domain.networks import Network, parse_networks
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS
 
@@ -42,7 +43,10 @@ class Settings:
     ca_cert: Path | None = None  # an issuer made elsewhere, and its key; None: the gateway makes its own
     ca_key: Path | None = None
     oidc: Path | None = None  # a file that says where people sign in
-    tls: str = "auto"  # "auto": beyond loopback; "on", "off"
+    tls: str = "auto"  # "auto": beyond loopback, and with a pair of one's own; "on", "off"
+    tls_cert: Path | None = None  # a certificate made elsewhere (its chain behind it), and its key
+    tls_key: Path | None = None
+    trusted_proxies: tuple[str, ...] = ()  # addresses and CIDR ranges whose X-Forwarded-… are believed
     retention_days: float = 7.0
     event_retention_days: float = 90.0
     retention_bytes: int = 4096 * MIB
@@ -92,11 +96,26 @@ class Settings:
             raise ConfigError("--robot-certificate-hours is 24 to 168")
         if (self.ca_cert is None) != (self.ca_key is None):
             raise ConfigError("--ca-cert and --ca-key go together")
+        if (self.tls_cert is None) != (self.tls_key is None):
+            raise ConfigError("--tls-cert and --tls-key go together")
+        if self.tls_cert is not None and self.tls == "off":
+            raise ConfigError("--tls off and --tls-cert contradict each other")
+        parse_networks(self.trusted_proxies)
 
     @property
     def tls_on(self) -> bool:
         """Whether the gateway's ports speak TLS."""
-        return self.tls == "on" or (self.tls == "auto" and not is_loopback(self.host))
+        return self.tls == "on" or (self.tls == "auto" and (self.tls_cert is not None or not is_loopback(self.host)))
+
+    @property
+    def proxies(self) -> tuple[Network, ...]:
+        """Whose word about where a request comes from is believed."""
+        return parse_networks(self.trusted_proxies)
+
+    @property
+    def proxied_only(self) -> bool:
+        """Whether nobody but the proxies may connect: beyond loopback without TLS."""
+        return not self.tls_on and not is_loopback(self.host)
 
     @property
     def enrolled_only(self) -> bool:

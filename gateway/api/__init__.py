@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from fastapi import APIRouter, FastAPI
 from starlette.types import ASGIApp
 
+from gateway.api.address import Proxies
 from gateway.api.audited import Audited
 from gateway.api.authenticate import Authenticate
 from gateway.api.guard import Guard
@@ -65,12 +66,13 @@ def create_api(services: Services) -> ASGIApp:
     install_problems(app)
     for router in ROUTERS:
         app.include_router(router)
-    describe_permissions(app)
+    describe_permissions(app, ROUTERS)
     app.mount("/", Dashboard(services.settings.static_dir))
     settings = services.settings
     logged = Audited(app, services.audit)
     known = Authenticate(logged, services.door, anonymous=settings.anonymous_viewers, host=settings.host)
-    return Guard(known, hosts=(settings.host, *settings.allow_hosts), origins=settings.allow_origins)
+    guarded = Guard(known, hosts=(settings.host, *settings.allow_hosts), origins=settings.allow_origins)
+    return Proxies(guarded, settings.proxies, only=settings.proxied_only)
 
 
 def route_paths() -> list[str]:

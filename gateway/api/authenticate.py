@@ -10,15 +10,16 @@ loopback name, and no proxy says that it passes on somebody else's.
 
 from __future__ import annotations
 
-import ipaddress
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from typing import Literal
 
 from starlette.types import ASGIApp, Receive, Scope, Send
 
+from gateway.api.address import PROXIED_KEY
 from gateway.api.allow import BY_COOKIE_KEY, CREDENTIAL_KEY, PRINCIPAL_KEY, REFUSAL_KEY
 from gateway.api.guard import LOOPBACK_NAMES
+from gateway.domain.networks import is_loopback_address
 from gateway.domain.principal import NOBODY, Principal, anonymous_viewer
 from gateway.errors import CredentialsError
 from gateway.identity.door import Door
@@ -32,7 +33,7 @@ KEY_PROTOCOL = "metaros.key."  # a browser's WebSocket has no other place for a 
 PROTOCOL = (
     "metaros.v1"  # what the server chooses of the offered ones: browsers insist on one, and it must not be the key
 )
-_FORWARDED = (b"forwarded", b"x-forwarded-for", b"x-real-ip")
+_FORWARDED = (b"forwarded", b"via", b"x-forwarded-for", b"x-forwarded-host", b"x-forwarded-proto", b"x-real-ip")
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +97,9 @@ class Authenticate:
 def is_local(scope: Scope) -> bool:
     """Whether a connection comes from this very machine, and no proxy says that it passes on somebody else's."""
     client = scope.get("client")
-    return client is not None and _is_loopback(client[0]) and not any(key in _FORWARDED for key, _ in scope["headers"])
+    if client is None or scope.get(PROXIED_KEY):
+        return False
+    return is_loopback_address(client[0]) and not any(key in _FORWARDED for key, _ in scope["headers"])
 
 
 def plain_protocol(scope: Scope) -> str | None:
@@ -136,10 +139,3 @@ def _cookie(scope: Scope) -> str | None:
     if len(set(found)) > 1:
         raise CredentialsError("one session at a time")
     return found[0] if found else None
-
-
-def _is_loopback(address: str) -> bool:
-    try:
-        return ipaddress.ip_address(address).is_loopback
-    except ValueError:
-        return False
