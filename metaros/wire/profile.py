@@ -4,6 +4,10 @@ The router knows three users. `agent` and `drive` may do everything; `node` may 
 topics, or answer in the place of who does. A folder holds the router's configuration and one session file a user, in
 Zenoh's own format: `ZENOH_SESSION_CONFIG_URI` names it, for our nodes and for those of ROS 2 alike.
 
+A rule of Zenoh's speaks of a message whose key lies within its own keys. So a rule that denies `*/**/cmd_vel/*/*` lets
+a put on `0/**` pass, which reaches `cmd_vel` all the same. What `node` may publish on is therefore told by what is
+allowed: names that differ from each actuator's at some letter. A key with a wildcard in the name's place is in none.
+
 Zenoh drops what a user may not send without a word to the sender. Access control is the router's, so sessions must be
 clients: two peers that are linked to each other would pass it by.
 """
@@ -15,14 +19,25 @@ import os
 import re
 import secrets
 import stat
+import string
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Literal
 
 from metaros.errors import ConfigError
+from metaros.wire.names import NO_HASH
 
-__all__ = ["ACTUATORS", "USERS", "ZenohUser", "actuator_keys", "default_folder", "make_profile", "session_file"]
+__all__ = [
+    "ACTUATORS",
+    "USERS",
+    "ZenohUser",
+    "actuator_keys",
+    "default_folder",
+    "make_profile",
+    "other_keys",
+    "session_file",
+]
 
 ZenohUser = Literal["agent", "drive", "node"]
 
@@ -32,11 +47,17 @@ CONNECT_MS = 3000
 _PASSWORD_BYTES = 16
 _PASSWORD = re.compile(r"[0-9a-f]{32}")
 
-_MESSAGES: Final = (
-    *("put", "delete", "declare_subscriber", "query", "declare_queryable", "reply"),
+_SPEAKING: Final = ("put", "delete", "reply", "declare_queryable")
+_LISTENING: Final = (
+    *("declare_subscriber", "query"),
     *("liveliness_token", "declare_liveliness_subscriber", "liveliness_query"),
 )
-_EVERYTHING: Final = ("**", "@ros2_lv/**", "**/@adv/**", "@metaros/**")  # ** matches no chunk that begins with @
+# ** matches no chunk that begins with @
+_EVERYTHING: Final = ("**", "@ros2_lv/**", "@metaros/**", "**/@adv/**", "**/@metaros/**")
+_NO_DATA: Final = ("*", "*/*", "*/*/*", "@ros2_lv/**", "@metaros/**")  # a data key has four chunks at least
+_BESIDE: Final = ("/@adv/**", "/@metaros/**", "/_buf_cpu", "/_buf/**")  # what is beside the data itself
+_HASHES: Final = ("RIHS01_$*", NO_HASH)
+_LETTERS: Final = string.ascii_letters + string.digits + "_"  # of ROS names
 _SESSION: Final[Mapping[str, object]] = {
     "mode": "client",
     "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
@@ -64,8 +85,23 @@ def actuator_keys(actuators: Sequence[str]) -> list[str]:
     for pattern in actuators:
         chunks = [part if part == "**" else part.replace("*", "$*") for part in pattern.strip("/").split("/")]
         key = "/".join(("*", *("*" if part == "$*" else part for part in chunks), "*", "*"))
-        keys += [key, f"{key}/@adv/**", f"{key}/_buf_cpu", f"{key}/_buf/**"]
+        keys += [key, *(key + beside for beside in _BESIDE)]
     return keys
+
+
+def other_keys(actuators: Sequence[str]) -> list[str]:
+    """Key expressions of every topic whose last name is no actuator's; none has a key in common with an actuator's.
+
+    Raises ConfigError for a pattern whose last name has a wildcard: it cannot be told what differs from it.
+    """
+    names = {pattern.rstrip("/").rpartition("/")[2] for pattern in actuators}
+    if bad := [name for name in names if not name or set(name) - set(_LETTERS)]:
+        raise ConfigError(f"the last name of an actuator pattern is letters, digits and _, not {bad[0]!r}")
+    begun = {name[:length] for name in names for length in range(len(name) + 1)}
+    free = [start + letter for start in begun for letter in _LETTERS if start + letter not in begun]
+    others = [f"{start}$*" for start in free] + [start for start in begun - names if start]
+    data = [f"*/**/{name}/*/{type_hash}" for name in sorted(others) for type_hash in _HASHES]
+    return [*data, *(key + beside for key in data for beside in _BESIDE)]
 
 
 def make_profile(folder: Path, endpoint: str, *, actuators: Sequence[str] = ACTUATORS) -> Path:
@@ -102,15 +138,6 @@ def _session(endpoint: str, user: str, password: str) -> dict[str, Any]:
 
 
 def _router(endpoint: str, users: Path, actuators: Sequence[str]) -> dict[str, Any]:
-    both = ["ingress", "egress"]
-    allowed = {"id": "all", "permission": "allow", "flows": both, "messages": _MESSAGES, "key_exprs": _EVERYTHING}
-    actuating = {
-        "id": "actuators",
-        "permission": "deny",
-        "flows": ["ingress"],
-        "messages": ["put", "delete", "reply", "declare_queryable"],
-        "key_exprs": actuator_keys(actuators),
-    }
     return {
         "mode": "router",
         "listen": {"endpoints": [endpoint]},
@@ -121,14 +148,24 @@ def _router(endpoint: str, users: Path, actuators: Sequence[str]) -> dict[str, A
         "access_control": {
             "enabled": True,
             "default_permission": "deny",
-            "rules": [allowed, actuating],
-            "subjects": [{"id": "known", "usernames": USERS}, {"id": "node", "usernames": ["node"]}],
+            "rules": [
+                _allowed("all", ["ingress", "egress"], [*_SPEAKING, *_LISTENING], _EVERYTHING),
+                _allowed("listen", ["ingress"], _LISTENING, _EVERYTHING),
+                _allowed("speak", ["ingress"], _SPEAKING, [*_NO_DATA, *other_keys(actuators)]),
+                _allowed("hear", ["egress"], [*_SPEAKING, *_LISTENING], _EVERYTHING),
+                {**_allowed("actuators", ["ingress"], _SPEAKING, actuator_keys(actuators)), "permission": "deny"},
+            ],
+            "subjects": [{"id": "drivers", "usernames": ["agent", "drive"]}, {"id": "node", "usernames": ["node"]}],
             "policies": [
-                {"rules": ["all"], "subjects": ["known"]},
-                {"rules": ["actuators"], "subjects": ["node"]},
+                {"rules": ["all"], "subjects": ["drivers"]},
+                {"rules": ["listen", "speak", "hear", "actuators"], "subjects": ["node"]},
             ],
         },
     }
+
+
+def _allowed(name: str, flows: Sequence[str], messages: Sequence[str], keys: Sequence[str]) -> dict[str, Any]:
+    return {"id": name, "permission": "allow", "flows": flows, "messages": messages, "key_exprs": keys}
 
 
 def _passwords(path: Path) -> dict[str, str]:

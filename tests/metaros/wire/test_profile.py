@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import stat
 import sys
@@ -9,12 +10,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import zenoh
 
 import metaros
 from metaros.errors import ConfigError
 from metaros.interfaces.geometry_msgs.msg import Twist
 from metaros.interfaces.std_msgs.msg import String
-from metaros.wire.profile import USERS, actuator_keys, make_profile, session_file
+from metaros.wire.profile import USERS, actuator_keys, make_profile, other_keys, session_file
 from metaros.wire.router import Router, open_router
 from tests.support.ports import free_port
 from tests.support.waiting import wait_until
@@ -86,6 +88,59 @@ def test_only_agent_and_drive_move_the_robot(protected: tuple[Router, Path]) -> 
         assert ears.driven == [1.0, 3.0]
 
 
+TWIST = "geometry_msgs::msg::dds_::Twist_/RIHS01_" + "a" * 64
+# Zenoh carries a put on a key with wildcards to every subscriber that it touches.
+AROUND = (
+    *(f"0/sim_1/cmd_vel/{TWIST}", "**", "0/**", "*/**", f"0/*/cmd_vel/{TWIST}", f"0/sim_1/*/{TWIST}"),
+    *(f"0/sim_1/c$*/{TWIST}", f"0/sim_1/cmd_vel$*/{TWIST}", f"0/sim_1/$*d_vel/{TWIST}", "0/sim_1/**/RIHS01_$*"),
+    *("0/sim_1/cmd_vel/**", "0/sim_1/*/*/*", f"0/**/{TWIST}", "*/**/c$*/*/RIHS01_$*"),
+)
+
+
+@pytest.mark.parametrize("mode", ["client", "peer", "router"])
+def test_no_wildcard_leads_around_the_access_control(protected: tuple[Router, Path], mode: str) -> None:
+    _, folder = protected
+    heard: list[str] = []
+    config = zenoh.Config.from_file(str(folder / "node.json5"))
+    base = zenoh.open(config)
+    config.insert_json5("mode", json.dumps(mode))
+    stranger = zenoh.open(config)
+    try:
+        base.declare_subscriber(f"0/sim_1/cmd_vel/{TWIST}", lambda sample: heard.append(str(sample.key_expr)))
+        base.declare_subscriber("0/sim_1/odom/t/RIHS01_b", lambda sample: heard.append("odom"))
+        for key in AROUND:
+            stranger.put(key, b"drive")
+            stranger.declare_publisher(key).put(b"drive")
+            stranger.delete(key)
+
+        def told() -> bool:
+            stranger.put("0/sim_1/odom/t/RIHS01_b", b"")
+            return "odom" in heard
+
+        wait_until(told)
+        assert set(heard) == {"odom"}
+    finally:
+        stranger.close()  # type: ignore[no-untyped-call]
+        base.close()  # type: ignore[no-untyped-call]
+
+
+def test_what_a_node_may_publish_touches_no_actuator() -> None:
+    allowed = [zenoh.KeyExpr(key) for key in other_keys(["**/cmd_vel", "/arm/grip"])]
+    for place in ("*", "*/*", "*/*/*"):
+        for name in ("cmd_vel", "grip"):
+            actuator = zenoh.KeyExpr(f"{place}/{name}/$*::$*/RIHS01_$*")
+            assert not any(one.intersects(actuator) for one in allowed)
+    for name in ("cmd", "cmd_ve", "cmd_vela", "cmd_vel_x", "Cmd_vel", "g", "grip2", "odom", "_x", "9"):
+        for topic in (f"0/{name}", f"232/a/cmd_vel/{name}"):
+            assert sum(one.includes(f"{topic}/p::msg::dds_::T_/RIHS01_ab") for one in allowed) == 1
+
+
+def test_an_actuator_whose_name_is_not_told_is_refused() -> None:
+    for pattern in ("**", "/arm/*", "**/cmd_*", "/"):
+        with pytest.raises(ConfigError, match="last name"):
+            other_keys([pattern])
+
+
 @pytest.mark.parametrize("change", [("nobody", None), ("agent", "wrong")])
 def test_who_has_no_password_has_no_session(protected: tuple[Router, Path], change: tuple[str, str | None]) -> None:
     router, _folder = protected
@@ -150,14 +205,12 @@ def test_a_missing_session_file_says_who_makes_it(tmp_path: Path) -> None:
 def test_actuator_patterns_become_key_expressions() -> None:
     assert actuator_keys(["**/cmd_vel"])[0] == "*/**/cmd_vel/*/*"
     assert actuator_keys(["/arm_*/*/joint"])[0] == "*/arm_$*/*/joint/*/*"
-    import zenoh
-
     for pattern in ("**/cmd_vel", "/arm_*/*/joint", "**"):
         for key in actuator_keys([pattern]):
             assert str(zenoh.KeyExpr.autocanonize(key))
-    key = zenoh.KeyExpr(actuator_keys(["**/cmd_vel"])[0])
+    moving = zenoh.KeyExpr(actuator_keys(["**/cmd_vel"])[0])
     for topic, moves in (("0/cmd_vel/t/h", True), ("7/a/b/cmd_vel/t/h", True), ("0/cmd_vel/x/t/h", False)):
-        assert key.includes(topic) is moves
+        assert moving.includes(topic) is moves
 
 
 def test_environment_is_left_alone(protected: tuple[Router, Path]) -> None:
