@@ -11,6 +11,7 @@ from starlette.types import ASGIApp
 
 from gateway.api import create_api
 from gateway.api.attendance import Attendance
+from gateway.api.rate import Rates
 from gateway.api.services import Services
 from gateway.api.views import robot_view
 from gateway.domain.channel import LIVE
@@ -102,6 +103,7 @@ class Gateway:
         self.oidc = OidcClient(provider, master, clock=clock) if provider is not None else None
         self.door = Doors(self.local_key, stored, *([door] if door is not None else []))
         self.attendance = Attendance(self.door)
+        self.rates = _rates(settings, clock)
         self._demand = DemandBook()
         self._demand_revision = 0
         self._stale: set[str] = set()
@@ -118,6 +120,7 @@ class Gateway:
             audit=self.audit,
             oidc=self.oidc,
             attendance=self.attendance,
+            rates=self.rates,
             identities=self.identities,
             grpc_port=lambda: self.grpc_port,
             clock=self._clock,
@@ -258,6 +261,16 @@ class Gateway:
         ]
         frame = link_pb2.Demand(revision=self._demand_revision, entries=entries)
         self.links.send(robot_id, link_pb2.GatewayFrame(demand=frame))
+
+
+def _rates(settings: Settings, clock: Clock) -> Rates:
+    return Rates(
+        clock=clock,
+        requests=settings.requests_per_s,
+        anonymous=settings.anonymous_requests_per_s,
+        robot=settings.robot_requests_per_s,
+        sign_in=settings.sign_ins_per_min / 60,
+    )
 
 
 def _identity_choices(settings: Settings) -> IdentityChoices:

@@ -76,11 +76,13 @@ __all__ = [
     "ObjectRefusedError",
     "ObjectStoreError",
     "OriginError",
+    "OverloadedError",
     "ProtocolError",
     "ProxyOnlyError",
     "PurgedError",
     "RecordingNotStoredError",
     "RequestError",
+    "RequestTimeoutError",
     "RobotError",
     "RobotOfflineError",
     "SignInError",
@@ -235,6 +237,18 @@ class TooManyRequestsError(RequestError):
     def __init__(self, message: str, *, retry_after_s: float) -> None:
         super().__init__(message)
         self.retry_after_s = retry_after_s
+
+
+class RequestTimeoutError(RequestError):
+    """The request's body did not come in time."""
+
+    code = "request_timeout"
+
+
+class OverloadedError(GatewayError):
+    """Too much is under way; the same may work in a moment."""
+
+    code = "overloaded"
 
 
 class TooManyError(RequestError):

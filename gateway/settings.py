@@ -57,6 +57,10 @@ class Settings:
     viewer_stall_s: float = LIMITS.viewer_stall_s
     robot_messages_per_s: int = 100_000  # of one robot, samples and rows alike; 0 = no limit
     robot_bytes_per_s: int = 64 * MIB
+    requests_per_s: float = 500.0  # of one user or key; 0 = no limit, here and below
+    anonymous_requests_per_s: float = 200.0  # of one address that has not signed in
+    robot_requests_per_s: float = 100.0  # that change something on one robot, of everybody together
+    sign_ins_per_min: float = 5.0  # that fail, from one address
     actuator_topics: tuple[str, ...] = ("**/cmd_vel",)
     static_dir: Path = Path(__file__).parent / "static"
 
@@ -82,6 +86,17 @@ class Settings:
             raise ConfigError("--tick-ms is 0 to 100")
         if min(self.robot_messages_per_s, self.robot_bytes_per_s) < 0:
             raise ConfigError("--robot-messages-per-s and --robot-bytes-per-s are 0 (no limit) or more")
+        asked = (
+            self.requests_per_s,
+            self.anonymous_requests_per_s,
+            self.robot_requests_per_s,
+            self.sign_ins_per_min,
+        )
+        if not all(0 <= rate < float("inf") for rate in asked):
+            raise ConfigError(
+                "--requests-per-s, --anonymous-requests-per-s, --robot-requests-per-s and --sign-ins-per-min are "
+                "0 (no limit) or more"
+            )
         if not 0.2 <= self.heartbeat_s <= 60.0:
             raise ConfigError("--heartbeat-s is 0.2 to 60")
 

@@ -10,9 +10,11 @@ from starlette.types import ASGIApp
 from gateway.api.address import Proxies
 from gateway.api.audited import Audited
 from gateway.api.authenticate import Authenticate
+from gateway.api.bodies import Bodies
 from gateway.api.guard import Guard
 from gateway.api.openapi import describe_permissions
 from gateway.api.problem import install_problems
+from gateway.api.rate import RateLimited
 from gateway.api.rest import (
     audit,
     auth,
@@ -69,8 +71,11 @@ def create_api(services: Services) -> ASGIApp:
     describe_permissions(app, ROUTERS)
     app.mount("/", Dashboard(services.settings.static_dir))
     settings = services.settings
-    logged = Audited(app, services.audit)
-    known = Authenticate(logged, services.door, anonymous=settings.anonymous_viewers, host=settings.host)
+    limited = RateLimited(Bodies(app), services.rates)
+    logged = Audited(limited, services.audit)
+    known = Authenticate(
+        logged, services.door, anonymous=settings.anonymous_viewers, host=settings.host, rates=services.rates
+    )
     guarded = Guard(known, hosts=(settings.host, *settings.allow_hosts), origins=settings.allow_origins)
     return Proxies(guarded, settings.proxies, only=settings.proxied_only)
 

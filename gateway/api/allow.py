@@ -28,6 +28,7 @@ __all__ = ["BARE", "RPCS", "admit", "allow", "declared", "principal_of", "requir
 PRINCIPAL_KEY = "metaros.principal"  # of a scope: who asks
 REFUSAL_KEY = "metaros.refusal"  # why a credential is not good
 CREDENTIAL_KEY = "metaros.credential"  # what it was
+RATES_KEY = "metaros.rates"  # how often somebody may ask, see rate.py
 BY_COOKIE_KEY = "metaros.by_cookie"  # whether a browser sends it by itself
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 
@@ -64,6 +65,8 @@ def admit(connection: HTTPConnection, row: Permission) -> None:
     robot_id = connection.path_params.get("robot_id")
     if row.robots and robot_id is not None:
         require_seen(connection, robot_id)
+    if (rates := connection.scope.get(RATES_KEY)) is not None:
+        rates.admit(connection, row)
     connection.state.permission = row
 
 

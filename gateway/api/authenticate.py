@@ -19,6 +19,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from gateway.api.address import PROXIED_KEY
 from gateway.api.allow import BY_COOKIE_KEY, CREDENTIAL_KEY, PRINCIPAL_KEY, REFUSAL_KEY
 from gateway.api.guard import LOOPBACK_NAMES
+from gateway.api.rate import Rates, address_of
 from gateway.domain.networks import is_loopback_address
 from gateway.domain.principal import NOBODY, Principal, anonymous_viewer
 from gateway.errors import CredentialsError
@@ -59,8 +60,12 @@ async def identify(door: Door, credential: Credential) -> Principal | None:
 class Authenticate:
     """Puts the principal, or why there is none, into the scope."""
 
-    def __init__(self, app: ASGIApp, door: Door, *, anonymous: bool, host: str = "127.0.0.1") -> None:
+    def __init__(
+        self, app: ASGIApp, door: Door, *, anonymous: bool, host: str = "127.0.0.1", rates: Rates | None = None
+    ) -> None:
+        """`rates` bound how many credentials that are not good one address may try."""
         self._app = app
+        self._rates = rates
         self._door = door
         self._anonymous = anonymous
         self._names = {*LOOPBACK_NAMES, f"[{host}]" if ":" in host else host.lower()}
@@ -80,8 +85,13 @@ class Authenticate:
         credential, by_cookie = _credential(scope)
         if credential is None:
             return anonymous_viewer() if self._anonymous and self._local(scope) else NOBODY
+        address = address_of(scope)
+        if self._rates is not None:
+            self._rates.check("refused", address)  # before the store is asked
         found = await identify(self._door, credential)
         if found is None:
+            if self._rates is not None:
+                self._rates.count("refused", address)
             raise CredentialsError(f"this {credential.kind} is not good: wrong, expired or revoked")
         scope[CREDENTIAL_KEY], scope[BY_COOKIE_KEY] = credential, by_cookie
         return found

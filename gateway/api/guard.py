@@ -8,6 +8,8 @@ body type that no HTML form can send.
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import re
 from collections.abc import Iterable
 from typing import Any
@@ -18,14 +20,14 @@ from gateway.api.problem import PROBLEM_TYPE, problem_bytes
 from gateway.errors import BodyTooLargeError, HostError, MediaTypeError, OriginError, RequestError
 from metaros.limits import LIMITS
 
-__all__ = ["PROTOCOL_KEY", "Guard"]
+__all__ = ["PROTOCOL_KEY", "Guard", "body_limit", "drain"]
 
 PROTOCOL_KEY = "metaros.protocol"  # where a socket's scope keeps uvicorn's protocol object, see ws/cut.py
 REFUSED = 4403
 LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
 AGENTS_ONLY = "/api/v1/link"  # no page of anybody's has business there, ours included
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
-DRAINED_BYTES = 32 * 1024 * 1024
+DRAINED_BYTES, DRAIN_S = 32 * 1024 * 1024, 10.0
 BODY_LIMITS = {"application/json": LIMITS.json_bytes, "application/cdr": LIMITS.frame_bytes - 64 * 1024}
 
 _HOST = re.compile(rb"(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(?::([0-9]{1,5}))?")
@@ -34,7 +36,16 @@ _HEADERS = (
     (b"referrer-policy", b"no-referrer"),
     (b"cross-origin-opener-policy", b"same-origin"),
     (b"cross-origin-resource-policy", b"same-origin"),
+    (b"x-permitted-cross-domain-policies", b"none"),
+    (b"x-frame-options", b"DENY"),  # for browsers that do not know frame-ancestors
+    # Nothing of a machine's own but the gamepad, which drives robots, and the whole screen for a camera's picture.
+    (
+        b"permissions-policy",
+        b"accelerometer=(), camera=(), display-capture=(), geolocation=(), gyroscope=(), hid=(), magnetometer=(), "
+        b"microphone=(), midi=(), payment=(), serial=(), usb=(), gamepad=(self), fullscreen=(self)",
+    ),
 )
+_NO_STORE = (b"cache-control", b"no-store")  # what the API says is of now, and for who asked
 
 
 def _policy(host: str) -> bytes:
@@ -63,17 +74,17 @@ class Guard:
         try:
             host = self._check_source(scope)
             if scope["type"] == "http" and scope["method"] not in SAFE_METHODS:
-                receive = await _bounded(receive, _body_limit(scope))
+                body_limit(scope)  # the body itself is read when it is known who asks, see bodies.py
         except RequestError as error:
             if isinstance(error, BodyTooLargeError):
-                await _drain(receive)
+                await drain(receive)
             await _refuse(scope, send, error)
             return
         if scope["type"] == "websocket":
             scope[PROTOCOL_KEY] = getattr(send, "__self__", None)
             await self._app(scope, receive, send)
         else:
-            await self._app(scope, receive, _with_headers(send, _policy(host)))
+            await self._app(scope, receive, _with_headers(scope, send, _policy(host)))
 
     def _check_source(self, scope: Scope) -> str:
         """The request's host, when host and origin are ours."""
@@ -97,9 +108,13 @@ def _all(scope: Scope, name: bytes) -> list[bytes]:
     return [value for key, value in scope["headers"] if key.lower() == name]
 
 
-def _body_limit(scope: Scope) -> int:
+def body_limit(scope: Scope) -> int:
     """How large the body of a mutation may be; MediaTypeError for what a form could send."""
     types = [value.split(b";")[0].strip().lower().decode("latin-1") for value in _all(scope, b"content-type")]
+    # No form and no page of another origin can send DELETE without being asked first, so it needs no body to prove it.
+    if not types and scope["method"] == "DELETE" and not _all(scope, b"transfer-encoding"):
+        if all(length == b"0" for length in _all(scope, b"content-length")):
+            return 0
     if len(types) != 1 or types[0] not in BODY_LIMITS:
         raise MediaTypeError("a request that changes something has Content-Type application/json or application/cdr")
     limit = BODY_LIMITS[types[0]]
@@ -109,44 +124,24 @@ def _body_limit(scope: Scope) -> int:
     return limit
 
 
-async def _bounded(receive: Receive, limit: int) -> Receive:
-    """Read the whole body up to the limit and give it back as one message."""
-    body = bytearray()
-    more = True
-    while more:
-        message = await receive()
-        if message["type"] != "http.request":
-            return _replay(message, receive)
-        body += message.get("body", b"")
-        more = message.get("more_body", False)
-        if len(body) > limit:
-            raise BodyTooLargeError(f"the body is over {limit} bytes")
-    return _replay({"type": "http.request", "body": bytes(body), "more_body": False}, receive)
-
-
-async def _drain(receive: Receive) -> None:
+async def drain(receive: Receive) -> None:
     """Read on for a while: a client that still sends would see its connection reset instead of the answer."""
     left = DRAINED_BYTES
-    while left > 0:
-        message = await receive()
-        if message["type"] != "http.request" or not message.get("more_body", False):
-            return
-        left -= max(1, len(message.get("body", b"")))
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(DRAIN_S):
+            while left > 0:
+                message = await receive()
+                if message["type"] != "http.request" or not message.get("more_body", False):
+                    return
+                left -= max(1, len(message.get("body", b"")))
 
 
-def _replay(first: Message, rest: Receive) -> Receive:
-    waiting = [first]
-
-    async def receive() -> Message:
-        return waiting.pop() if waiting else await rest()
-
-    return receive
-
-
-def _with_headers(send: Send, policy: bytes) -> Send:
+def _with_headers(scope: Scope, send: Send, policy: bytes) -> Send:
     async def wrapped(message: Message) -> None:
         if message["type"] == "http.response.start":
             headers = [*message.get("headers", []), *_HEADERS, (b"content-security-policy", policy)]
+            if scope["path"].startswith("/api/") and not any(key == b"cache-control" for key, _ in headers):
+                headers.append(_NO_STORE)
             message = {**message, "headers": headers}
         await send(message)
 
@@ -163,5 +158,5 @@ async def _refuse(scope: Scope, send: Send, error: RequestError) -> None:
     headers: list[Any] = [(b"content-type", PROBLEM_TYPE.encode()), (b"content-length", str(len(body)).encode())]
     if row.http == 413:
         headers.append((b"connection", b"close"))
-    await send({"type": f"{prefix}.start", "status": row.http, "headers": [*headers, *_HEADERS]})
+    await send({"type": f"{prefix}.start", "status": row.http, "headers": [*headers, *_HEADERS, _NO_STORE]})
     await send({"type": f"{prefix}.body", "body": body})

@@ -9,6 +9,7 @@ from typing import Any
 from starlette.requests import HTTPConnection
 
 from gateway.api.attendance import Attendance
+from gateway.api.rate import Rates
 from gateway.domain.lease import LeaseTable
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.teleop import TeleopDesk
@@ -40,6 +41,7 @@ class Services:
     audit: AuditLog
     oidc: OidcClient | None
     attendance: Attendance
+    rates: Rates
     identities: IdentityDesk
     grpc_port: Callable[[], int]
     clock: Clock

@@ -1,0 +1,194 @@
+"""How often somebody may ask: one table of token buckets, and the part of the application that keeps to it. Pure ASGI.
+
+Whoever is known is counted by who they are, and nobody by their address (an IPv6 address by its /64 network). Failed
+sign-ins, credentials that are not good and enrolments count by address whoever asks; what changes a robot counts for
+that robot, whoever asks. The defaults are several times what the dashboard, the command line and a busy script need.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from starlette.requests import HTTPConnection
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from gateway.api.allow import PRINCIPAL_KEY, RATES_KEY
+from gateway.api.guard import AGENTS_ONLY
+from gateway.api.problem import problem
+from gateway.domain.buckets import Buckets
+from gateway.domain.principal import NOBODY, Principal
+from gateway.errors import TooManyRequestsError
+from gateway.identity.lockout import address_group
+from gateway.identity.permissions import Permission
+from metaros.clock import Clock
+from metaros.limits import LIMITS
+
+__all__ = ["RATES", "Rate", "RateLimited", "Rates", "address_of"]
+
+TOO_OFTEN = 4429  # the close code of a socket whose client says too much
+PROBES = ("/healthz", "/readyz")
+MIB = 1024 * 1024
+
+Name = Literal["requests", "anonymous", "refused", "sign_in", "enrol", "robot", "sockets", "messages", "message_bytes"]
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """One row: `per_s` on average (0: no limit), `burst` at once."""
+
+    name: Name
+    per_s: float
+    burst: float
+    of: str
+    meaning: str
+
+
+RATES: tuple[Rate, ...] = (
+    Rate("requests", 500.0, 2500.0, "a user or key", "requests"),
+    Rate("anonymous", 200.0, 1000.0, "an address", "requests of who has not signed in, files of the dashboard too"),
+    Rate("refused", 20.0, 200.0, "an address", "keys and sessions that were not good"),
+    Rate("sign_in", 5 / 60, 10.0, "an address", "sign-ins that failed, beside the lock-out by name"),
+    Rate("enrol", 5.0, 100.0, "an address", "requests for a robot's certificate, failed ones"),
+    Rate("robot", 100.0, 500.0, "a robot", "requests that change something on it, of everybody together"),
+    Rate("sockets", 20.0, 200.0, "a user, key or address", "sockets opened"),
+    Rate("messages", 200.0, 1000.0, "a socket", "messages of a client"),
+    Rate("message_bytes", 1.0 * MIB, 4.0 * MIB, "a socket", "bytes of a client's messages"),
+)
+_COUNTED = {"sessions.open": "sign_in", "agent.enrol": "enrol"}  # permissions whose failures count by address
+_FAILED = (401, 403, 429)
+
+
+class Rates:
+    """The buckets of one gateway."""
+
+    def __init__(self, *, clock: Clock, table: tuple[Rate, ...] = RATES, **per_s: float | None) -> None:
+        """`per_s` has other rates by name, with bursts in proportion; 0 turns one off."""
+        rows = (_scaled(row, per_s.get(row.name)) for row in table)
+        self._clock = clock
+        self._buckets = {row.name: Buckets(per_s=row.per_s, burst=row.burst) for row in rows}
+        self.open: dict[str, int] = {}  # sockets, by who has them
+
+    def take(self, name: str, key: object, amount: float = 1.0) -> None:
+        """Take it; TooManyRequestsError says when to come back."""
+        wait_s = self._buckets[name].take(key, self._clock.monotonic_s(), amount)
+        if wait_s:
+            raise TooManyRequestsError("too many requests: wait", retry_after_s=wait_s)
+
+    def check(self, name: str, key: object) -> None:
+        """TooManyRequestsError when `take` would raise it; takes nothing."""
+        wait_s = self._buckets[name].wait_s(key, self._clock.monotonic_s())
+        if wait_s:
+            raise TooManyRequestsError("too many requests: wait", retry_after_s=wait_s)
+
+    def count(self, name: str, key: object) -> None:
+        """Take it where there is any left."""
+        self._buckets[name].take(key, self._clock.monotonic_s())
+
+    def give(self, name: str, key: object) -> None:
+        """It was taken for nothing."""
+        self._buckets[name].give(key, self._clock.monotonic_s())
+
+    def admit(self, connection: HTTPConnection, row: Permission) -> None:
+        """What a permission costs beside the request: failures by address, changes by robot."""
+        name = _COUNTED.get(row.name)
+        if name is not None:
+            self.take(name, address_of(connection.scope))
+            connection.state.taken = name
+        robot_id = connection.path_params.get("robot_id")
+        if row.robots and row.mutates and robot_id is not None:
+            self.take("robot", robot_id)
+
+
+class RateLimited:
+    """Refuses who asks too often, and ends sockets whose clients say too much."""
+
+    def __init__(self, app: ASGIApp, rates: Rates) -> None:
+        self._app = app
+        self._rates = rates
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Count, then pass on."""
+        if scope["type"] not in ("http", "websocket") or scope["path"] in PROBES:
+            await self._app(scope, receive, send)
+            return
+        scope[RATES_KEY] = self._rates
+        try:
+            key = self._count(scope)
+        except TooManyRequestsError as error:
+            await refuse(scope, receive, send, error)
+            return
+        if scope["type"] == "http":
+            await self._app(scope, receive, self._refunding(scope, send))
+        elif scope["path"] == AGENTS_ONLY:
+            await self._app(scope, receive, send)  # a robot's link has its own, see gateway/ingest
+        else:
+            await self._socket(key, scope, receive, send)
+
+    def _count(self, scope: Scope) -> str:
+        """Take one request; who was counted."""
+        principal: Principal = scope.get(PRINCIPAL_KEY, NOBODY)
+        known = principal.kind != "anonymous"
+        key = f"{principal.kind} {principal.id}" if known else address_of(scope)
+        self._rates.take("requests" if known else "anonymous", key)
+        if scope["type"] == "websocket" and scope["path"] != AGENTS_ONLY:
+            self._rates.take("sockets", key)
+            if self._rates.open.get(key, 0) >= LIMITS.sockets_open:
+                raise TooManyRequestsError("too many sockets are open: close some", retry_after_s=1.0)
+        return key
+
+    def _refunding(self, scope: Scope, send: Send) -> Send:
+        """What counts by its failures is given back to who did not fail."""
+
+        async def wrapped(message: Message) -> None:
+            if message["type"] == "http.response.start" and message["status"] not in _FAILED:
+                taken = scope.get("state", {}).get("taken")
+                if taken is not None:
+                    self._rates.give(taken, address_of(scope))
+            await send(message)
+
+        return wrapped
+
+    async def _socket(self, key: str, scope: Scope, receive: Receive, send: Send) -> None:
+        rates = self._rates
+        me = object()  # a bucket of its own
+
+        async def counted() -> Message:
+            message = await receive()
+            if message["type"] != "websocket.receive":
+                return message
+            try:
+                rates.take("messages", me)
+                rates.take("message_bytes", me, len(message.get("text") or message.get("bytes") or ""))
+            except TooManyRequestsError:
+                await send({"type": "websocket.close", "code": TOO_OFTEN, "reason": TooManyRequestsError.code})
+                return {"type": "websocket.disconnect", "code": TOO_OFTEN}
+            return message
+
+        rates.open[key] = rates.open.get(key, 0) + 1
+        try:
+            await self._app(scope, counted, send)
+        finally:
+            rates.open[key] -= 1
+            if not rates.open[key]:
+                del rates.open[key]
+
+
+def address_of(scope: Scope) -> str:
+    """Whom an address counts for; the address itself was settled by `Proxies`."""
+    client = scope.get("client")
+    return address_group(client[0]) if client else ""
+
+
+async def refuse(scope: Scope, receive: Receive, send: Send, error: TooManyRequestsError) -> None:
+    """The problem, with Retry-After; for a socket instead of its handshake."""
+    if scope["type"] == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
+        await send({"type": "websocket.close", "code": TOO_OFTEN, "reason": error.code})
+        return
+    await problem(error)(scope, receive, send)
+
+
+def _scaled(row: Rate, per_s: float | None) -> Rate:
+    if per_s is None:
+        return row
+    return replace(row, per_s=per_s, burst=max(1.0, row.burst / row.per_s * per_s))
