@@ -35,13 +35,18 @@ class _Model(BaseModel):
 
 
 class Problem(_Model):
-    """An error, RFC 9457; `code` is stable and listed in docs/reference/errors.md."""
+    """An error, RFC 9457; `code` is stable and listed in docs/reference/errors.md.
+
+    `holder` is who drives, with the code lease_taken; `retry_after_s` comes with the status 429.
+    """
 
     type: str
     title: str
     status: int
     code: str
     detail: str
+    holder: str | None = None
+    retry_after_s: float | None = None
 
 
 class Health(_Model):

@@ -10,7 +10,7 @@ from fastapi import FastAPI
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import Response
+from starlette.responses import JSONResponse, Response
 from starlette.websockets import WebSocket
 
 from gateway.errors import (
@@ -42,10 +42,8 @@ class MethodError(RequestError):
     code = "method_not_allowed"
 
 
-class JsonResponse(Response):
+class JsonResponse(JSONResponse):
     """JSON by orjson; numpy arrays go out as they are, NaN as null."""
-
-    media_type = "application/json"
 
     def render(self, content: Any) -> bytes:
         """The body."""

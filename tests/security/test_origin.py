@@ -126,3 +126,13 @@ async def test_answers_carry_the_security_headers(tmp_path: Path) -> None:
             assert "frame-ancestors 'none'" in policy
             assert "script-src 'self';" in policy
             assert f"ws://127.0.0.1:{ready.http_port}" in policy
+
+
+async def test_delete_needs_no_body_and_takes_none_of_another_type(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http:
+        path = "/api/v1/recordings/01J00000000000000000000000"
+        assert (await http.delete(path)).json()["code"] == "unknown_recording"
+        assert (await http.request("DELETE", path, content=b"{}")).status_code == 415
+        form = {"Content-Type": "text/plain"}
+        assert (await http.request("DELETE", path, content=b"{}", headers=form)).status_code == 415
+        assert (await http.delete(path, headers={"Origin": "https://evil.example"})).status_code == 403

@@ -9,6 +9,7 @@ import pytest
 from gateway.api import models, route_paths
 from gateway.api.rest.times import parse_time
 from gateway.errors import ERRORS, InvalidRequestError
+from gateway.identity.permissions import PERMISSIONS
 from metaros._proto import link_pb2
 from tests.gateway.harness import DATA, ScriptedAgent, channel, client, running_gateway
 
@@ -36,6 +37,17 @@ async def test_answers_fit_their_models(tmp_path: Path) -> None:
         described = set(document["paths"])
         sockets = {"/api/v1/link", "/api/v1/stream", "/api/v1/robots/{robot_id}/teleop", "/api/v1/openapi.json"}
         assert described == set(route_paths()) - sockets
+        operations = [operation for path in document["paths"].values() for operation in path.values()]
+        assert len(operations) >= 51
+        for operation in operations:
+            assert operation["x-metaros-permission"] in {row.name for row in PERMISSIONS}
+            assert {"400", "403", "429", "503"} <= operation["responses"].keys()
+            for status, answer in operation["responses"].items():
+                if status >= "400" and "content" in answer and not (status == "503" and "/Ready" in str(answer)):
+                    assert answer["content"] == {
+                        "application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}
+                    }
+        assert "422" not in str([operation["responses"].keys() for operation in operations])
 
 
 @pytest.mark.parametrize(
