@@ -1,29 +1,35 @@
 /** Wires the page: one stream, one decode worker, the clock, the address, and the view. */
 
 import { render } from "preact";
-import { socketUrl } from "./api/client";
+import { openSocket } from "./api/client";
+import { refresh, shutOut } from "./api/session";
 import { startMoment } from "./history/moment";
 import { now, startClock } from "./live/age";
 import DecodeWorker from "./live/decode.worker?worker";
-import { Decoder } from "./live/decoder";
+import { Decoder, onDemand } from "./live/decoder";
 import { followFleet } from "./live/fleet";
+import { followSession } from "./live/rights";
 import { Stream } from "./live/stream";
 import { LiveContext } from "./ui/context";
 import "./ui/style.css";
 import "./ui/history.css";
 import { startTheme } from "./ui/theme";
-import { startRouting } from "./ui/url";
+import { comeBack, startRouting } from "./ui/url";
 import { App } from "./views/app";
 
-const stream = new Stream(() => new WebSocket(socketUrl("/stream")));
-const decoder = new Decoder(new DecodeWorker());
+const stream = new Stream(() => openSocket("/stream"));
+const decoder = new Decoder(onDemand(() => new DecodeWorker()));
 
 startTheme();
 startClock();
+comeBack();
 startRouting();
 startMoment();
 followFleet(stream);
+followSession(stream);
 stream.start();
+void refresh();
+addEventListener("focus", () => shutOut.peek() && void refresh()); // perhaps another tab has signed in
 render(
   <LiveContext.Provider value={{ stream, decoder, past: null, at: now }}>
     <App />

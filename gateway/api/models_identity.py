@@ -64,7 +64,10 @@ class PasswordRequest(_Model):
 
 
 class Account(_Model):
-    """Who asks, and what they may do. `csrf` goes into X-CSRF-Token; "" where no cookie is used."""
+    """Who asks, and what they may do. `csrf` goes into X-CSRF-Token; "" where no cookie is used.
+
+    `has_password`: whether they can sign in by a password; one who cannot may set the first without an old one.
+    """
 
     kind: Literal["anonymous", "user", "key", "robot"]
     id: str
@@ -73,6 +76,7 @@ class Account(_Model):
     robots: list[str]
     scopes: list[str]
     csrf: str
+    has_password: bool
     permissions: list[str]
 
 

@@ -13,7 +13,7 @@ from gateway.identity.permissions import PERMISSIONS
 __all__ = ["account_view", "key_view", "new_key_view", "user_view"]
 
 
-def account_view(principal: Principal) -> dict[str, Any]:
+def account_view(principal: Principal, *, has_password: bool) -> dict[str, Any]:
     """Who asks, and what they may do."""
     return {
         "kind": principal.kind,
@@ -23,6 +23,7 @@ def account_view(principal: Principal) -> dict[str, Any]:
         "robots": list(principal.robots),
         "scopes": sorted(principal.scopes),
         "csrf": principal.csrf,
+        "has_password": has_password,
         "permissions": [row.name for row in PERMISSIONS if row.who == "people" and row.granted(principal)],
     }
 

@@ -126,6 +126,13 @@ class Accounts:
 
         await self._change(job)
 
+    async def has_password(self, principal: Principal) -> bool:
+        """Whether who asks can sign in by a password; never so for keys, robots and nobody."""
+        if principal.kind != "user":
+            return False
+        user = await self._read(lambda engine: accounts.get_user(engine, principal.id))
+        return user is not None and bool(user.password)
+
     async def list_users(self) -> list[User]:
         """Everybody, by name."""
         return await self._read(lambda engine: accounts.list_users(engine, limit=LIMITS.users))

@@ -17,14 +17,22 @@ import uvicorn
 from fastapi import FastAPI, WebSocket, WebSocketDisconnect
 from fastapi.responses import FileResponse, JSONResponse, Response
 
+from gateway.api.views_identity import account_view
+from gateway.domain.principal import EVERY_ROBOT, Principal, Role
 from metaros.clock import SystemClock
 from tests.e2e.fake_history import FakeHistory
 from tests.e2e.fake_recordings import FakeRecordings
 from tests.e2e.fake_world import TOPICS, FakeRobot, FakeTopic
 
-__all__ = ["STATIC", "FakeGateway"]
+__all__ = ["STATIC", "FakeGateway", "account"]
 
 STATIC = Path(__file__).resolve().parents[2] / "gateway" / "static"
+
+
+def account(role: Role, *, name: str = "ada") -> dict[str, Any]:
+    """What /auth/me answers to a user of that role; nobody signs in here."""
+    principal = Principal(kind="user", id="U1", name=name, role=role, robots=EVERY_ROBOT, csrf="fake")
+    return account_view(principal, has_password=True)
 
 
 class FakeGateway:
@@ -37,6 +45,7 @@ class FakeGateway:
         self.called: list[dict[str, Any]] = []
         self.lease_holder: str | None = None
         self.refuses_uplink = False
+        self.account = account(Role.OPERATOR)
         self._clock = SystemClock()
         self.history = FakeHistory(robots, self.seconds)
         self.recordings = FakeRecordings(self.seconds)
@@ -84,6 +93,8 @@ class FakeGateway:
 
     def _app(self) -> FastAPI:
         app = FastAPI(openapi_url=None)
+        app.add_api_route("/api/v1/auth/me", lambda: self.account)
+        app.add_api_route("/api/v1/auth/oidc", lambda: {"name": None, "url": None})
         app.add_api_route("/api/v1/robots", lambda: {"robots": self.described()})
         app.add_api_route("/api/v1/robots/{robot_id}/topics", self._topics)
         app.add_api_route("/api/v1/robots/{robot_id}/metrics", self._metrics)

@@ -60,6 +60,7 @@ def test_no_robots_says_what_to_run(gateway: FakeGateway, open_page: OpenPage) -
 def test_page_recovers_when_the_gateway_restarts(gateway: FakeGateway, open_page: OpenPage) -> None:
     page = open_page(gateway.url)
     expect(page.locator("[data-stream=open]")).to_be_visible()
+    expect(page.locator("tr[data-robot]")).to_have_count(3)
     gateway.stop()
     expect(page.locator("[data-stream=lost]")).to_have_text("Reconnecting…")
     expect(page.locator("tr[data-robot]")).to_have_count(3)

@@ -1,6 +1,7 @@
 /** Typed calls of the gateway's REST interface. Every failure is an ApiError with the server's own words. */
 
 import type { Ranged } from "./history_types";
+import { refresh, session } from "./session";
 import type { Gap, Problem, Robot, SeriesInfo, Topic, Uplink } from "./types";
 
 const BASE = "/api/v1";
@@ -10,16 +11,37 @@ export class ApiError extends Error {
     readonly status: number,
     readonly code: string,
     message: string,
+    /** Seconds to wait before the next attempt, where the gateway says so. */
+    readonly retryAfterS: number | null = null,
   ) {
     super(message);
   }
 }
 
+/** What these are refused with is about what was typed, not about who uses the page. */
+const SIGN_IN = ["/auth/login", "/auth/link"];
+
+export type Method = "POST" | "PUT" | "PATCH" | "DELETE";
+
 /** The answer to a request that went well; an abort stays an AbortError. */
 async function ask(path: string, init?: RequestInit): Promise<Response> {
+  try {
+    return await once(path, init);
+  } catch (error) {
+    if (!(error instanceof ApiError) || SIGN_IN.includes(path)) throw error;
+    if (error.status === 401) await refresh(); // nobody known is shown the sign-in page
+    if (error.code !== "csrf") throw error;
+    await refresh(); // another tab has signed in anew: the token is another one
+    return once(path, init);
+  }
+}
+
+async function once(path: string, init?: RequestInit): Promise<Response> {
+  const token = session.peek()?.csrf;
+  const headers = token && init?.method ? { ...init.headers, "x-csrf-token": token } : init?.headers;
   let response: Response;
   try {
-    response = await fetch(BASE + path, init);
+    response = await fetch(BASE + path, { ...init, headers });
   } catch (error) {
     if (init?.signal?.aborted) throw error;
     throw new ApiError(0, "unreachable", "the gateway does not answer");
@@ -27,8 +49,13 @@ async function ask(path: string, init?: RequestInit): Promise<Response> {
   if (response.ok) return response;
   const problem = ((await response.json().catch(() => null)) ?? {}) as Partial<Problem>;
   const said = problem.detail || problem.title || `HTTP ${response.status}`;
-  throw new ApiError(response.status, problem.code ?? "http", said);
+  const waitS = response.status === 429 ? problem.retry_after_s || Number(response.headers.get("retry-after")) || null : null;
+  const again = waitS === null ? "" : `; try again in ${waitWords(waitS)}`;
+  throw new ApiError(response.status, problem.code ?? "http", said + again, waitS);
 }
+
+/** "12 s", "3 min": never shorter than it is. */
+export const waitWords = (seconds: number) => (seconds <= 90 ? `${Math.ceil(seconds)} s` : `${Math.ceil(seconds / 60)} min`);
 
 export async function request<T>(path: string, init?: RequestInit): Promise<T> {
   return (await (await ask(path, init)).json().catch(() => null)) as T;
@@ -38,7 +65,8 @@ export async function requestBytes(path: string, init?: RequestInit): Promise<Ar
   return (await ask(path, init)).arrayBuffer();
 }
 
-export function send<T>(method: "POST" | "PUT" | "DELETE", path: string, body?: unknown): Promise<T> {
+/** Change something; a session's token goes along. */
+export function send<T>(method: Method, path: string, body?: unknown): Promise<T> {
   return request(path, {
     method,
     headers: { "content-type": "application/json" },
@@ -81,6 +109,20 @@ export const api = {
 /** The WebSocket address of a path on the gateway that served this page. */
 export function socketUrl(path: string, page: { protocol: string; host: string } = location): string {
   return `${page.protocol === "https:" ? "wss" : "ws"}://${page.host}${BASE}${path}`;
+}
+
+/** The gateway closes a socket so when whoever opened it may not be there any more, or may something else by now. */
+const RIGHTS_CHANGED = 4401;
+
+/** A socket of this page. When it is refused or shown out the page asks who it is. */
+export function openSocket(path: string): WebSocket {
+  const socket = new WebSocket(socketUrl(path));
+  let opened = false;
+  socket.addEventListener("open", () => (opened = true));
+  socket.addEventListener("close", ({ code }) => {
+    if (code === RIGHTS_CHANGED || !opened) void refresh();
+  });
+  return socket;
 }
 
 export const teleopPath = (id: string) => `${robotPath(id)}/teleop`;

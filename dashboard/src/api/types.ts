@@ -115,6 +115,7 @@ export interface Problem {
   status: number;
   code: string;
   detail: string;
+  retry_after_s?: number;
 }
 
 /** A topic as the stream announces it, once a connection and before its first record. */

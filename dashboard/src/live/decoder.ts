@@ -33,6 +33,22 @@ export interface WorkerLike {
   postMessage(message: Order, transfer: Transferable[]): void;
 }
 
+/** A worker that begins when there is something to do: a page without messages does without its code. */
+export function onDemand(make: () => WorkerLike): WorkerLike {
+  let worker: WorkerLike | null = null;
+  const lazy: WorkerLike = {
+    onmessage: null,
+    postMessage: (message, transfer) => {
+      if (!worker) {
+        worker = make();
+        worker.onmessage = (event) => lazy.onmessage?.(event);
+      }
+      worker.postMessage(message, transfer);
+    },
+  };
+  return lazy;
+}
+
 interface Waiting {
   channel: Channel;
   stampMs: number;

@@ -77,3 +77,21 @@ test("what cannot be read is counted and the stream goes on", () => {
   expect(stream.dropped.value).toBe(5);
   expect(stream.state.value).toBe("open");
 });
+
+test("a stopped stream makes no connection before it is started, and then one", () => {
+  stream.fleet(() => {});
+  sockets[0]!.open();
+  stream.stop();
+  expect([sockets[0]!.closed, stream.state.value]).toEqual([true, "connecting"]);
+  sockets[0]!.drop(); // its close event comes later
+  vi.advanceTimersByTime(10_000);
+  expect(sockets.length).toBe(1);
+  stream.start();
+  sockets[1]!.open();
+  expect(sockets[1]!.ops()).toEqual(["subscribe_fleet"]);
+  sockets[1]!.drop();
+  stream.stop(); // while it waits to connect again
+  stream.start();
+  vi.advanceTimersByTime(10_000);
+  expect(sockets.length).toBe(3);
+});

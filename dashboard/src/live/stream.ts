@@ -61,16 +61,28 @@ export class Stream {
   #subscriptions = new Map<number, Subscription>();
   #channels = new Map<number, Channel>();
   #backoff = new Backoff();
+  #timer: ReturnType<typeof setTimeout> | undefined;
 
   constructor(private readonly connect: () => SocketLike) {}
 
   start(): void {
+    clearTimeout(this.#timer);
     const socket = this.connect();
     socket.binaryType = "arraybuffer";
-    socket.onopen = () => this.#opened();
-    socket.onmessage = (event) => this.#received(event.data);
-    socket.onclose = () => this.#closed();
+    socket.onopen = () => this.#socket === socket && this.#opened();
+    socket.onmessage = (event) => this.#socket === socket && this.#received(event.data);
+    socket.onclose = () => this.#socket === socket && this.#closed();
     this.#socket = socket;
+  }
+
+  /** End the connection; there is no other before the next start. Subscriptions stay. */
+  stop(): void {
+    clearTimeout(this.#timer);
+    const socket = this.#socket;
+    this.#socket = null;
+    this.#open = false;
+    this.state.value = "connecting";
+    socket?.close();
   }
 
   topic(request: TopicRequest, onRecord: RecordHandler): Unsubscribe {
@@ -113,7 +125,7 @@ export class Stream {
   #closed(): void {
     this.#open = false;
     this.state.value = "lost";
-    setTimeout(() => this.start(), this.#backoff.next());
+    this.#timer = setTimeout(() => this.start(), this.#backoff.next());
   }
 
   #received(data: unknown): void {

@@ -4,6 +4,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Recording, RecordingState } from "../api/history_types";
 import { rfc3339 } from "../api/history";
+import { can } from "../api/session";
 import { recordingsApi } from "../api/recordings";
 import { bytes, clockTime, dayText, duration, integer } from "../ui/format";
 import { Link } from "../ui/parts";
@@ -45,7 +46,7 @@ export function RecordingRow({ recording, onDelete }: { recording: Recording; on
       <td class="end cell-actions">
         <Link href={view} class="button">View</Link>
         {state === "stored" && <a class="button" href={recordingsApi.fileHref(id)} download={`${robot}-${start}.mcap`}>Download</a>}
-        <DeleteButton onDelete={onDelete} />
+        {can("recordings.delete") && <DeleteButton onDelete={onDelete} />}
       </td>
     </tr>
   );

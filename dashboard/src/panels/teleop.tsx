@@ -2,7 +2,8 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useMemo, useRef } from "preact/hooks";
-import { api, ApiError, socketUrl, teleopPath } from "../api/client";
+import { api, ApiError, openSocket, teleopPath } from "../api/client";
+import { can, session } from "../api/session";
 import { Teleop, type Aim, type TeleopState } from "../live/teleop";
 import { fixed } from "../ui/format";
 import { Card } from "../ui/parts";
@@ -19,16 +20,17 @@ const WORDS: Record<TeleopState, string> = {
 
 const SPEEDS = { slow: { linear: 0.25, angular: 0.6 }, normal: { linear: 0.5, angular: 1.0 }, fast: { linear: 1.0, angular: 1.6 } };
 
-/** Who drives, as another operator will read it. Kept for this tab. */
+/** Who drives, as another operator will read it: their name, and which of their tabs. */
 function holderName(): string {
+  const who = session.peek();
   const kept = sessionStorage.getItem("metaros.holder");
-  const name = kept ?? `browser-${crypto.getRandomValues(new Uint16Array(1))[0]!.toString(16)}`;
-  sessionStorage.setItem("metaros.holder", name);
-  return name;
+  const tab = kept ?? `browser-${crypto.getRandomValues(new Uint16Array(1))[0]!.toString(16)}`;
+  sessionStorage.setItem("metaros.holder", tab);
+  return who?.kind === "user" ? `${who.name} (${tab})` : tab;
 }
 
 export function TeleopCard({ robot, namespace, online, lease }: { robot: string; namespace: string; online: boolean; lease: string | null }) {
-  const teleop = useMemo(() => new Teleop(() => new WebSocket(socketUrl(teleopPath(robot))), holderName()), [robot]);
+  const teleop = useMemo(() => new Teleop(() => openSocket(teleopPath(robot)), holderName()), [robot]);
   const speed = useSignal<keyof typeof SPEEDS>("normal");
   const thumb = useSignal<{ x: number; y: number } | null>(null);
   const keys = useRef(new Set<string>());
@@ -122,7 +124,7 @@ export function TeleopCard({ robot, namespace, online, lease }: { robot: string;
           <p class="hint">
             <kbd>W</kbd><kbd>A</kbd><kbd>S</kbd><kbd>D</kbd> when the pad has focus · <kbd>Esc</kbd> stops
           </p>
-          <Resume robot={robot} namespace={namespace} online={online} before={() => teleop.release()} />
+          {can("robots.call") && <Resume robot={robot} namespace={namespace} online={online} before={() => teleop.release()} />}
         </div>
       </div>
     </Card>

@@ -2,6 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
+import { can } from "../api/session";
 import type { Recording } from "../api/history_types";
 import { ageText, now } from "../live/age";
 import { useDensity, useRecordings, useStored } from "../history/density";
@@ -35,7 +36,7 @@ export function TimeBar({ robot }: { robot: string }) {
         {tMs !== null && <Playing />}
         <Clock tMs={tMs} nowMs={nowMs} />
         <span class="timebar-end">
-          <SaveButton robot={robot} tMs={tMs} />
+          {can("recordings.save") && <SaveButton robot={robot} tMs={tMs} />}
           <span class="segments" role="group" aria-label="Span of the time bar">
             {Object.keys(SPANS).map((choice) => (
               <button key={choice} type="button" aria-pressed={choice === span} onClick={() => setParam("span", choice, USUAL_SPAN)}>

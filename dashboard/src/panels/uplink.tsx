@@ -3,9 +3,10 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { api, ApiError } from "../api/client";
+import { can } from "../api/session";
 import type { Robot } from "../api/types";
 import { bytesPerSecond } from "../ui/format";
-import { Card } from "../ui/parts";
+import { Card, MayNot } from "../ui/parts";
 import { STEPS, stepOf } from "./uplink_steps";
 
 const said = (bytesPerS: number | null) => (bytesPerS === null ? "No limit" : bytesPerSecond(bytesPerS));
@@ -16,6 +17,7 @@ export function UplinkCard({ robot }: { robot: Robot }) {
   const state = useSignal<"" | "setting" | "refused">("");
   const problem = useSignal("");
   const online = robot.state === "online";
+  const may = can("robots.configure");
   useEffect(() => {
     if (state.value === "") chosen.value = null;
   }, [limit]);
@@ -46,7 +48,7 @@ export function UplinkCard({ robot }: { robot: Robot }) {
           min={0}
           max={STEPS.length - 1}
           step={1}
-          disabled={!online || state.value === "setting"}
+          disabled={!may || !online || state.value === "setting"}
           value={chosen.value ?? stepOf(limit)}
           onInput={(event) => {
             state.value = "";
@@ -56,6 +58,7 @@ export function UplinkCard({ robot }: { robot: Robot }) {
         />
         <p class="scale" aria-hidden="true"><span>{said(STEPS[0]!)}</span><span>no limit</span></p>
         <div class="meter" aria-hidden="true"><i style={{ transform: `scaleX(${used})` }} /></div>
+        {!may && <MayNot what="set it" />}
         <p class="hint">
           {shown === null
             ? "The robot sends what there is to send; history still leaves 30 % of the link free."

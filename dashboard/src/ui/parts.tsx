@@ -2,12 +2,13 @@
 
 import type { ComponentChildren } from "preact";
 import type { Missing } from "../api/history_types";
+import { signedIn, whyNot } from "../api/session";
 import { ageText, now, STALE_AFTER_MS } from "../live/age";
 import type { Health } from "../live/fleet";
 import { reasonWords } from "./reasons";
 import { useLive } from "./context";
 import { clockTime } from "./format";
-import { go } from "./url";
+import { go, here } from "./url";
 
 const SHAPES: Record<Health, { word: string; path: string }> = {
   online: { word: "online", path: "M6 1a5 5 0 1 1 0 10A5 5 0 0 1 6 1Z" },
@@ -42,6 +43,15 @@ export function Link(props: { href: string; class?: string; current?: boolean; c
     >
       {props.children}
     </a>
+  );
+}
+
+/** In the place of what the person may not do: who may, and the way to become one of them. */
+export function MayNot({ what }: { what: string }) {
+  return (
+    <p class="may-not" data-may-not={what}>
+      {whyNot(what)} {!signedIn.value && <Link href={`/signin?back=${encodeURIComponent(here())}`}>Sign in</Link>}
+    </p>
   );
 }
 

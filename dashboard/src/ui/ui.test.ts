@@ -1,6 +1,9 @@
-import { expect, test } from "vitest";
+import { expect, test, vi } from "vitest";
 import { ageText, isStale } from "../live/age";
 import { bytes, fixed, percent, relativeTopic, short, typeWord } from "./format";
+
+vi.stubGlobal("location", { origin: "http://gw:8080", pathname: "/", search: "" }); // the module reads it as it begins
+const { backFrom } = await import("./url");
 
 test("a missing number is a dash, never a zero", () => {
   expect([fixed(null, 1), percent(undefined), bytes(NaN), short(Infinity)]).toEqual(["–", "–", "–", "–"]);
@@ -32,4 +35,11 @@ test("topics and types as the robot would say them", () => {
 test("ages", () => {
   expect([ageText(900), ageText(61_000), ageText(7_200_000), ageText(-5)]).toEqual(["0 s", "1 min", "2 h", "0 s"]);
   expect([isStale(0, 5000), isStale(0, 5001)]).toEqual([false, true]);
+});
+
+test("signing in leads back to a page of ours, whatever the address says", () => {
+  expect(backFrom("/robots/a?t=2026-11-21T06:00:00Z&span=1h")).toBe("/robots/a?t=2026-11-21T06:00:00Z&span=1h");
+  for (const text of [null, "", "https://evil.example/", "//evil.example/x", "/\\evil.example", "javascript:alert(1)", "/signin?back=/x", "/api/v1/auth/oidc/start"]) {
+    expect(backFrom(text)).toBe("/");
+  }
 });

@@ -23,6 +23,42 @@ export function go(href: string): void {
   scrollTo(0, 0);
 }
 
+/** Show another page in the place of this one: "back" does not lead here again. */
+export function replace(href: string): void {
+  history.replaceState(null, "", href);
+  place.value = read();
+}
+
+/** The page's own address, without its origin and fragment. */
+export const here = () => location.pathname + location.search;
+
+/** Where signing in leads back to: an address of a page of ours, else the fleet. */
+export function backFrom(text: string | null): string {
+  const url = text?.startsWith("/") ? new URL(text, location.origin) : null;
+  if (!url || url.origin !== location.origin || /^\/(signin|api)(\/|$)/.test(url.pathname)) return "/";
+  return url.pathname + url.search;
+}
+
+const BACK_KEY = "metaros.back";
+const BACK_MS = 600_000;
+
+/** Remember where to come back to from another site, which sends the browser to "/". */
+export function leaveFor(back: string): void {
+  sessionStorage.setItem(BACK_KEY, JSON.stringify([Date.now(), back]));
+}
+
+export function comeBack(): void {
+  const kept = sessionStorage.getItem(BACK_KEY);
+  sessionStorage.removeItem(BACK_KEY);
+  if (!kept || location.pathname !== "/" || location.search) return;
+  try {
+    const [leftMs, back] = JSON.parse(kept) as [number, string];
+    if (Date.now() - leftMs < BACK_MS) replace(backFrom(back));
+  } catch {
+    // somebody else wrote it
+  }
+}
+
 /** Set one parameter of this page; an empty value or the default removes it. */
 export function setParam(name: string, value: string, fallback = ""): void {
   const params = new URLSearchParams(location.search);

@@ -1,16 +1,27 @@
 /** The frame of every page: the bar on top, the state of the connection, the help dialog, the keys. */
 
+import type { ComponentType } from "preact";
 import { useEffect, useRef } from "preact/hooks";
+import { refresh, session, shutOut } from "../api/session";
 import { moment } from "../history/moment";
 import type { StreamState } from "../live/stream";
 import { useLive } from "../ui/context";
 import { Link } from "../ui/parts";
 import { place, robotOf } from "../ui/url";
+import { AccountMenu } from "./account_menu";
 import { FleetPage } from "./fleet";
 import { lazy } from "./lazy";
-import { RobotPage } from "./robot";
 
+const RobotPage = lazy(async () => (await import("./robot")).RobotPage);
 const RecordingsPage = lazy(async () => (await import("./recordings")).RecordingsPage);
+const SignInPage = lazy(async () => (await import("./sign_in")).SignInPage);
+
+/** The pages that are not a robot's: their paths, and what the window is called meanwhile. */
+const PAGES: Record<string, [string, ComponentType]> = {
+  "/": ["Fleet", FleetPage],
+  "/recordings": ["Recordings", RecordingsPage],
+  "/signin": ["Sign in", SignInPage],
+};
 
 const CONNECTION: Record<StreamState, string> = { connecting: "Connecting…", open: "Live", lost: "Reconnecting…" };
 
@@ -30,10 +41,15 @@ export function App() {
   const help = useRef<HTMLDialogElement>(null);
   const state = stream.state.value;
   const path = place.value.path;
-  const robot = robotOf(path);
+  const out = shutOut.value;
+  const robot = out ? null : robotOf(path);
+  const [title, Page] = PAGES[out ? "/signin" : path] ?? ["No such page", NotFound];
   useEffect(() => {
-    document.title = `${robot ?? (path === "/recordings" ? "Recordings" : "Fleet")} · Meta-ROS`;
-  }, [robot, path]);
+    document.title = `${robot ?? title} · Meta-ROS`;
+  }, [robot, title]);
+  useEffect(() => {
+    if (state === "open" && session.peek() === null) void refresh(); // it did not answer when the page began
+  }, [state]);
   useEffect(() => {
     const onKey = (event: KeyboardEvent) => {
       const typing = event.target instanceof HTMLInputElement;
@@ -55,15 +71,18 @@ export function App() {
           <svg viewBox="0 0 24 24" aria-hidden="true"><path d="M3 20V6l9 8 9-8v14" /><circle cx="12" cy="5" r="2.4" /></svg>
           Meta-ROS
         </Link>
-        <nav aria-label="Main">
-          <Link href="/" current={path === "/"}>Fleet</Link>
-          <Link href="/recordings" current={path === "/recordings"}>Recordings</Link>
-        </nav>
-        <span class={`link link-${state}`} role="status" data-stream={state}>{state === "open" && moment.value !== null ? "Connected" : CONNECTION[state]}</span>
+        {!out && (
+          <nav aria-label="Main">
+            <Link href="/" current={path === "/"}>Fleet</Link>
+            <Link href="/recordings" current={path === "/recordings"}>Recordings</Link>
+          </nav>
+        )}
+        {!out && <span class={`link link-${state}`} role="status" data-stream={state}>{state === "open" && moment.value !== null ? "Connected" : CONNECTION[state]}</span>}
+        <AccountMenu />
         <button type="button" class="help" aria-label="Help" onClick={() => help.current?.showModal()}>?</button>
       </header>
       <main id="main" class={state === "open" ? undefined : "is-lost"}>
-        {robot !== null ? <RobotPage key={robot} id={robot} /> : path === "/" ? <FleetPage /> : path === "/recordings" ? <RecordingsPage /> : <NotFound />}
+        {robot !== null ? <RobotPage key={robot} id={robot} /> : <Page key={title} />}
       </main>
       <dialog ref={help} aria-labelledby="help-title">
         <h2 id="help-title">Keys</h2>

@@ -1,15 +1,24 @@
-/** A page whose code is fetched when somebody first opens it. */
+/** A part of the page whose code is fetched when it is first shown. */
 
 import type { ComponentType } from "preact";
 import { useEffect, useState } from "preact/hooks";
 
-export function lazy(load: () => Promise<ComponentType>): ComponentType {
-  let found: ComponentType | null = null;
-  return function Lazy() {
-    const [Page, setPage] = useState<ComponentType | null>(() => found);
+export function lazy<Props extends object>(load: () => Promise<ComponentType<Props>>): ComponentType<Props> {
+  let found: ComponentType<Props> | null = null;
+  return function Lazy(props: Props) {
+    const [Part, setPart] = useState<ComponentType<Props> | null>(() => found);
+    const [failed, setFailed] = useState(false);
     useEffect(() => {
-      if (!found) void load().then((page) => setPage(() => (found = page)));
+      if (found) return;
+      load().then((part) => setPart(() => (found = part)), () => setFailed(true));
     }, []);
-    return Page ? <Page /> : <p class="quiet">Loading…</p>;
+    if (Part) return <Part {...props} />;
+    if (!failed) return <p class="quiet">Loading…</p>;
+    return (
+      <p class="quiet" role="alert">
+        A part of this page did not come: the gateway is away, or newer than the page.{" "}
+        <button type="button" class="button" onClick={() => location.reload()}>Reload</button>
+      </p>
+    );
   };
 }

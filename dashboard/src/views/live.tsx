@@ -1,18 +1,22 @@
 /** The live tab: a card for each thing the robot publishes, chosen by its type; now, or at the instant shown. */
 
+import { can } from "../api/session";
 import type { Robot, SeriesInfo, Topic } from "../api/types";
 import { CameraCard } from "../panels/camera";
 import { ImuCard } from "../panels/imu";
 import { MapCard } from "../panels/map";
 import { MetricPlots, RANGES } from "../panels/metric_plots";
-import { PastPlots } from "../panels/past_plots";
 import { PAST_PLOTS, PLOTS, plotsOf } from "../panels/plot_table";
 import { layoutOf } from "../panels/registry";
-import { TeleopCard } from "../panels/teleop";
+import { lazy } from "./lazy";
 import { TreeCard } from "../panels/tree";
 import { useLive } from "../ui/context";
+import { Card, MayNot } from "../ui/parts";
 import { relativeTopic } from "../ui/format";
 import { place, setParam } from "../ui/url";
+
+const TeleopCard = lazy(async () => (await import("../panels/teleop")).TeleopCard);
+const PastPlots = lazy(async () => (await import("../panels/past_plots")).PastPlots);
 
 export function LiveTab({ robot, topics, series }: { robot: Robot; topics: Topic[] | null; series: SeriesInfo[] }) {
   const past = useLive().past !== null;
@@ -36,7 +40,10 @@ export function LiveTab({ robot, topics, series }: { robot: Robot; topics: Topic
             {layout.cameras.map(({ topic }) => (
               <CameraCard key={`${robot.id} ${topic}`} robot={robot.id} topic={topic} title={cameraTitle(name(topic))} />
             ))}
-            {drivable && (
+            {drivable && !can("robots.drive") && (
+              <Card title="Drive" kind="teleop"><div class="pad-in"><MayNot what="drive" /></div></Card>
+            )}
+            {drivable && can("robots.drive") && (
               <TeleopCard key={robot.id} robot={robot.id} namespace={robot.namespace} online={robot.state === "online"} lease={robot.lease?.holder ?? null} />
             )}
           </div>

@@ -3,6 +3,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { saidOf } from "../api/client";
+import { can } from "../api/session";
 import type { Recording } from "../api/history_types";
 import { recordingsApi } from "../api/recordings";
 import { robots } from "../live/fleet";
@@ -11,6 +12,7 @@ import { RecordingRow } from "../panels/recording_row";
 import { StorageCard } from "../panels/storage";
 import { SAVED_S } from "../panels/save_button";
 import { useLive } from "../ui/context";
+import { MayNot } from "../ui/parts";
 
 const IDLE_MS = 4000;
 const BUSY_MS = 1000;
@@ -55,7 +57,7 @@ export function RecordingsPage() {
     <>
       <div class="page-head">
         <h1>Recordings</h1>
-        <SaveForm onSave={(robot) => void run(recordingsApi.saveLast(robot, SAVED_S))} />
+        {can("recordings.save") ? <SaveForm onSave={(robot) => void run(recordingsApi.saveLast(robot, SAVED_S))} /> : <MayNot what="save clips" />}
         <button type="button" class="button" onClick={() => dialog.current?.showModal()}>Export MCAP…</button>
       </div>
       {problem.value && <p class="problem" role="alert">{problem.value}</p>}

@@ -1,10 +1,9 @@
 /** The robot page: who it is and how its link is, then its live cards or its topics. */
 
 import { useSignal } from "@preact/signals";
-import { useEffect, useMemo } from "preact/hooks";
+import { useEffect } from "preact/hooks";
 import { api, ApiError } from "../api/client";
 import type { Robot, SeriesInfo, Topic } from "../api/types";
-import { useStored } from "../history/density";
 import { moment } from "../history/moment";
 import { ageText, now } from "../live/age";
 import { concerns, health, robots } from "../live/fleet";
@@ -13,10 +12,12 @@ import { useLive } from "../ui/context";
 import { bytes, bytesPerSecond, fixed, integer } from "../ui/format";
 import { Link, StateBadge } from "../ui/parts";
 import { place, setParam } from "../ui/url";
-import { LinkTab } from "./link";
+import { lazy } from "./lazy";
 import { LiveTab } from "./live";
-import { PastProvider, topicsOfStore } from "./past";
-import { TopicsTab } from "./topics";
+
+const LinkTab = lazy(async () => (await import("./link")).LinkTab);
+const TopicsTab = lazy(async () => (await import("./topics")).TopicsTab);
+const PastTab = lazy(async () => (await import("./past")).PastTab);
 
 const REFRESH_MS = 2000;
 
@@ -77,18 +78,6 @@ export function RobotPage({ id }: { id: string }) {
         <LinkTab key={id} robot={robot} />
       )}
     </>
-  );
-}
-
-/** The same cards, at the instant that the time bar shows. */
-function PastTab({ robot, series }: { robot: Robot; series: SeriesInfo[] }) {
-  const stored = useStored(robot.id).value;
-  const topics = useMemo(() => (stored ? topicsOfStore(stored.topics) : null), [stored?.topics.map(({ topic }) => topic).join("\n")]);
-  if (stored && stored.topics.length === 0 && stored.series === 0) return <p class="quiet">There is nothing to show of the past.</p>;
-  return (
-    <PastProvider robot={robot.id}>
-      <LiveTab robot={robot} topics={topics} series={series} />
-    </PastProvider>
   );
 }
 

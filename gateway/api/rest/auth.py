@@ -94,7 +94,9 @@ async def logout(request: Request) -> Response:
 )
 async def get_me(request: Request) -> Response:
     """Who asks, and what they may do."""
-    return JsonResponse(account_view(principal_of(request)))
+    principal = principal_of(request)
+    has_password = await services_of(request).accounts.has_password(principal)
+    return JsonResponse(account_view(principal, has_password=has_password))
 
 
 @router.post(
@@ -116,7 +118,7 @@ async def _signed_in(request: Request, done: SignedIn) -> Response:
     if principal is None:  # removed in this very moment
         raise CredentialsError("the name or the password is wrong")
     note(request, actor=principal)
-    response = JsonResponse(account_view(principal))
+    response = JsonResponse(account_view(principal, has_password=bool(done.user.password)))
     set_session(response, request, done.session.token)
     return response
 

@@ -61,6 +61,9 @@ async def test_from_the_first_link_to_a_key_that_works(tmp_path: Path, browsers:
         me = models.Account.model_validate(answer.json())
         assert (me.kind, me.name, me.role, "users.manage" in me.permissions) == ("user", "admin", "admin", True)
         assert (await admin.get("/api/v1/auth/me")).json() == answer.json()
+        assert not me.has_password
+        assert (await admin.post("/api/v1/auth/password", json={"old": "", "new": PASSWORD})).status_code == 200
+        assert (await admin.get("/api/v1/auth/me")).json() == {**answer.json(), "has_password": True}
         again = await browsers(ready).sign_in("link", token=link["token"])
         assert (again.status_code, again.json()["code"]) == (401, "bad_credentials")
         body = {"name": "ci", "role": "operator", "scopes": ["lambda"], "expires_s": 3600}
@@ -91,7 +94,7 @@ async def test_a_browser_signs_in_changes_its_password_and_signs_out(tmp_path: P
         for part in ("metaros_session=", "HttpOnly", "SameSite=lax", "Path=/"):
             assert part in cookie
         assert "Secure" not in cookie  # or a browser would not send it to http://127.0.0.1
-        assert answer.json()["robots"] == ["sim_*"]
+        assert (answer.json()["robots"], answer.json()["has_password"]) == (["sim_*"], True)
         change = {"old": PASSWORD, "new": "another horse battery"}
         token = ada.headers.pop("X-CSRF-Token")
         refused = await ada.post("/api/v1/auth/password", json=change)

@@ -1,0 +1,26 @@
+/** Typed calls for signing in and out and one's own password. */
+
+import { request, send } from "./client";
+import { become, refresh, session, type Account } from "./session";
+
+const entered = (account: Account): Account => {
+  become(account);
+  return account;
+};
+
+export const accountApi = {
+  login: async (name: string, password: string) => entered(await send<Account>("POST", "/auth/login", { name, password })),
+  /** By what stands behind the # of a one-time link. */
+  link: async (token: string) => entered(await send<Account>("POST", "/auth/link", { token })),
+  provider: () => request<{ name: string | null; url: string | null }>("/auth/oidc"),
+  /** `old` is "" for who has no password yet. */
+  password: async (old: string, fresh: string) => {
+    await send("POST", "/auth/password", { old, new: fresh });
+    await refresh();
+  },
+  logout: async () => {
+    await send("POST", "/auth/logout", {});
+    session.value = null; // left, not shut out: nothing has ended against anybody's will
+    await refresh();
+  },
+};

@@ -1,0 +1,188 @@
+/** Signing in: by name and password, by a one-time link, or at the fleet's identity provider. */
+
+import { useSignal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import { accountApi } from "../api/account";
+import { ApiError, saidOf, waitWords } from "../api/client";
+import { ended, session, shutOut, signedIn } from "../api/session";
+import "../ui/sign_in.css";
+import { backFrom, here, leaveFor, place, replace } from "../ui/url";
+import { PasswordForm } from "./password";
+
+/** Where to go afterwards: what `back` says on /signin; anywhere else this page only stands before another one. */
+const backHref = () => (place.peek().path === "/signin" ? backFrom(place.peek().params.get("back")) : here());
+
+export function SignInPage() {
+  const link = useLink();
+  const state = link.value;
+  useEffect(() => {
+    if (state === "" && signedIn.peek() && place.peek().path === "/signin") replace(backHref()); // nothing to do here
+  }, [state, signedIn.value]);
+  return (
+    <section class="signin" data-signin={state || "form"}>
+      <svg class="signin-mark" viewBox="0 0 24 24" aria-hidden="true"><path d="M3 20V6l9 8 9-8v14" /><circle cx="12" cy="5" r="2.4" /></svg>
+      {state === "following" ? (
+        <h1><span role="status">Signing you in…</span></h1>
+      ) : state === "first" && session.value?.kind === "user" ? (
+        <FirstPassword onDone={() => (link.value = "")} />
+      ) : (
+        <SignIn stale={state === "stale"} />
+      )}
+    </section>
+  );
+}
+
+type LinkState = "" | "following" | "stale" | "first";
+
+/** Follow the one-time link that the address holds, if it does: its secret leaves the address before anything else. */
+function useLink() {
+  const state = useSignal<LinkState>(location.hash.length > 1 && location.pathname === "/signin" ? "following" : "");
+  useEffect(() => {
+    const follow = async () => {
+      const token = location.hash.slice(1);
+      if (!token || location.pathname !== "/signin") return;
+      replace(here());
+      state.value = "following";
+      try {
+        const { has_password } = await accountApi.link(token);
+        state.value = has_password ? "" : "first";
+      } catch (error) {
+        state.value = error instanceof ApiError && error.code === "bad_credentials" ? "stale" : "";
+      }
+    };
+    void follow();
+    const again = () => void follow(); // pasted into a page that is here already
+    addEventListener("hashchange", again);
+    return () => removeEventListener("hashchange", again);
+  }, []);
+  return state;
+}
+
+function FirstPassword({ onDone }: { onDone: () => void }) {
+  return (
+    <>
+      <h1>Welcome, {session.value!.name}</h1>
+      <p class="signin-lead">
+        You are signed in as {session.value!.role}. The link is used up: choose a password to sign in with from now on.
+      </p>
+      <PasswordForm later="Later" onDone={onDone} />
+    </>
+  );
+}
+
+function SignIn({ stale }: { stale: boolean }) {
+  return (
+    <>
+      <h1>Sign in</h1>
+      {stale ? (
+        <p class="signin-lead signin-stale" role="alert">
+          This link is not good any more: it works once, within 15 minutes. Make another one with <code>metaros signin</code>.
+        </p>
+      ) : (
+        <p class="signin-lead">{ended.value ? `The session of ${ended.value} has ended.` : shutOut.value ? "This gateway shows nothing to who is not known." : "Operators drive and record, admins also decide who may."}</p>
+      )}
+      <PasswordSignIn />
+      <Provider />
+      <p class="signin-foot">
+        No password yet? An admin makes you a link, or on the gateway's machine: <code>metaros signin</code>
+      </p>
+    </>
+  );
+}
+
+function PasswordSignIn() {
+  const [name, password] = [useRef<HTMLInputElement>(null), useRef<HTMLInputElement>(null)];
+  const problem = useSignal("");
+  const busy = useSignal(false);
+  const shown = useSignal(false);
+  const wait = useCountdown();
+  useEffect(() => (name.current!.value ? password : name).current!.focus(), []);
+  const enter = async () => {
+    busy.value = true;
+    problem.value = "";
+    try {
+      await accountApi.login(name.current!.value.trim(), password.current!.value);
+    } catch (error) {
+      if (error instanceof ApiError && error.retryAfterS !== null) wait.begin(error.retryAfterS);
+      else problem.value = error instanceof ApiError && error.code === "bad_credentials" ? "The name or the password is wrong." : saidOf(error);
+      password.current?.select();
+    }
+    busy.value = false;
+  };
+  const show = () => {
+    shown.value = !shown.value;
+    password.current!.type = shown.value ? "text" : "password";
+  };
+  const left = wait.leftS.value;
+  return (
+    <form
+      class="fields"
+      onSubmit={(event) => {
+        event.preventDefault();
+        if (!busy.value && left === 0) void enter();
+      }}
+    >
+      <label class="field">
+        <span>Name</span>
+        <input ref={name} type="text" name="username" autocomplete="username" autocapitalize="none" spellcheck={false} required maxLength={64} defaultValue={ended.peek()} />
+      </label>
+      <label class="field">
+        <span>Password</span>
+        <span class="with-eye">
+          <input
+            ref={password}
+            type="password"
+            name="password"
+            autocomplete="current-password"
+            required
+            maxLength={256}
+            aria-invalid={problem.value !== ""}
+            aria-describedby="signin-problem"
+          />
+          <button type="button" class="eye" aria-pressed={shown.value} aria-label="Show the password" onClick={show}>
+            {shown.value ? "Hide" : "Show"}
+          </button>
+        </span>
+      </label>
+      <p class="problem" id="signin-problem" role="alert">
+        {left > 0 ? `Too many attempts. The next one counts in ${waitWords(left)}.` : problem.value}
+      </p>
+      <button class="button button-main button-wide" aria-disabled={busy.value || left > 0 || undefined}>
+        {left > 0 ? `Wait ${waitWords(left)}` : busy.value ? "Signing in…" : "Sign in"}
+      </button>
+    </form>
+  );
+}
+
+/** Seconds until something may be tried again, counting down. */
+function useCountdown() {
+  const leftS = useSignal(0);
+  const untilMs = useRef(0);
+  useEffect(() => {
+    const timer = setInterval(() => {
+      leftS.value = Math.max(0, Math.ceil((untilMs.current - performance.now()) / 1000));
+    }, 250);
+    return () => clearInterval(timer);
+  }, []);
+  const begin = (seconds: number) => {
+    untilMs.current = performance.now() + seconds * 1000;
+    leftS.value = Math.ceil(seconds);
+  };
+  return { leftS, begin };
+}
+
+/** The way to an identity provider, where the gateway has one. */
+function Provider() {
+  const found = useSignal<{ name: string | null; url: string | null } | null>(null);
+  useEffect(() => {
+    accountApi.provider().then((provider) => (found.value = provider), () => {}); // then there is the password
+  }, []);
+  const { name, url } = found.value ?? { name: null, url: null };
+  if (!url) return null;
+  return (
+    <>
+      <p class="or"><span>or</span></p>
+      <a class="button button-wide" href={url} onClick={() => leaveFor(backHref())}>Sign in with {name}</a>
+    </>
+  );
+}
