@@ -108,13 +108,17 @@ def _all(scope: Scope, name: bytes) -> list[bytes]:
     return [value for key, value in scope["headers"] if key.lower() == name]
 
 
+def _has_body(scope: Scope) -> bool:
+    lengths = _all(scope, b"content-length")
+    return bool(_all(scope, b"transfer-encoding")) or any(length != b"0" for length in lengths)
+
+
 def body_limit(scope: Scope) -> int:
     """How large the body of a mutation may be; MediaTypeError for what a form could send."""
     types = [value.split(b";")[0].strip().lower().decode("latin-1") for value in _all(scope, b"content-type")]
     # No form and no page of another origin can send DELETE without being asked first, so it needs no body to prove it.
-    if not types and scope["method"] == "DELETE" and not _all(scope, b"transfer-encoding"):
-        if all(length == b"0" for length in _all(scope, b"content-length")):
-            return 0
+    if not types and scope["method"] == "DELETE" and not _has_body(scope):
+        return 0
     if len(types) != 1 or types[0] not in BODY_LIMITS:
         raise MediaTypeError("a request that changes something has Content-Type application/json or application/cdr")
     limit = BODY_LIMITS[types[0]]

@@ -66,7 +66,7 @@ class Rates:
         """`per_s` has other rates by name, with bursts in proportion; 0 turns one off."""
         rows = (_scaled(row, per_s.get(row.name)) for row in table)
         self._clock = clock
-        self._buckets = {row.name: Buckets(per_s=row.per_s, burst=row.burst) for row in rows}
+        self._buckets: dict[str, Buckets] = {row.name: Buckets(per_s=row.per_s, burst=row.burst) for row in rows}
         self.open: dict[str, int] = {}  # sockets, by who has them
 
     def take(self, name: str, key: object, amount: float = 1.0) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from gateway.api.rate import RATES, RateLimited, Rates
@@ -115,14 +116,19 @@ async def test_what_changes_a_robot_is_bounded_for_everybody_together(tmp_path: 
         assert (await http.get("/api/v1/robots")).status_code == 200
 
 
+async def flood(socket: ClientConnection) -> None:
+    """Say much more than anybody has to say."""
+    for _ in range(3000):
+        await say(socket, op="unsubscribe", id=1)
+    while True:
+        await socket.recv()
+
+
 async def test_a_client_that_floods_its_socket_is_shown_out_and_a_driver_is_not(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, ScriptedAgent(ready), open_socket(ready, "/api/v1/stream") as socket:
         await hear(socket, "welcome")
         with pytest.raises(ConnectionClosed) as closed:
-            for _ in range(3000):
-                await say(socket, op="unsubscribe", id=1)
-            while True:
-                await socket.recv()
+            await flood(socket)
         assert closed.value.rcvd is not None
         assert closed.value.rcvd.code == 4429
         async with open_socket(ready, "/api/v1/robots/sim_1/teleop") as wheel:

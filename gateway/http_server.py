@@ -1,0 +1,330 @@
+"""uvicorn's protocols with an end to patience: deadlines and bounds for heads, handshakes, frames and idle connections.
+
+uvicorn reads a head of any size for as long as it takes, and its TLS handshakes are counted nowhere. So connections
+are counted by a `Crowd` when they are accepted; TLS starts afterwards, with a deadline; a head has its size and time;
+what comes of a body after its answer is bounded; and a WebSocket's frames are counted, since a frame of one byte costs
+as much as one of a thousand.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import ssl
+from collections.abc import Callable
+from typing import Any
+
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.http11 import Request
+
+from gateway.api.guard import AGENTS_ONLY
+from gateway.crowd import Crowd, Guest
+from gateway.domain.buckets import Buckets
+from metaros.clock import Clock
+
+__all__ = ["protocols"]
+
+SURPLUS_BYTES = 32 * 1024 * 1024  # of a body that nobody asked for, behind its answer
+SLICE_BYTES = 4096  # of a socket's data between two looks at how many frames they were
+LINK_FRAMES = 10.0  # a robot's link may send so many times the frames of a viewer
+FRAGMENTS = 1024  # of one message
+TOO_OFTEN, TOO_BIG = 1008, 1009
+_TOO_LARGE = (
+    b"HTTP/1.1 431 Request Header Fields Too Large\r\ncontent-type: text/plain; charset=utf-8\r\n"
+    b"content-length: 19\r\nconnection: close\r\n\r\nthe head is too big"
+)
+
+
+class HeadTooLargeError(Exception):
+    """Ends the parsing of a head."""
+
+
+class HttpProtocol(HttpToolsProtocol):
+    """One connection."""
+
+    crowd: Crowd
+
+    def __init__(self, *args: Any, guest: Guest | None = None, **kwargs: Any) -> None:
+        """`guest` is set where the connection was counted already."""
+        super().__init__(*args, **kwargs)
+        self._guest = guest
+        self._in_head = True
+        self._head_bytes = 0  # of the head that comes now: what was parsed, or what has come
+        self._too_large = False
+        self._body_open = False
+        self._surplus = 0
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Count it in, or end it."""
+        super().connection_made(transport)
+        if self._guest is None:
+            self._guest = self.crowd.enter(transport)
+            if self._guest is None:
+                transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Count it out."""
+        if self._guest is not None:
+            self.crowd.leave(self._guest)
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Parse; a head that is too large or too late ends the connection."""
+        if self.transport.is_closing() or self._guest is None:
+            return
+        if not self._in_head and not self._body_open and self._idle:
+            self._begin_head()
+        before = self._in_head
+        super().data_received(data)
+        if before and self._in_head and not self.transport.is_closing():
+            self._head_bytes += len(data)
+            if self._head_bytes > self.crowd.limits.head_bytes:
+                self._refuse_head()
+
+    def pause_writing(self) -> None:
+        """The other end does not keep up."""
+        if self._guest is not None:
+            self._guest.full = True
+        super().pause_writing()
+
+    def resume_writing(self) -> None:
+        """It does again."""
+        if self._guest is not None:
+            self._guest.full = False
+        super().resume_writing()
+
+    def on_message_begin(self) -> None:
+        """A request starts."""
+        super().on_message_begin()
+        self._head_bytes = 0
+        self._in_head = True
+
+    def on_url(self, url: bytes) -> None:
+        """A piece of its line."""
+        self._count(len(url))
+        super().on_url(url)
+
+    def on_header(self, name: bytes, value: bytes) -> None:
+        """One of its headers."""
+        self._count(len(name) + len(value) + 4)
+        super().on_header(name, value)
+
+    def on_headers_complete(self) -> None:
+        """Its head is there."""
+        self._in_head, self._body_open = False, True
+        self._head_bytes = self._surplus = 0
+        if self._guest is not None:
+            self.crowd.work(self._guest)
+        super().on_headers_complete()
+
+    def on_body(self, body: bytes) -> None:
+        """A piece of its body."""
+        if self.cycle is not None and self.cycle.response_complete:
+            self._surplus += len(body)
+            if self._surplus > SURPLUS_BYTES:
+                self.transport.close()
+        super().on_body(body)
+
+    def on_message_complete(self) -> None:
+        """All of it is there."""
+        super().on_message_complete()
+        self._body_open = False
+        if self._idle:
+            self._rest(self.crowd.limits.keep_alive_s)
+
+    def on_response_complete(self) -> None:
+        """Its answer is on its way: the next request, or what is left of this one's body, has its time."""
+        busy = bool(self.pipeline)
+        super().on_response_complete()
+        if not busy:
+            limits = self.crowd.limits
+            self._rest(limits.head_s if self._body_open or self._in_head else limits.keep_alive_s)
+
+    def send_400_response(self, msg: str) -> None:
+        """What could not be parsed."""
+        if self._too_large:
+            self._refuse_head()
+        else:
+            super().send_400_response(msg)
+
+    @property
+    def _idle(self) -> bool:
+        """Whether no answer is being made."""
+        return self.cycle is None or (self.cycle.response_complete and not self.pipeline)
+
+    def _begin_head(self) -> None:
+        self._in_head, self._head_bytes = True, 0
+        self._rest(self.crowd.limits.head_s)
+
+    def _rest(self, seconds: float) -> None:
+        if self._guest is not None:
+            self.crowd.wait(self._guest, seconds)
+
+    def _count(self, size: int) -> None:
+        self._head_bytes += size
+        if self._head_bytes > self.crowd.limits.head_bytes:
+            self._too_large = True
+            raise HeadTooLargeError
+
+    def _refuse_head(self) -> None:
+        self.transport.write(_TOO_LARGE)
+        self.transport.close()
+
+
+class SocketProtocol(WebSocketsSansIOProtocol):
+    """One WebSocket, from its handshake on."""
+
+    crowd: Crowd
+    clock: Clock
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._guest: Guest | None = None
+        self._frames_seen = 0
+        self._budget: Buckets | None = None
+        self._count_frames()
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The connection of an HTTP request that became a socket."""
+        super().connection_made(transport)
+        self._guest = self.crowd.of(transport)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Count it out."""
+        if self._guest is not None:
+            self.crowd.leave(self._guest)
+        super().connection_lost(exc)
+
+    def pause_writing(self) -> None:
+        """The other end does not keep up."""
+        if self._guest is not None:
+            self._guest.full = True
+        super().pause_writing()
+
+    def resume_writing(self) -> None:
+        """It does again."""
+        if self._guest is not None:
+            self._guest.full = False
+        super().resume_writing()
+
+    def handle_connect(self, event: Request) -> None:
+        """How large messages may be, and how many: a robot's link carries more."""
+        per_s = self.crowd.limits.socket_frames_per_s
+        if event.path.partition("?")[0] == AGENTS_ONLY:
+            per_s *= LINK_FRAMES
+        else:
+            self.conn.max_message_size = self.crowd.limits.socket_message_bytes
+        self._budget = Buckets(per_s=per_s, burst=per_s)
+        super().handle_connect(event)
+
+    def data_received(self, data: bytes) -> None:
+        """Parse a little at a time, and look how many frames that were."""
+        for start in range(0, len(data), SLICE_BYTES):
+            if self.transport.is_closing():
+                return
+            super().data_received(data[start : start + SLICE_BYTES])
+            if len(self.frames) > FRAGMENTS:
+                self._end(TOO_BIG, "fragments")
+            elif not self._affordable():
+                self._end(TOO_OFTEN, "too_many_requests")
+
+    def handle_ping(self) -> None:
+        """Answer it, unless the other end does not even take what it was sent before."""
+        if self.writable.is_set():
+            super().handle_ping()
+        else:
+            self.conn.data_to_send()
+
+    def _affordable(self) -> bool:
+        seen, self._frames_seen = self._frames_seen, 0
+        return not seen or self._budget is None or not self._budget.take(self, self.clock.monotonic_s(), seen)
+
+    def _end(self, code: int, reason: str) -> None:
+        if self.close_sent or self.transport.is_closing():
+            return
+        self.conn.fail(code, reason)
+        self.handle_parser_exception()
+
+    def _count_frames(self) -> None:
+        handle = self.conn.recv_frame
+
+        def counted(frame: Any) -> None:
+            self._frames_seen += 1
+            handle(frame)
+
+        self.conn.recv_frame = counted  # type: ignore[method-assign]
+
+
+class _Held(asyncio.Protocol):
+    """What comes between the end of a handshake and the moment its protocol is there."""
+
+    def __init__(self) -> None:
+        self.pieces: list[bytes] = []
+        self.lost = False
+
+    def data_received(self, data: bytes) -> None:
+        """Keep it; the transport reads no further than its own buffer in that moment."""
+        self.pieces.append(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Gone before it began."""
+        self.lost = True
+
+
+class TlsEntrance(asyncio.Protocol):
+    """An accepted connection: counted, then TLS within its time, then HTTP."""
+
+    crowd: Crowd
+    context: Callable[[], ssl.SSLContext]
+    inner: type[HttpProtocol]
+
+    def __init__(self, **options: Any) -> None:
+        """`options` are what uvicorn gives a protocol."""
+        self._options = options
+        self._shaking: asyncio.Task[None] | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Count it in and shake hands, or end it."""
+        assert isinstance(transport, asyncio.Transport)
+        guest = self.crowd.enter(transport)
+        if guest is None:
+            transport.abort()
+            return
+        transport.pause_reading()
+        self._shaking = asyncio.get_running_loop().create_task(self._shake(transport, guest))
+
+    async def _shake(self, transport: asyncio.Transport, guest: Guest) -> None:
+        held = _Held()
+        try:
+            secure = await asyncio.get_running_loop().start_tls(
+                transport,
+                held,
+                self.context(),
+                server_side=True,
+                ssl_handshake_timeout=self.crowd.limits.head_s,
+                ssl_shutdown_timeout=1.0,
+            )
+        except (OSError, ssl.SSLError, TimeoutError):
+            secure = None
+        if secure is None or held.lost:
+            self.crowd.leave(guest)
+            transport.abort()
+            return
+        self.crowd.secured(guest, secure)
+        http = self.inner(**self._options, guest=guest)
+        http.connection_made(secure)
+        secure.set_protocol(http)
+        for piece in held.pieces:
+            http.data_received(piece)
+
+
+def protocols(
+    crowd: Crowd, *, clock: Clock, context: Callable[[], ssl.SSLContext] | None = None
+) -> tuple[type[asyncio.Protocol], type[asyncio.Protocol]]:
+    """What uvicorn's `http` and `ws` are for one port; with `context`, which is asked at each handshake, behind TLS."""
+    http = type("CountedHttp", (HttpProtocol,), {"crowd": crowd})
+    socket = type("CountedSocket", (SocketProtocol,), {"crowd": crowd, "clock": clock})
+    if context is None:
+        return http, socket
+    entrance = {"crowd": crowd, "context": staticmethod(context), "inner": http}
+    return type("CountedTls", (TlsEntrance,), entrance), socket
