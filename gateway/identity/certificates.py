@@ -75,16 +75,19 @@ def check_csr(pem: str, *, fleet: str, robot: str) -> tuple[RobotKey, bytes]:
     Raises:
         IdentityError: csr_refused; the message names what is wrong or what it asks for beyond the robot's own name.
     """
+    if pem.count("-----BEGIN ") != 1:
+        raise IdentityError("csr_refused", "a certificate request is sent alone: nothing beside it, and no private key")
     try:
         csr = x509.load_pem_x509_csr(_bounded(pem))
-        valid, key, extensions = csr.is_signature_valid, csr.public_key(), csr.extensions
+        # The kind of key first: to look at the signature of an RSA key of 16,384 bits is work for the one who has to.
+        checked = _robot_key(csr.public_key())
+        if checked is None:
+            raise IdentityError("csr_refused", "the certificate request's key is not P-256, P-384 or Ed25519")
+        valid, extensions = csr.is_signature_valid, csr.extensions
     except _UNREADABLE as error:
         raise IdentityError("csr_refused", f"the certificate request cannot be read: {error}"[:300]) from error
     if not valid:
         raise IdentityError("csr_refused", "the certificate request is not signed by the key in it")
-    checked = _robot_key(key)
-    if checked is None:
-        raise IdentityError("csr_refused", "the certificate request has a key that is not P-256, P-384 or Ed25519")
     for extension in extensions:
         _check_asked(extension, robot_uri(fleet, robot))
     return checked, csr.public_bytes(Encoding.DER)

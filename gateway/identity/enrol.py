@@ -21,7 +21,15 @@ from gateway.identity.certificates import RobotKey, check_csr, key_id, load_cert
 from gateway.identity.tokens import Token, make_token, parse_token
 from gateway.store import Store
 from gateway.store.engine import StoreEngine
-from gateway.store.enrolment import Outcome, add_token, enrol_robot, list_tokens, remove_token, renew_certificate
+from gateway.store.enrolment import (
+    Outcome,
+    add_token,
+    check_token,
+    enrol_robot,
+    list_tokens,
+    remove_token,
+    renew_certificate,
+)
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
 from metaros.link.proof import NONCE_BYTES, renew_statement, verify
@@ -105,10 +113,11 @@ class EnrolDesk:
         """
         _check_robot(robot)
         token = parse_token(text)
-        key, _ = check_csr(csr, fleet=self._authorities.fleet, robot=robot)
         authority, now_ns = await self._authorities.issuing(), self._clock.wall_ns()
         if token.pin not in self._authorities.pins:
             raise IdentityError("token_foreign", "the enrolment token is of another fleet: ask at this gateway for one")
+        await self._check_token(token)
+        key, _ = check_csr(csr, fleet=self._authorities.fleet, robot=robot)
         made = self._issue(authority, key, robot, now_ns)
         outcome = await self._store.run(
             lambda engine: enrol_robot(engine, token.id, token.secret_hash, made, now_ns=now_ns)
@@ -148,11 +157,20 @@ class EnrolDesk:
         )
         return self._enrolled(authority, robot, outcome)
 
+    async def _check_token(self, token: Token) -> None:
+        """That there is such a token, before anything is signed or written for whoever asks."""
+
+        def job(engine: StoreEngine) -> None:
+            with engine.transaction(write=False):
+                check_token(engine, token.id, token.secret_hash)
+
+        await self._store.read(job)
+
     def _check_challenge(self, authority: Authority, nonce: bytes, *, now_ns: int) -> None:
         made, mark = nonce[:-MARK_BYTES], nonce[-MARK_BYTES:]
         if len(nonce) != NONCE_BYTES or not hmac.compare_digest(mark, _mark(_challenge_key(authority), made)):
             raise IdentityError("proof_refused", "the challenge is not one of this gateway's")
-        if not 0 <= now_ns - int.from_bytes(made[-8:], "big") <= CHALLENGE_S * 1e9:
+        if abs(now_ns - int.from_bytes(made[-8:], "big")) > CHALLENGE_S * 1e9:  # another gateway's clock may be ahead
             raise IdentityError("proof_refused", f"the challenge is older than {CHALLENGE_S:g} s: ask for a new one")
 
     def _issue(self, authority: Authority, key: RobotKey, robot: str, now_ns: int) -> NewCertificate:

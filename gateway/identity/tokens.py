@@ -7,14 +7,13 @@ other trust in whoever answers at the gateway's address, and sends the secret to
 from __future__ import annotations
 
 import hashlib
-import hmac
 import re
 import secrets
 from dataclasses import dataclass, field
 
 from gateway.errors import IdentityError
 
-__all__ = ["Token", "make_token", "matches", "parse_token"]
+__all__ = ["Token", "make_token", "parse_token"]
 
 _FORM = re.compile(r"mr1\.([0-9a-f]{12})\.([0-9a-f]{32})\.([A-Za-z0-9_-]{43})")
 
@@ -49,8 +48,3 @@ def parse_token(text: str) -> Token:
     if found is None:
         raise IdentityError("token_unknown", "that is no enrolment token: it looks like mr1.ID.SECRET.PIN")
     return Token(*found.groups())
-
-
-def matches(token: Token, stored_hash: str) -> bool:
-    """Whether the secret is the stored one, in the same time for every wrong one."""
-    return hmac.compare_digest(token.secret_hash, stored_hash)

@@ -6,18 +6,20 @@ returned, not raised: raising would take the mark back.
 
 from __future__ import annotations
 
+import hmac
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gateway.domain.identity import NewCertificate, TokenState
 from gateway.errors import IdentityError, TooManyError
-from gateway.store.engine import StoreEngine
+from gateway.store.engine import Row, StoreEngine
 from gateway.store.identities import next_revision, raise_alarm
 
 __all__ = [
     "RETRY_S",
     "Outcome",
     "add_token",
+    "check_token",
     "enrol_robot",
     "list_tokens",
     "remove_token",
@@ -25,6 +27,7 @@ __all__ = [
 ]
 
 RETRY_S = 600.0  # how long an answer that was lost may be asked for again, with the same key
+SKEW_S = 300.0  # how far the clocks of two gateways may be apart
 KEPT_S = 60 * 86_400.0  # how long tokens and certificates stay after their end, for people to look at
 
 
@@ -92,12 +95,13 @@ def enrol_robot(
     robot = certificate.robot
     burnt = engine.execute(
         "UPDATE enrolment_tokens SET used_ns = ?, used_robot = ?, used_key = ?"
-        " WHERE token = ? AND secret_hash = ? AND used_ns = 0 AND expires_ns > ? AND robot IN ('', ?)",
+        " WHERE token = ? AND secret_hash = ? AND used_ns = 0 AND made_ns <= ? AND expires_ns > ? AND robot IN ('', ?)",
         now_ns,
         robot,
         certificate.key_hash,
         token_id,
         secret_hash,
+        now_ns + round(SKEW_S * 1e9),
         now_ns,
         robot,
     )
@@ -106,6 +110,16 @@ def enrol_robot(
     _make_identity(engine, token_id, robot, now_ns=now_ns)
     _store(engine, certificate, parent="", how="token", now_ns=now_ns)
     return Outcome(certificate.pem)
+
+
+def check_token(engine: StoreEngine, token_id: str, secret_hash: str) -> None:
+    """Whether there is such a token at all, used or not: strangers' guesses cost no signature and no writing.
+
+    Raises:
+        IdentityError: token_unknown.
+    """
+    rows = engine.fetch("SELECT secret_hash FROM enrolment_tokens WHERE token = ?", token_id)
+    _check_secret(rows, secret_hash)
 
 
 def renew_certificate(
@@ -140,13 +154,17 @@ def _second_try(
     engine: StoreEngine, token_id: str, secret_hash: str, certificate: NewCertificate, *, now_ns: int
 ) -> Outcome:
     """Why the token was not burnt, or the certificate of the try whose answer was lost."""
-    sql = "SELECT secret_hash, robot, expires_ns, used_ns, used_robot, used_key FROM enrolment_tokens WHERE token = ?"
+    sql = (
+        "SELECT secret_hash, robot, made_ns, expires_ns, used_ns, used_robot, used_key FROM enrolment_tokens"
+        " WHERE token = ?"
+    )
     rows = engine.fetch(sql, token_id)
-    if not rows or rows[0][0] != secret_hash:
-        raise IdentityError("token_unknown", "no such enrolment token: it was taken back, or is not of this gateway")
-    _, robot, expires_ns, used_ns, used_robot, used_key = rows[0]
+    _check_secret(rows, secret_hash)
+    _, robot, made_ns, expires_ns, used_ns, used_robot, used_key = rows[0]
     if robot not in ("", certificate.robot):
         raise IdentityError("token_foreign", f"the enrolment token is for another robot, not for {certificate.robot}")
+    if not used_ns and made_ns > now_ns:
+        raise IdentityError("token_expired", "the enrolment token is of a later time: the gateway's clock was set back")
     if not used_ns:
         raise IdentityError("token_expired", f"the enrolment token ended {_ago(now_ns - expires_ns)} ago")
     same = used_key == certificate.key_hash and used_robot == certificate.robot
@@ -164,6 +182,11 @@ def _second_try(
     return Outcome(refused=IdentityError("token_used", text))
 
 
+def _check_secret(rows: Sequence[Row], secret_hash: str) -> None:
+    if not rows or not hmac.compare_digest(rows[0][0], secret_hash):
+        raise IdentityError("token_unknown", "no such enrolment token: it was taken back, or is not of this gateway")
+
+
 def _make_identity(engine: StoreEngine, token_id: str, robot: str, *, now_ns: int) -> None:
     """A new identity; or, with a token for this robot alone, a new beginning of the one it has."""
     revision = next_revision(engine)
@@ -179,14 +202,14 @@ def _make_identity(engine: StoreEngine, token_id: str, robot: str, *, now_ns: in
     if bound[0][0] != robot:
         text = f"robot {robot} has an identity already: only a token made for it alone can replace that"
         raise IdentityError("token_foreign", text)
-    engine.execute("UPDATE certificates SET revoked_ns = ? WHERE robot = ? AND revoked_ns = 0", now_ns, robot)
-    engine.execute(
+    engine.execute(  # first, as its lock makes a renewal that is under way end before its certificate is looked for
         "UPDATE robot_identities SET enrolled_ns = ?, revoked_ns = 0, reason = '', alarm = '', alarm_ns = 0,"
         " revision = ? WHERE robot = ?",
         now_ns,
         revision,
         robot,
     )
+    engine.execute("UPDATE certificates SET revoked_ns = ? WHERE robot = ? AND revoked_ns = 0", now_ns, robot)
 
 
 def _store(engine: StoreEngine, certificate: NewCertificate, *, parent: str, how: str, now_ns: int) -> None:

@@ -5,16 +5,20 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from pathlib import Path
 
 import pytest
 
 from gateway.domain.identity import NewCertificate, TokenState
 from gateway.errors import IdentityError, TooManyError
 from gateway.store.engine import StoreEngine
+from gateway.store.engines import open_engine
 from gateway.store.enrolment import (
     RETRY_S,
     Outcome,
     add_token,
+    check_token,
     enrol_robot,
     list_tokens,
     remove_token,
@@ -29,6 +33,8 @@ from gateway.store.identities import (
     revoke_identity,
 )
 from gateway.store.ledger import in_transaction
+from tests.support.postgres import PostgresServer
+from tests.support.waiting import wait_until
 
 NOW = 1_700_000_000_000_000_000
 HOUR = 3_600_000_000_000
@@ -222,3 +228,37 @@ def test_of_two_gateways_that_start_one_makes_the_authority(connect: Callable[[]
     with engines[0].transaction(write=False):
         (stored,) = list_authorities(engines[0])
     assert (stored.root, stored.sealed_key) == ("R", b"\x00s")
+
+
+def test_a_renewal_under_way_does_not_survive_a_new_enrolment(postgres: PostgresServer, tmp_path: Path) -> None:
+    url = postgres.schema()
+    with closing(open_engine(url, tmp_path)[0]) as owner, closing(open_engine(url, tmp_path)[0]) as thief:
+        token(owner)
+        token(owner, "t2", robot="arm")
+        enrol(owner, "t1", certificate())
+        with ThreadPoolExecutor(1) as pool:
+            with thief.transaction(write=True):
+                renew_certificate(thief, "serial arm k1", certificate(key="k2"), how="renewal", now_ns=NOW)
+                again = pool.submit(enrol, owner, "t2", certificate(key="k3"))
+                waiting = "SELECT count(*) FROM pg_stat_activity WHERE wait_event_type = 'Lock'"
+                wait_until(lambda: postgres.ask(waiting)[0][0] or again.done())
+            assert again.result(60).fresh
+        with owner.transaction(write=False):
+            (state,) = changed_identities(owner, 0)[1]
+        assert state.revoked_serials == {"serial arm k1", "serial arm k2"}
+        assert code(lambda: renew(owner, "serial arm k2", certificate(key="k4"))) == "certificate_revoked"
+
+
+def test_a_token_of_the_future_waits_for_the_clock(engine: StoreEngine) -> None:
+    token(engine, at_ns=NOW + 10 * HOUR)  # made before somebody set the gateway's clock back
+    assert code(lambda: enrol(engine, "t1", certificate())) == "token_expired"
+    assert code(lambda: enrol(engine, "t1", certificate(), at_ns=NOW + 10 * HOUR)) == ""
+
+
+def test_a_guess_is_told_apart_without_writing(engine: StoreEngine) -> None:
+    token(engine)
+    with engine.transaction(write=False):
+        check_token(engine, "t1", "hash of t1")
+        for name, secret in (("t1", "hash of t2"), ("t1", ""), ("t9", "hash of t1"), ("t9", "")):
+            with pytest.raises(IdentityError, match="no such enrolment token"):
+                check_token(engine, name, secret)
