@@ -2,7 +2,7 @@
 
 import type { ComponentType } from "preact";
 import { useEffect, useRef } from "preact/hooks";
-import { refresh, session, shutOut } from "../api/session";
+import { can, refresh, session, shutOut } from "../api/session";
 import { moment } from "../history/moment";
 import type { StreamState } from "../live/stream";
 import { useLive } from "../ui/context";
@@ -14,12 +14,14 @@ import { lazy } from "./lazy";
 
 const RobotPage = lazy(async () => (await import("./robot")).RobotPage);
 const RecordingsPage = lazy(async () => (await import("./recordings")).RecordingsPage);
+const AdminPage = lazy(async () => (await import("./admin")).AdminPage);
 const SignInPage = lazy(async () => (await import("./sign_in")).SignInPage);
 
 /** The pages that are not a robot's: their paths, and what the window is called meanwhile. */
 const PAGES: Record<string, [string, ComponentType]> = {
   "/": ["Fleet", FleetPage],
   "/recordings": ["Recordings", RecordingsPage],
+  "/admin": ["Admin", AdminPage],
   "/signin": ["Sign in", SignInPage],
 };
 
@@ -43,7 +45,7 @@ export function App() {
   const path = place.value.path;
   const out = shutOut.value;
   const robot = out ? null : robotOf(path);
-  const [title, Page] = PAGES[out ? "/signin" : path] ?? ["No such page", NotFound];
+  const [title, Page] = PAGES[out ? "/signin" : path.replace(/^\/admin\/.*/, "/admin")] ?? ["No such page", NotFound];
   useEffect(() => {
     document.title = `${robot ?? title} · Meta-ROS`;
   }, [robot, title]);
@@ -75,6 +77,7 @@ export function App() {
           <nav aria-label="Main">
             <Link href="/" current={path === "/"}>Fleet</Link>
             <Link href="/recordings" current={path === "/recordings"}>Recordings</Link>
+            {can("users.manage") && <Link href="/admin" current={/^\/admin(\/|$)/.test(path)}>Admin</Link>}
           </nav>
         )}
         {!out && <span class={`link link-${state}`} role="status" data-stream={state}>{state === "open" && moment.value !== null ? "Connected" : CONNECTION[state]}</span>}
