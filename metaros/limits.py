@@ -48,6 +48,8 @@ class Limits:
     ros_name_chars: int = 256
     key_chars: int = 512
     schema_bytes: int = 256 * KIB
+    schemas_bytes: int = 32 * MIB  # of all channels of one session
+    statistics_bytes: int = 1 * MIB  # what an agent says of itself at a time
     channels_per_robot: int = 4096
     series_per_robot: int = 4096
     subscriptions_per_viewer: int = 256

@@ -31,6 +31,7 @@ from gateway.ingest.events import (
 )
 from gateway.ingest.gate import Gate, OpenGate
 from gateway.ingest.hello import LANES, check_hello
+from gateway.ingest.knocks import Knocks
 from gateway.ingest.outbox import LaneOutbox
 from gateway.ingest.quota import Meter, Quota
 from gateway.ingest.registry import Registry, RobotRecord
@@ -108,8 +109,13 @@ class Links:
         self._hooks = hooks
         self._clock = clock
         self._limits = replace(limits, window_bytes=self._quota.window_bytes(limits))
+        self.knocks = Knocks(clock=clock, limits=limits)
         self._live: dict[str, _Live] = {}
         self._joining = asyncio.Lock()
+
+    def check(self, hello: link_pb2.Hello) -> None:
+        """Before anybody believes a Hello: its form. ProtocolError when that is wrong."""
+        check_hello(hello, limits=self._limits)
 
     async def join(self, hello: link_pb2.Hello, admitted: Admitted) -> Lane:
         """Open a lane for a Hello that the gate admitted; a LinkError says why it may not."""
@@ -242,6 +248,8 @@ class Links:
             if hello.session_number == live.session.number and hello.session_id == live.session.session_id:
                 return live
             if hello.session_number <= live.session.number:
+                if record.fenced(hello.session_id, heard_s=live.session.heard_s, now_s=self._clock.monotonic_s()):
+                    self.gate.cloned(hello.robot_id)
                 raise FencedError(f"session {live.session.number} of {hello.robot_id} is alive and newer")
             fenced = live.session.close("fenced", "a newer session took over", retry_after_ms=FENCED_RETRY_MS)
             self._apply(live, fenced)

@@ -17,12 +17,15 @@ from gateway.errors import UnknownRobotError
 from gateway.ingest.quota import Meter
 from gateway.ingest.streams import StreamTable
 from metaros._proto import link_pb2
+from metaros.limits import LIMITS
 from metaros.link import CHANNEL_MASK
 
 __all__ = ["ChannelState", "Counts", "RateMeter", "Registry", "RobotRecord", "SeriesState"]
 
 HEADLINE_SERIES = 64
 REMEMBERED_PROCESSES = 16  # agents of one robot, one after another
+REMEMBERED_SERIES = 4 * LIMITS.series_per_robot  # of one robot's agents, one after another
+RIVAL_TRIES = 3
 
 
 class RateMeter:
@@ -102,6 +105,7 @@ class RobotRecord:
         self.revision = 1
         self._process = b""
         self._displaced: deque[bytes] = deque(maxlen=REMEMBERED_PROCESSES)
+        self._rivals: dict[bytes, tuple[int, float]] = {}  # processes that were fenced: how often, and when last
         self._former: dict[tuple[str, bool], ChannelState] = {}
         self._newest: dict[tuple[str, str, str], ChannelState] = {}
 
@@ -127,6 +131,19 @@ class RobotRecord:
             self.statistics = link_pb2.TopicStatistics()
         self.revision += 1
         return back
+
+    def fenced(self, session_id: bytes, *, heard_s: float, now_s: float) -> bool:
+        """A process was turned away, as a newer session lives.
+
+        True when it keeps coming, and the other was heard each time since (`heard_s`): then there are two of them. One
+        that is back after its clock was set back, before its own former session is held for dead, is alone.
+        """
+        tries, last_s = self._rivals.pop(session_id, (0, -math.inf))
+        tries = tries + 1 if heard_s > last_s else 1
+        self._rivals[session_id] = tries, now_s
+        if len(self._rivals) > REMEMBERED_PROCESSES:
+            del self._rivals[next(iter(self._rivals))]
+        return tries >= RIVAL_TRIES
 
     def set_online(self, online: bool, *, wall_ns: int) -> None:
         """The link came or went."""
@@ -156,7 +173,11 @@ class RobotRecord:
             if newest.channel.channel_id < channel.channel_id:
                 self._newest[kind(channel)] = state
         for item in series:
-            self.series.setdefault(item.name, SeriesState(item)).series = item
+            state_of = self.series.pop(item.name, None) or SeriesState(item)
+            state_of.series = item
+            self.series[item.name] = state_of
+        while len(self.series) > REMEMBERED_SERIES:
+            del self.series[next(iter(self.series))]
         self.revision += 1
 
     def count_run(self, run: Run, duplicates: int, *, now_s: float, fresh: bool = True) -> None:

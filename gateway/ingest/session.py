@@ -94,26 +94,31 @@ class Session:
             "batches": self._on_batches,
             "metrics": self._on_metrics,
             "gap": self._on_gap,
-            "statistics": lambda lane, frame, now_s, wall_ns: [Reported(frame.statistics)],
+            "statistics": self._on_statistics,
             "result": lambda lane, frame, now_s, wall_ns: [Resulted(frame.result)],
             "heartbeat": self._on_heartbeat,
             "resumed": self._on_resumed,
             "recording": self._on_recording,
         }
         self._token = 0
+        self._schema_bytes = 0
 
     @property
     def online(self) -> bool:
         """True while all lanes are open."""
         return not self._closed and all(lane in self._lanes for lane in LANES)
 
+    @property
+    def heard_s(self) -> float:
+        """When something came on any lane, by the monotonic clock."""
+        return max((lane.heard_s for lane in self._lanes.values()), default=-math.inf)
+
     def open_lane(self, hello: link_pb2.Hello, *, now_s: float, wall_ns: int) -> list[Event]:
         """A lane's Hello, answered with a Welcome.
 
         Raises:
             ProtocolError: this Hello opens no lane here; only its own connection gets the Goodbye.
-            ForkedError: likewise, as the agent's outbox is a copy of one that was here meanwhile.
-            UnsettledError: likewise, for a moment.
+            ForkedError, UnsettledError: likewise; its outbox is a copy of one that was here, or for a moment.
         """
         check_hello(hello, limits=self._limits)
         if self._closed or hello.lane in self._lanes:
@@ -122,10 +127,11 @@ class Session:
             raise ForkedError(f"another copy of the outbox of {self.robot.id} has spoken under its epoch")
         if self._streams.unsettled(hello):
             raise UnsettledError("what the writer before this one sent is being stored")
+        writers = self._streams.written_by(hello)
         self._lanes[hello.lane] = _Lane(now_s, Reassembler(limits=self._limits), Reassembler(limits=self._limits))
         lost: list[Event] = []
         self._streams.begin(hello.streams)
-        if writers := self._streams.written_by(hello):
+        if writers:
             lost.append(WriterKnown(writers))
         for stream_id, epoch, gap in self._streams.missing(hello.streams, wall_ns=wall_ns):
             lost += self._skip(stream_id, epoch, gap)
@@ -179,7 +185,7 @@ class Session:
         """Heartbeats that are due, and the end of a session that went silent. Call once a second or so."""
         if self._closed or not self._lanes:
             return []
-        if now_s - max(lane.heard_s for lane in self._lanes.values()) >= self._limits.dead_after_s:
+        if now_s - self.heard_s >= self._limits.dead_after_s:
             return self.close("dead", f"nothing heard for {self._limits.dead_after_s:g} s")
         if CONTROL in self._lanes and now_s - self._beat_s >= self._limits.heartbeat_s:
             return self._beat(now_s, wall_ns)
@@ -236,6 +242,11 @@ class Session:
         goodbye = link_pb2.Goodbye(code=code, message=message[:1024], retry_after_ms=retry_after_ms)
         return [Send(lane, link_pb2.GatewayFrame(goodbye=goodbye))]
 
+    def _on_statistics(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
+        if frame.statistics.ByteSize() > self._limits.statistics_bytes:
+            raise ProtocolError(f"statistics have at most {self._limits.statistics_bytes} bytes")
+        return [Reported(frame.statistics)]
+
     def _on_announce(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
         channels = [read_channel(self.robot.id, c, limits=self._limits) for c in frame.announce.channels]
         for channel in channels:
@@ -243,6 +254,9 @@ class Session:
             if known is not None and meaning(known) != meaning(channel):
                 raise ProtocolError(f"channel {channel.channel_id} was {known.topic}, it cannot become {channel.topic}")
             self.channels[channel.channel_id] = channel
+            self._schema_bytes += len(channel.schema) - (len(known.schema) if known is not None else 0)
+        if self._schema_bytes > self._limits.schemas_bytes:
+            raise ProtocolError(f"the schemas of one robot have at most {self._limits.schemas_bytes} bytes")
         series = {s.series_id: read_series(s) for s in frame.announce.series}
         for number, item in series.items():
             if self._series.setdefault(number, item).name != item.name:

@@ -13,6 +13,7 @@ __all__ = ["Accepted", "StreamTable"]
 
 Key = tuple[int, int]
 MAX_SEQ = 2**63 - 1
+MAX_EPOCHS = 16_384  # of one robot, ever: each is an outbox, or one life of it
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +162,8 @@ class StreamTable:
             return {}
         writer = hello.writers[-1]
         news = {epoch: writer for epoch in epochs_of(hello) if self.writers.get(epoch) != writer}
+        if len(self.writers.keys() | news.keys()) > MAX_EPOCHS:
+            raise ProtocolError(f"robots have at most {MAX_EPOCHS} epochs")
         self.writers.update(news)
         return news
 
