@@ -70,6 +70,7 @@ __all__ = [
     "InvalidRequestError",
     "LeaseRequiredError",
     "LeaseTakenError",
+    "LinkBusyError",
     "LinkError",
     "MediaTypeError",
     "ObjectMissingError",
@@ -296,6 +297,13 @@ class ProtocolError(LinkError):
     """A frame breaks the protocol."""
 
     code = "protocol"
+
+
+class LinkBusyError(LinkError):
+    """Too many lanes are being opened, by an address, a robot or everybody."""
+
+    code = "too_many_requests"
+    retry_after_ms = 5000
 
 
 class FencedError(LinkError):

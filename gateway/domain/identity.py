@@ -18,20 +18,26 @@ __all__ = [
 @dataclass(frozen=True, slots=True)
 class Peer:
     """What is known of a lane's other end before it speaks: the certificate (PEM) that it proved by TLS, if any, and
-    whether it is on this very machine, with no proxy between.
+    whether it is on this very machine, with no proxy between. `address` stands for an IPv6 network's whole /64.
     """
 
     certificate: bytes | None = None
     local: bool = False
+    address: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Admitted:
-    """Who may open a lane: a robot, and the certificate it proved to hold; `serial` is "" for one without identity."""
+    """Who may open a lane: a robot, and the certificate it proved to hold; `serial` is "" for one without identity.
+
+    `issuer` is the key that signed it.
+    """
 
     robot: str
     serial: str = ""
     not_after_ns: int = 0
+    issuer: str = ""
+    not_before_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

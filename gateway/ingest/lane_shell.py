@@ -7,7 +7,7 @@ import logging
 from collections.abc import Awaitable, Callable
 
 from gateway.domain.identity import Peer
-from gateway.errors import LinkError, ProtocolError
+from gateway.errors import LinkBusyError, LinkError, ProtocolError
 from gateway.ingest.links import Lane, Links
 from metaros._proto import link_pb2
 
@@ -28,17 +28,20 @@ async def serve_lane(links: Links, read: Read, write: Write, *, peer: Peer) -> b
     False when the agent took not even the last words: the connection has to be cut.
     """
     try:
-        async with asyncio.timeout(HELLO_S):
-            first = await read()
-            if first is None:
-                return True
-            if first.WhichOneof("frame") != "hello":
-                raise ProtocolError("the first frame of a lane is its Hello")
-            links.check(first.hello)
-            admitted = await links.gate.admit(first.hello, peer, lambda challenge: _ask(challenge, read, write))
-        lane = await links.join(first.hello, admitted)
+        with links.knocks.waiting(peer):
+            async with asyncio.timeout(HELLO_S):
+                first = await read()
+                if first is None:
+                    return True
+                if first.WhichOneof("frame") != "hello":
+                    raise ProtocolError("the first frame of a lane is its Hello")
+                links.check(first.hello)
+                admitted = await links.gate.admit(first.hello, peer, lambda challenge: _ask(challenge, read, write))
+            links.knocks.admitted(admitted.robot)
+            lane = await links.join(first.hello, admitted)
     except LinkError as error:
-        log.warning("a link was refused: %s", error)
+        if not isinstance(error, LinkBusyError):  # whoever floods fills no log
+            log.warning("a link was refused: %s", error)
         goodbye = link_pb2.Goodbye(code=error.code, message=str(error)[:1024], retry_after_ms=error.retry_after_ms)
         return await _in_time(write(link_pb2.GatewayFrame(goodbye=goodbye)))
     except TimeoutError:

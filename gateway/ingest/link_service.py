@@ -11,6 +11,7 @@ from urllib.parse import unquote
 import grpc
 
 from gateway.domain.identity import Peer
+from gateway.domain.networks import is_loopback_address, read_address
 from gateway.ingest.lane_shell import serve_lane
 from gateway.ingest.links import Links
 from metaros._proto import link_pb2, link_pb2_grpc
@@ -20,6 +21,9 @@ from metaros.limits import LIMITS, Limits
 __all__ = ["LinkService", "ServerTls", "make_server", "tls_credentials"]
 
 FORWARDED = frozenset({"forwarded", "x-forwarded-for", "x-real-ip"})
+STREAMS = 128  # of one connection; an agent has a connection for each of its three lanes
+CONNECTIONS = 32_768
+IDLE_MS = 60_000  # a connection without a lane is closed after so long
 Context = grpc.aio.ServicerContext[link_pb2.AgentFrame, link_pb2.GatewayFrame]
 
 
@@ -32,7 +36,8 @@ class LinkService(link_pb2_grpc.LinkServicer):
     async def Connect(self, request_iterator: AsyncIterator[link_pb2.AgentFrame], context: Context) -> None:
         """One lane from Hello to the end of its connection."""
         frames = aiter(request_iterator)
-        peer = Peer(_certificate(context), _is_local(context.peer()) and not _forwarded(context))
+        name, local = context.peer(), _is_local(context.peer()) and not _forwarded(context)
+        peer = Peer(_certificate(context), local, _address(name))
         await serve_lane(self._links, lambda: anext(frames, None), context.write, peer=peer)
 
 
@@ -81,7 +86,12 @@ def make_server(
             ("grpc.keepalive_timeout_ms", 5_000),
             # Agents ping every heartbeat: that must never look like a flood, whatever the jitter.
             ("grpc.http2.min_ping_interval_without_data_ms", 1_000),
-            ("grpc.http2.max_ping_strikes", 0),
+            ("grpc.http2.max_ping_strikes", 32),
+            ("grpc.max_concurrent_streams", STREAMS),
+            ("grpc.max_metadata_size", limits.head_bytes),
+            ("grpc.server_handshake_timeout_ms", round(limits.head_s * 1000)),
+            ("grpc.max_connection_idle_ms", IDLE_MS),
+            ("grpc.max_allowed_incoming_connections", CONNECTIONS),
         ]
     )
     link_pb2_grpc.add_LinkServicer_to_server(LinkService(links), server)
@@ -115,8 +125,16 @@ def _is_local(peer: str) -> bool:
     kind, _, address = peer.partition(":")
     if kind == "unix":
         return True
-    host = unquote(address).rpartition(":")[0].strip("[]")
-    try:
-        return ipaddress.ip_address(host.partition("%")[0]).is_loopback
-    except ValueError:
-        return False
+    return is_loopback_address(_host(address))
+
+
+def _address(peer: str) -> str:
+    """Whom an address counts for; an IPv6 host by its /64 network."""
+    found = read_address(_host(peer.partition(":")[2]))
+    if found is None:
+        return ""
+    return str(found) if found.version == 4 else str(ipaddress.ip_network((found, 64), strict=False))
+
+
+def _host(address: str) -> str:
+    return unquote(address).rpartition(":")[0].strip("[]")

@@ -31,6 +31,7 @@ from gateway.ingest.events import (
 )
 from gateway.ingest.gate import Gate, OpenGate
 from gateway.ingest.hello import LANES, check_hello
+from gateway.ingest.knocks import Knocks
 from gateway.ingest.outbox import LaneOutbox
 from gateway.ingest.quota import Meter, Quota
 from gateway.ingest.registry import Registry, RobotRecord
@@ -108,6 +109,7 @@ class Links:
         self._hooks = hooks
         self._clock = clock
         self._limits = replace(limits, window_bytes=self._quota.window_bytes(limits))
+        self.knocks = Knocks(clock=clock, limits=limits)
         self._live: dict[str, _Live] = {}
         self._joining = asyncio.Lock()
 

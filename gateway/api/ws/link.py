@@ -10,6 +10,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from gateway.api.allow import allow
 from gateway.api.authenticate import is_local
+from gateway.api.rate import address_of
 from gateway.api.services import services_of
 from gateway.api.ws.cut import STALLED, cut
 from gateway.domain.identity import Peer
@@ -33,7 +34,7 @@ async def link(socket: WebSocket) -> None:
         return
     await socket.accept(SUBPROTOCOL)
     lane = _Frames(socket)
-    peer = Peer(local=is_local(socket.scope))
+    peer = Peer(local=is_local(socket.scope), address=address_of(socket.scope))
     finished = await serve_lane(services_of(socket).links, lane.read, lane.write, peer=peer)
     if lane.gone:
         return

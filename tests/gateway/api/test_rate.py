@@ -9,12 +9,14 @@ import pytest
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from gateway.api.authenticate import Authenticate
 from gateway.api.rate import RATES, RateLimited, Rates
-from gateway.domain.principal import NOBODY, Principal
+from gateway.domain.principal import NOBODY, Principal, Role
 from gateway.errors import TooManyRequestsError
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
 from tests.gateway.harness import ScriptedAgent, client, hear, open_socket, running_gateway, say
+from tests.support.key_ring import KeyRing
 
 ADA = Principal(kind="user", id="u1", name="ada")
 
@@ -79,31 +81,50 @@ def test_every_row_can_be_turned_off_and_scaled() -> None:
 
 
 async def test_failed_sign_ins_count_by_address_and_good_ones_do_not(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready, key="") as http:
+    async with running_gateway(tmp_path, sign_ins_per_min=0.01) as ready, client(ready, key="") as http:
         admin = (ready.data_dir / "local.key").read_text().strip()
         made = {"name": "ada", "role": "viewer", "robots": ["*"], "password": "correct horse battery"}
         async with client(ready, key=admin) as owner:
             assert (await owner.post("/api/v1/users", json=made)).status_code == 201
         good = {"name": "ada", "password": "correct horse battery"}
-        for _ in range(12):
+        for _ in range(3):
             assert (await http.post("/api/v1/auth/login", json=good)).status_code == 200
         codes = []
-        for number in range(12):  # other names each time: the lock-out by name never sees them
+        for number in range(3):  # other names each time: the lock-out by name never sees them
             refused = await http.post("/api/v1/auth/link", json={"token": f"wrong{number}"})
             codes.append(refused.status_code)
-        assert codes == [401] * 10 + [429] * 2
-        assert 1 <= int(refused.headers["retry-after"]) <= 12
+        assert codes == [401, 429, 429]
+        assert 1 <= int(refused.headers["retry-after"]) <= 6000
         assert refused.json()["code"] == "too_many_requests"
         assert (await http.post("/api/v1/auth/login", json=good)).status_code == 429
         assert (await http.get("/api/v1/robots")).status_code == 200
 
 
-async def test_credentials_that_are_not_good_run_out_before_the_store_is_asked(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready, key="mrk_none_such") as http:
-        codes = {(await http.get("/api/v1/auth/me")).status_code for _ in range(300)}
-        assert codes == {401, 429}
-        async with client(ready) as other:  # of the same address
-            assert (await other.get("/api/v1/auth/me")).status_code == 200
+async def test_credentials_that_are_not_good_run_out_before_the_store_is_asked() -> None:
+    asked = 0
+
+    class Counting(KeyRing):
+        async def by_key(self, text: str) -> Principal | None:
+            nonlocal asked
+            asked += 1
+            return await super().by_key(text)
+
+    async def app(*_: Any) -> None: ...
+
+    ring = Counting()
+    known = Authenticate(app, ring, anonymous=True, rates=Rates(clock=ManualClock(), refused=1.0))
+
+    async def refusal(address: str, key: str) -> Any:
+        headers = [(b"host", b"localhost"), (b"authorization", f"Bearer {key}".encode())]
+        scope: dict[str, Any] = {"type": "http", "path": "/api/v1/robots", "client": (address, 1), "headers": headers}
+        await known(scope, None, None)  # type: ignore[arg-type]
+        return scope.get("metaros.refusal")
+
+    codes = [(await refusal("10.0.0.1", "mrk_none_such")).code for _ in range(12)]
+    assert codes == ["bad_credentials"] * 10 + ["too_many_requests"] * 2
+    assert asked == 10
+    good = ring.add(role=Role.VIEWER, name="v")
+    assert await refusal("10.0.0.2", good) is None
 
 
 async def test_what_changes_a_robot_is_bounded_for_everybody_together(tmp_path: Path) -> None:
@@ -118,10 +139,8 @@ async def test_what_changes_a_robot_is_bounded_for_everybody_together(tmp_path: 
 
 async def flood(socket: ClientConnection) -> None:
     """Say much more than anybody has to say."""
-    for _ in range(3000):
-        await say(socket, op="unsubscribe", id=1)
     while True:
-        await socket.recv()
+        await say(socket, op="unsubscribe", id=1)
 
 
 async def test_a_client_that_floods_its_socket_is_shown_out_and_a_driver_is_not(tmp_path: Path) -> None:
@@ -130,7 +149,7 @@ async def test_a_client_that_floods_its_socket_is_shown_out_and_a_driver_is_not(
         with pytest.raises(ConnectionClosed) as closed:
             await flood(socket)
         assert closed.value.rcvd is not None
-        assert closed.value.rcvd.code == 4429
+        assert closed.value.rcvd.code in (1008, 4429)  # whichever of frames and messages was too many first
         async with open_socket(ready, "/api/v1/robots/sim_1/teleop") as wheel:
             for _ in range(250):  # five seconds at 50 Hz
                 await say(wheel, op="drive", linear=0.1, angular=0.0)
