@@ -19,7 +19,7 @@ from fastapi import APIRouter, params
 from starlette.requests import HTTPConnection
 
 from gateway.domain.principal import NOBODY, Principal
-from gateway.errors import CsrfError, ForbiddenError, RequestError, SignInError, UnknownRobotError
+from gateway.errors import CsrfError, ForbiddenError, InvalidRequestError, RequestError, SignInError, UnknownRobotError
 from gateway.identity.permissions import Permission, permission
 from metaros.errors import MetarosError
 
@@ -62,6 +62,8 @@ def admit(connection: HTTPConnection, row: Permission) -> None:
         _check_token(connection, principal)
     if not row.granted(principal):
         raise _refusal(principal, row)
+    if "\0" in connection.scope["path"] or b"%00" in connection.scope["query_string"]:
+        raise InvalidRequestError("an address has no NUL")  # no database takes one
     robot_id = connection.path_params.get("robot_id")
     if row.robots and robot_id is not None:
         require_seen(connection, robot_id)

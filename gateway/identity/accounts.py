@@ -18,6 +18,7 @@ from gateway.identity.signin import (
     Link,
     SignedIn,
     begin_password,
+    check_unchanged,
     end_password,
     follow_link,
     forget_failures,
@@ -104,7 +105,7 @@ class Accounts:
 
         Raises:
             CredentialsError: the old password is wrong.
-            ForbiddenError: a key asks; passwords are people's.
+            ForbiddenError: a key asks, or somebody who signs in elsewhere and would come in past that.
         """
         if principal.kind == "anonymous":
             raise SignInError("only who has signed in changes their password")
@@ -116,11 +117,16 @@ class Accounts:
         user = await self._store.run(
             lambda engine: begin_password(engine, principal.name, address=address, now_ns=now_ns)
         )
-        if user is None or (user.password and not await self.passwords.verify(user.password, old)):
+        if user is None or user.id != principal.id:
+            raise CredentialsError("this user is gone")
+        if user.external is not None and not user.password:
+            raise ForbiddenError("who signs in elsewhere has no password here, unless an admin gives them one")
+        if user.password and not await self.passwords.verify(user.password, old):
             raise CredentialsError("the old password is wrong")
         hashed = await self.passwords.hash(new)
 
         def job(engine: StoreEngine) -> None:
+            check_unchanged(engine, user)  # an admin may have reset it meanwhile: that stays
             forget_failures(engine, principal.name, address=address)
             users.change_user(engine, principal.name, password_hash=hashed, but_session=principal.session_id)
 
@@ -180,10 +186,11 @@ class Accounts:
         return await self._read(job)
 
     async def create_key(self, principal: Principal, wanted: KeyRequest) -> NewKey:
-        """Make a key for who asks. A key makes keys only as an admin, and these are nobody's.
+        """Make a key for who asks. A key makes keys only as an admin: its user's, and none that outlives it.
 
         Raises:
             ForbiddenError: it would reach further than who asks.
+            CredentialsError: who asks may not be here any more.
         """
         if principal.kind == "anonymous":
             raise SignInError("keys are made by who has signed in")
@@ -194,10 +201,10 @@ class Accounts:
         now_ns = self._clock.wall_ns()
 
         def job(engine: StoreEngine) -> NewKey:
-            owner = accounts.get_user(engine, principal.id) if principal.kind == "user" else None
-            if owner is None and principal.kind == "user":
-                raise CredentialsError("this user is gone")
-            return keys.create_key(engine, wanted, owner=owner, master=self._master, now_ns=now_ns)
+            maker = keys.maker_of(engine, principal, now_ns=now_ns)
+            return keys.create_key(
+                engine, wanted, owner=maker.user, master=self._master, now_ns=now_ns, until_ns=maker.until_ns
+            )
 
         return await self._store.run(job)
 

@@ -12,16 +12,18 @@ from typing import NamedTuple
 
 from gateway.domain.account import LAMBDA, SCOPES, ApiKey, User
 from gateway.domain.principal import EVERY_ROBOT, Principal, Role
-from gateway.errors import ForbiddenError, InvalidRequestError, TooManyError
+from gateway.errors import CredentialsError, ForbiddenError, InvalidRequestError, TooManyError
 from gateway.identity.errors import UnknownKeyError
 from gateway.identity.master import MasterKey
 from gateway.identity.secret_text import new_id, new_secret, secret_hash
 from gateway.store import api_keys
+from gateway.store.accounts import find_user, get_user
 from gateway.store.engine import StoreEngine
 from metaros.limits import LIMITS
 
 __all__ = [
     "KeyRequest",
+    "Maker",
     "NewKey",
     "check_reach",
     "covers",
@@ -30,10 +32,12 @@ __all__ = [
     "key_principal",
     "key_secret",
     "key_text",
+    "maker_of",
     "parse_key",
     "revoke_key",
 ]
 
+LOCAL_ID = "local"  # of the key in the data directory, see local.py; it is no key of the store's
 PURPOSE = "api-key"  # under which secrets of keys are sealed
 SECOND_NS = 10**9
 _TEXT = re.compile(r"mrk_([0-9a-f]{16})_([0-9a-f]{64})")
@@ -61,6 +65,36 @@ class KeyRequest(NamedTuple):
     expires_s: float | None = None
 
 
+class Maker(NamedTuple):
+    """Whose a new key will be (None: nobody's), and until when it may live at the longest; 0: for ever."""
+
+    user: User | None
+    until_ns: int = 0
+
+
+def maker_of(engine: StoreEngine, principal: Principal, *, now_ns: int) -> Maker:
+    """Who makes a key, as of this very transaction; nobody takes rights from them until it is over.
+
+    Raises:
+        CredentialsError: they may not be here any more, or not do any more what the principal says.
+    """
+    if principal.kind == "user":
+        known = get_user(engine, principal.id)
+        user = find_user(engine, known.name) if known is not None else None  # locks the row
+        if user is None or user.id != principal.id or user.disabled:
+            raise CredentialsError("this user is gone")
+        return Maker(user)
+    found = api_keys.key_and_owner(engine, principal.id)
+    if found is None and principal.id == LOCAL_ID:
+        return Maker(None)
+    key, owner = found if found is not None else (None, None)
+    owner = find_user(engine, owner.name) if owner is not None else None
+    now = key_principal(key, owner, now_ns=now_ns) if key is not None else None
+    if key is None or now is None or now.role < principal.role:
+        raise CredentialsError("this key is not good any more")
+    return Maker(owner, key.expires_ns)
+
+
 def key_text(key_id: str, secret: str) -> str:
     """A key as it is sent."""
     return f"mrk_{key_id}_{secret}"
@@ -73,9 +107,17 @@ def parse_key(text: str) -> tuple[str, str] | None:
 
 
 def create_key(
-    engine: StoreEngine, wanted: KeyRequest, *, owner: User | None, master: MasterKey | None, now_ns: int
+    engine: StoreEngine,
+    wanted: KeyRequest,
+    *,
+    owner: User | None,
+    master: MasterKey | None,
+    now_ns: int,
+    until_ns: int = 0,
 ) -> NewKey:
     """Make a key for `owner`; None: for nobody, by whoever has the gateway's data. `master` is needed for "lambda".
+
+    It ends at `until_ns` at the latest, unless that is 0.
 
     Raises:
         InvalidRequestError: the name, a scope or the life does not fit.
@@ -109,7 +151,7 @@ def create_key(
         secret_hash=secret_hash(secret),
         sealed=sealed,
         created_ns=now_ns,
-        expires_ns=0 if wanted.expires_s is None else now_ns + round(wanted.expires_s * SECOND_NS),
+        expires_ns=_end(wanted, now_ns=now_ns, until_ns=until_ns),
     )
     api_keys.add_key(engine, key)
     return NewKey(key, secret)
@@ -171,6 +213,11 @@ def check_reach(role: Role, robots: Iterable[str]) -> None:
     """InvalidRequestError for an admin of some robots only: who manages users could make one who sees the others."""
     if role >= Role.ADMIN and "*" not in robots:
         raise InvalidRequestError("an admin sees every robot: leave the robots out, or choose another role")
+
+
+def _end(wanted: KeyRequest, *, now_ns: int, until_ns: int) -> int:
+    own_ns = 0 if wanted.expires_s is None else now_ns + round(wanted.expires_s * SECOND_NS)
+    return min(own_ns, until_ns) if own_ns and until_ns else own_ns or until_ns
 
 
 def _check(wanted: KeyRequest) -> None:

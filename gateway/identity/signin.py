@@ -15,7 +15,16 @@ from gateway.store.engine import StoreEngine
 from gateway.store.sessions import add_link, clear_failures, read_failures, take_link, write_failures
 from metaros.limits import LIMITS
 
-__all__ = ["Link", "SignedIn", "begin_password", "end_password", "follow_link", "forget_failures", "make_link"]
+__all__ = [
+    "Link",
+    "SignedIn",
+    "begin_password",
+    "check_unchanged",
+    "end_password",
+    "follow_link",
+    "forget_failures",
+    "make_link",
+]
 
 SECOND_NS = 10**9
 
@@ -56,13 +65,19 @@ def end_password(
     Raises:
         CredentialsError: the user was disabled, removed, or given another password meanwhile.
     """
-    now = accounts.find_user(engine, user.name)
-    if now is None or now.id != user.id or now.disabled or now.password != user.password:
-        raise CredentialsError("the name or the password is wrong")
+    now = check_unchanged(engine, user)
     forget_failures(engine, name, address=address)
     if new_hash:
         accounts.change_user(engine, user.id, password=new_hash)
     return _signed_in(engine, now, now_ns=now_ns, address=address)
+
+
+def check_unchanged(engine: StoreEngine, user: User) -> User:
+    """The user as stored now; CredentialsError when disabled, removed, or given another password meanwhile."""
+    now = accounts.find_user(engine, user.name)
+    if now is None or now.id != user.id or now.disabled or now.password != user.password:
+        raise CredentialsError("the name or the password is wrong")
+    return now
 
 
 def forget_failures(engine: StoreEngine, name: str, *, address: str) -> None:

@@ -78,7 +78,7 @@ def list_identities(engine: StoreEngine, *, limit: int) -> list[RobotIdentity]:
     for robots in slices(list(certificates)):
         sql = (
             "SELECT DISTINCT robot, serial, how, issued_ns, not_after_ns, revoked_ns FROM certificates"
-            f" WHERE robot IN ({placeholders(len(robots))}) ORDER BY issued_ns DESC"
+            f" WHERE robot IN ({placeholders(len(robots))}) ORDER BY issued_ns DESC, not_after_ns DESC, serial"
         )
         for robot, serial, how, issued_ns, not_after_ns, revoked_ns in engine.fetch(sql, *robots):
             one = IssuedCertificate(

@@ -31,7 +31,12 @@ async def read_body(request: Request, model: type[Body]) -> Body:
     if "json" not in request.headers["content-type"]:
         raise InvalidRequestError("this request has a JSON body")
     try:
-        return model.model_validate_json(await request.body())
+        read = model.model_validate_json(await request.body())
     except ValidationError as error:
         faults = [f"{'.'.join(str(part) for part in item['loc'])}: {item['msg']}" for item in error.errors()]
         raise InvalidRequestError("; ".join(faults)[:1000]) from error
+    for name, value in read:
+        texts = value if isinstance(value, list) else [value]  # messages for robots are objects, and free
+        if any(isinstance(text, str) and "\0" in text for text in texts):
+            raise InvalidRequestError(f"{name}: text has no NUL")  # no database takes one
+    return read

@@ -10,6 +10,7 @@ from gateway.errors import InvalidRequestError
 __all__ = ["parse_time"]
 
 _RELATIVE = re.compile(r"-(\d{1,9}(?:\.\d{1,6})?)(ms|s|m|h|d)")
+EARLIEST_NS, LATEST_NS = -2_208_988_800 * 10**9, 7_289_654_400 * 10**9  # 1900 to 2200, as every column takes them
 _UNIT_NS = {"ms": 10**6, "s": 10**9, "m": 60 * 10**9, "h": 3600 * 10**9, "d": 86400 * 10**9}
 
 
@@ -19,7 +20,7 @@ def parse_time(text: str, *, now_ns: int) -> int:
         return now_ns
     relative = _RELATIVE.fullmatch(text)
     if relative is not None:
-        return now_ns - round(float(relative[1]) * _UNIT_NS[relative[2]])
+        return _bounded(now_ns - round(float(relative[1]) * _UNIT_NS[relative[2]]), text)
     try:
         # A plus sign that was not percent-encoded arrives as a blank.
         moment = datetime.fromisoformat(text.replace(" ", "+") if "T" in text else text)
@@ -27,6 +28,10 @@ def parse_time(text: str, *, now_ns: int) -> int:
         raise InvalidRequestError(f"time {text[:40]!r} is neither RFC 3339, nor like -15m, nor now") from None
     if moment.tzinfo is None:
         moment = moment.replace(tzinfo=UTC)
-    if not 1900 <= moment.year <= 2200:
+    return _bounded(round(moment.timestamp() * 1_000_000) * 1000, text)
+
+
+def _bounded(stamp_ns: int, text: str) -> int:
+    if not EARLIEST_NS <= stamp_ns < LATEST_NS:
         raise InvalidRequestError(f"time {text[:40]!r} is out of range")
-    return round(moment.timestamp() * 1_000_000) * 1000
+    return stamp_ns
