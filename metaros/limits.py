@@ -79,6 +79,7 @@ class Limits:
     links_robot_per_s: float = 20.0  # lanes that one robot opens
     enrolment_tokens: int = 1000  # that wait for their robots; more are refused
     renewal_grace_s: float = 30 * 86_400.0  # how long after its end a robot's certificate can still be renewed
+    identities_stale_s: float = 300.0  # a shared database unheard of for so long: then links of robots end
     teleop_fresh_s: float = 0.3  # D13: an actuator without a fresh command for so long is stopped
     lease_s: float = 3.0  # a teleop lease not renewed for so long is free again
     command_timeout_s: float = 10.0

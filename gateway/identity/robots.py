@@ -1,7 +1,8 @@
 """Who may open a link: robots' identities as this gateway knows them, looked up at each Hello and again every second.
 
 The table in the database is the truth, and all of it that links need is kept in memory. So a revocation at any gateway
-on the database reaches each within `POLL_S`, and a robot comes back while the database is away.
+on the database reaches each within `POLL_S`, and links live on while the database is away: for so long as one that
+others may write to as well may be unheard of. Then they end, and nobody is let in, as nobody knows who was revoked.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from gateway.store.engine import StoreEngine
 from gateway.store.identities import changed_identities, list_identities, raise_alarm, revoke_identity
 from metaros._proto import link_pb2
 from metaros.clock import Clock
+from metaros.limits import LIMITS
 from metaros.link.proof import NONCE_BYTES, link_statement, verify
 
 __all__ = ["POLL_S", "RobotIdentities"]
@@ -34,7 +36,7 @@ ALARM_EVERY_S = 60.0
 SHOWN_IDENTITIES = 100_000
 MAX_CERTIFICATES = 4
 # How long an agent stays away that was refused: a person has to do something about all but the first two.
-RETRY_MS = {"certificate_expired": 200, "proof_refused": 5_000, "not_enrolled": 30_000}
+RETRY_MS = {"certificate_expired": 200, "proof_refused": 5_000, "not_enrolled": 30_000, "unsettled": 5_000}
 RETRY_ELSE_MS = 60_000
 
 Ask = Callable[[link_pb2.Challenge], Awaitable[bytes]]
@@ -55,6 +57,7 @@ class RobotIdentities:
         self._tasks: set[asyncio.Task[None]] = set()
         self._failed = False
         self._looked_s = -POLL_S
+        self._read_s = clock.monotonic_s()
 
     async def refresh(self) -> bool:
         """Learn what changed; whether anything did. StoreError when the database cannot be asked."""
@@ -63,7 +66,9 @@ class RobotIdentities:
             with engine.transaction(write=False):
                 return changed_identities(engine, self._revision)
 
+        asked_s = self._clock.monotonic_s()
         revision, changed = await self._store.read(job)
+        self._read_s = max(self._read_s, asked_s)
         self._known.update((state.robot, state) for state in changed)
         self._revision = max(self._revision, revision)
         return bool(changed)
@@ -218,6 +223,8 @@ class RobotIdentities:
             raise IdentityError("proof_refused", f"the proof is not signed by the key of {shown.robot}'s certificate")
 
     def _check(self, admitted: Admitted) -> None:
+        if self._store.shared and self._clock.monotonic_s() - self._read_s > LIMITS.identities_stale_s:
+            raise IdentityError("unsettled", "the database is away: nobody here knows who was revoked meanwhile")
         state = self._known.get(admitted.robot)
         if not admitted.serial:
             if state is not None:

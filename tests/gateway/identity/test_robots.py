@@ -118,6 +118,7 @@ async def test_a_certificate_that_ended_is_refused_and_ends_its_link(tmp_path: P
         held = await desks.enrolled()
         admitted = await desks.robots.admit(held.hello(), Peer(held.certificate.encode()), never)
         desks.clock.advance(DAY - 1)
+        await desks.robots.refresh()
         assert may_stay(desks, admitted) == ""
         desks.clock.advance(1.1)
         assert may_stay(desks, admitted) == "certificate_expired"
