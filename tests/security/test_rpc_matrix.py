@@ -1,0 +1,159 @@
+"""Every RPC, asked by everybody: what is registered declares a permission; a robot's certificate alone is one there.
+
+People's keys open no RPC: over TLS nobody without a robot's certificate is heard at all, and on the plain port of this
+machine a key counts as nothing: who shows one is whom the link's own rules make of them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import grpc
+import pytest
+
+from gateway.api.allow import RPCS
+from gateway.domain.principal import Principal, Role
+from gateway.identity.permissions import permission
+from gateway.ingest.link_service import LinkService
+from gateway.main import Ready
+from metaros._proto import link_pb2, link_pb2_grpc
+from tests.gateway.harness import client, running_gateway
+from tests.gateway.identity.desks import Held
+from tests.gateway.test_robot_links import (
+    ADMIN,
+    RING,
+    GrpcLane,
+    bare,
+    enrolled,
+    greet,
+    refused,
+    revoke,
+    tls_gateway,
+    tls_lane,
+)
+from tests.support.key_ring import bearer
+
+KEYS = {
+    "anonymous": "",
+    "viewer": RING.add(role=Role.VIEWER),
+    "operator": RING.add(role=Role.OPERATOR),
+    "admin": ADMIN,
+    "other scope": RING.add(role=Role.ADMIN, robots=("other_*",)),
+    "unknown": "mrk_" + "0" * 16 + "_" + "0" * 64,
+}
+
+
+class Registered:
+    """Takes the handlers that a server is given."""
+
+    def __init__(self) -> None:
+        self.methods: set[str] = set()
+
+    def add_generic_rpc_handlers(self, handlers: Any) -> None:
+        """Each can be asked for a method only by name; the names come by the other door."""
+
+    def add_registered_method_handlers(self, service: str, handlers: dict[str, Any]) -> None:
+        """By name."""
+        self.methods |= {f"/{service}/{name}" for name in handlers}
+
+
+def undeclared(methods: set[str]) -> set[str]:
+    """RPCs without a row of the table."""
+    return {method for method in methods if method not in RPCS}
+
+
+@pytest.fixture
+def registered(monkeypatch: pytest.MonkeyPatch) -> Registered:
+    """What every gRPC server of this test is given, as well as the server itself."""
+    seen, make = Registered(), grpc.aio.server
+
+    def server(*args: Any, **options: Any) -> Any:
+        made = make(*args, **options)
+        add = made.add_registered_method_handlers
+
+        def both(service: str, handlers: dict[str, Any]) -> None:
+            seen.add_registered_method_handlers(service, handlers)
+            add(service, handlers)
+
+        made.add_registered_method_handlers = both
+        return made
+
+    monkeypatch.setattr(grpc.aio, "server", server)
+    return seen
+
+
+async def test_every_registered_rpc_declares_a_permission(tmp_path: Path, registered: Registered) -> None:
+    async with running_gateway(tmp_path):
+        assert registered.methods, "the gateway has a server, and it has methods"
+    assert undeclared(registered.methods) == set()
+    assert registered.methods == set(RPCS), "and the table names none that is not there"
+    assert {permission(name).who for name in RPCS.values()} == {"robots"}
+    handlers = {"Shutdown": grpc.unary_unary_rpc_method_handler(lambda request, context: request)}
+    registered.add_registered_method_handlers("metaros.v1.Link", handlers)
+    assert undeclared(registered.methods) == {"/metaros.v1.Link/Shutdown"}, "one without a row is seen"
+
+
+def test_the_handlers_are_those_of_the_description() -> None:
+    seen = Registered()
+    link_pb2_grpc.add_LinkServicer_to_server(LinkService.__new__(LinkService), seen)
+    services = link_pb2.DESCRIPTOR.services_by_name.values()
+    assert seen.methods == {f"/{one.full_name}/{method.name}" for one in services for method in one.methods}
+
+
+async def plain(ready: Ready, hello: link_pb2.Hello, held: Held | None = None, *, key: str = "") -> str:
+    """What a lane on the plain port hears, with a key in its metadata."""
+    metadata = tuple((name.lower(), value) for name, value in bearer(key).items())
+    async with grpc.aio.insecure_channel(f"127.0.0.1:{ready.grpc_port}") as channel:
+        return await greet(GrpcLane(link_pb2_grpc.LinkStub(channel).Connect(metadata=metadata)), hello, held)
+
+
+async def test_everybody_on_the_plain_port_of_this_machine(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path / "a", door=RING) as ready:
+        held, _ = await enrolled(ready)
+        gone, _ = await enrolled(ready, "gone")
+        await revoke(ready, "gone")
+        for who, key in KEYS.items():
+            assert await plain(ready, bare("arm"), key=key) == "not_enrolled", f"{who} is not the robot"
+            assert await plain(ready, gone.hello(), gone, key=key) == "certificate_revoked", who
+        assert await plain(ready, held.hello(), held) == "welcome"
+    async with running_gateway(tmp_path / "b", door=RING, require_enrolment=True) as ready:
+        for who, key in KEYS.items():
+            assert await plain(ready, bare("sim_1"), key=key) == "not_enrolled", who
+
+
+async def test_everybody_over_tls(tmp_path: Path) -> None:
+    async with tls_gateway(tmp_path) as ready:
+        held, given = await enrolled(ready)
+        other, theirs = await enrolled(ready, "leg")
+        roots, chain = given["roots"], given["certificate"] + given["chain"]
+        assert await refused(ready, roots), "without a certificate nobody is heard, whatever key they hold"
+        async with tls_lane(ready, roots, chain, held.key) as opened:
+            assert await greet(opened, bare("arm")) == "welcome"
+        async with tls_lane(ready, roots, theirs["certificate"] + theirs["chain"], other.key) as opened:
+            assert await greet(opened, bare("arm", number=2)) == "certificate_foreign"
+        await revoke(ready, "arm")
+        async with tls_lane(ready, roots, chain, held.key) as opened:
+            assert await greet(opened, bare("arm", number=3)) == "certificate_revoked"
+
+
+async def test_no_other_method_answers(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready:
+        async with grpc.aio.insecure_channel(f"127.0.0.1:{ready.grpc_port}") as channel:
+            for path in ("/metaros.v1.Link/Shutdown", "/grpc.reflection.v1.ServerReflection/ServerReflectionInfo"):
+                with pytest.raises(grpc.aio.AioRpcError) as caught:
+                    await channel.unary_unary(path)(b"", timeout=60)
+                assert caught.value.code() == grpc.StatusCode.UNIMPLEMENTED
+
+
+async def test_a_robot_s_identity_is_nobody_in_the_api(tmp_path: Path) -> None:
+    """The other way round: what a robot holds opens no door of people's."""
+    async with running_gateway(tmp_path, door=RING) as ready:
+        held, _ = await enrolled(ready)
+        for text in (held.certificate.replace("\n", ""), "arm", held.certificate[30:90]):
+            async with client(ready, key="") as http:
+                answer = await http.get("/api/v1/robots", headers={"Authorization": f"Bearer {text}"})
+                assert (answer.status_code, answer.json()["code"]) == (401, "bad_credentials")
+        robot = Principal(kind="robot", id="arm", robots=("arm",), role=Role.ADMIN)
+        rows = [row for row in map(permission, ("robots.read", "users.manage", "agent.link")) if row.granted(robot)]
+        assert [row.name for row in rows] == ["agent.link"]
