@@ -14,6 +14,7 @@ from gateway.api.attendance import Attendance
 from gateway.api.rate import Rates
 from gateway.api.services import Services
 from gateway.api.views import robot_view
+from gateway.binding import can_sign_in, check_binding
 from gateway.domain.channel import LIVE
 from gateway.domain.lease import LeaseTable
 from gateway.errors import RobotOfflineError
@@ -36,11 +37,13 @@ from gateway.ingest.registry import Registry, RobotRecord, SeriesState
 from gateway.live.demand import DemandBook
 from gateway.live.hub import Hub
 from gateway.objects import open_objects
+from gateway.private_dir import make_private
 from gateway.recordings.desk import RecordingDesk, RobotSide
-from gateway.settings import Settings
+from gateway.settings import Settings, is_loopback
 from gateway.store import Store
 from gateway.store.retention import retention_of
 from gateway.store.storage import Storage, StorageDesk
+from gateway.tls import HttpTls, http_tls
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS
@@ -56,8 +59,9 @@ class Gateway:
 
     def __init__(self, settings: Settings, *, clock: Clock, door: Door | None = None) -> None:
         self.settings = settings
-        self._clock = clock
+        self.clock = clock
         retention = retention_of(settings)
+        make_private(settings.data_dir)
         self.objects = open_objects(settings.objects_url, settings.data_dir)
         self.store = Store(
             settings.data_dir,
@@ -108,6 +112,8 @@ class Gateway:
         self._demand_revision = 0
         self._stale: set[str] = set()
         self._stirred = asyncio.Event()
+        self.tls: HttpTls | None = None  # of the HTTP port, once started
+        self._guests = door is not None
         self.grpc_port = 0  # where robots connect, once the server is bound
 
     @property
@@ -123,7 +129,7 @@ class Gateway:
             rates=self.rates,
             identities=self.identities,
             grpc_port=lambda: self.grpc_port,
-            clock=self._clock,
+            clock=self.clock,
             registry=self.registry,
             links=self.links,
             store=self.store,
@@ -144,10 +150,10 @@ class Gateway:
     async def start(self) -> None:
         """Know the robots of earlier days; start the store."""
         self.store.start(self.links.committed, self.links.refused)
+        await self._check_binding()
         self.local_key.write()
         await self.identities.start()
-        if self.settings.tls_on:
-            await self.identities.serve_as(self.settings.server_names)
+        await self._start_tls()
         stored = sorted(await self.store.robots(), key=lambda item: -item.last_seen_ns)
         for position, item in enumerate(stored):
             record = self.registry.add(RobotRecord(item.robot, seen_ns=item.last_seen_ns))
@@ -155,6 +161,26 @@ class Gateway:
                 for facts in await self.store.series(item.robot.id):
                     state = SeriesState(facts.series, facts.samples, facts.stamp_ns, facts.value)
                     record.series[facts.series.name] = state
+
+    async def _check_binding(self) -> None:
+        if is_loopback(self.settings.host):
+            return
+        now_ns = self.clock.wall_ns()
+        known = self._guests or await self.store.read(lambda engine: can_sign_in(engine, now_ns=now_ns))
+        check_binding(self.settings, somebody=known)
+
+    async def _start_tls(self) -> None:
+        own = self.settings
+        if own.tls_on:
+            await self.identities.serve_as(own.server_names)
+            self.tls = http_tls(
+                lambda: self.identities.pair,
+                lambda: self.identities.authorities.roots_pem,
+                cert=own.tls_cert,
+                key=own.tls_key,
+                folder=own.data_dir,
+                clock=self.clock,
+            )
 
     async def run(self) -> None:
         """Heartbeats and demand, until cancelled."""
@@ -178,7 +204,7 @@ class Gateway:
 
     def describe(self, robot_id: str) -> dict[str, Any]:
         """A robot as the API shows it."""
-        now_s = self._clock.monotonic_s()
+        now_s = self.clock.monotonic_s()
         lease = self.leases.holder_of(robot_id, now_s=now_s)
         return robot_view(self.registry.get(robot_id), lease, now_s=now_s)
 
@@ -245,7 +271,7 @@ class Gateway:
                 await asyncio.sleep(0)
 
     def _tell(self, robot_id: str) -> None:
-        record, now_s = self.registry.get(robot_id), self._clock.monotonic_s()
+        record, now_s = self.registry.get(robot_id), self.clock.monotonic_s()
         if not record.online:
             return
         channels = [state.channel for state in record.channels.values() if state.channel.delivery == LIVE]

@@ -21,6 +21,7 @@ from gateway.settings import MIB, Settings, default_data_dir
 
 __all__ = ["register"]
 
+Host = Annotated[str, typer.Option(help="Address to listen on; beyond loopback with TLS and somebody to sign in.")]
 Port = Annotated[
     int | None, typer.Option(min=0, max=65535, help="Port of dashboard and API; default 8080, or a free one.")
 ]
@@ -33,6 +34,14 @@ TickMs = Annotated[float, typer.Option(min=0.0, max=100.0, help="How long live s
 HeartbeatS = Annotated[float, typer.Option(min=0.2, max=60.0, help="A link silent for three of these is dead.")]
 RobotMessages = Annotated[int, typer.Option(min=0, help="Samples and rows a second from one robot; 0 = no limit.")]
 RobotBytes = Annotated[int, typer.Option(min=0, help="Bytes of them a second from one robot; 0 = no limit.")]
+Requests = Annotated[float, typer.Option(min=0.0, help="Requests a second of one user or key; 0 = no limit.")]
+AnonymousRequests = Annotated[
+    float, typer.Option(min=0.0, help="Requests a second of one address that has not signed in; 0 = no limit.")
+]
+RobotRequests = Annotated[
+    float, typer.Option(min=0.0, help="Requests a second that change something on one robot; 0 = no limit.")
+]
+SignIns = Annotated[float, typer.Option(min=0.0, help="Failed sign-ins a minute from one address; 0 = no limit.")]
 Anonymous = Annotated[
     bool, typer.Option("--anonymous/--no-anonymous", help="Who has not signed in may look, on this machine only.")
 ]
@@ -42,6 +51,17 @@ CaCert = Annotated[Path | None, typer.Option(dir_okay=False, help="PEM of an iss
 CaKey = Annotated[Path | None, typer.Option(dir_okay=False, help="PEM of that issuer's key.")]
 CertificateHours = Annotated[float, typer.Option(min=24.0, max=168.0, help="How long a robot's certificate is valid.")]
 Oidc = Annotated[Path | None, typer.Option(metavar="FILE", help="JSON: the identity provider where people sign in.")]
+Tls = Annotated[
+    str, typer.Option(metavar="auto|on|off", help="TLS on both ports; auto: beyond this machine, and with --tls-cert.")
+]
+TlsCert = Annotated[
+    Path | None, typer.Option(dir_okay=False, help="PEM of a certificate made elsewhere, its chain behind it.")
+]
+TlsKey = Annotated[Path | None, typer.Option(dir_okay=False, help="PEM of its key, not encrypted.")]
+TrustedProxy = Annotated[
+    list[str] | None,
+    typer.Option(metavar="CIDR", help="A proxy whose X-Forwarded-For and -Proto are believed; may be repeated."),
+]
 StatusFile = Annotated[Path | None, typer.Option(metavar="FILE", help="Write this JSON file when ready.")]
 
 
@@ -55,7 +75,7 @@ def register(app: typer.Typer) -> None:
 
 def _gateway(
     context: typer.Context,
-    host: Annotated[str, typer.Option(help="Address to listen on; loopback only.")] = "127.0.0.1",
+    host: Host = "127.0.0.1",
     port: Port = None,
     grpc_port: RobotsPort = None,
     data_dir: DataDir = None,
@@ -63,6 +83,10 @@ def _gateway(
     objects: ObjectsUrl = "",
     allow_host: AllowHost = None,
     allow_origin: AllowOrigin = None,
+    tls: Tls = "auto",
+    tls_cert: TlsCert = None,
+    tls_key: TlsKey = None,
+    trusted_proxy: TrustedProxy = None,
     anonymous: Anonymous = True,
     oidc: Oidc = None,
     fleet: Fleet = "",
@@ -78,6 +102,10 @@ def _gateway(
     heartbeat_s: HeartbeatS = 5.0,
     robot_messages_per_s: RobotMessages = 100_000,
     robot_bytes_per_s: RobotBytes = 64 * MIB,
+    requests_per_s: Requests = 500.0,
+    anonymous_requests_per_s: AnonymousRequests = 200.0,
+    robot_requests_per_s: RobotRequests = 100.0,
+    sign_ins_per_min: SignIns = 5.0,
     status_file: StatusFile = None,
 ) -> None:
     """Run the gateway until Ctrl-C."""
@@ -94,6 +122,10 @@ def _gateway(
         allow_origins=tuple(allow_origin or ()),
         store_url=store,
         objects_url=objects,
+        tls=tls,
+        tls_cert=tls_cert,
+        tls_key=tls_key,
+        trusted_proxies=tuple(trusted_proxy or ()),
         anonymous=anonymous,
         oidc=oidc,
         fleet=fleet,
@@ -109,5 +141,9 @@ def _gateway(
         heartbeat_s=heartbeat_s,
         robot_messages_per_s=robot_messages_per_s,
         robot_bytes_per_s=robot_bytes_per_s,
+        requests_per_s=requests_per_s,
+        anonymous_requests_per_s=anonymous_requests_per_s,
+        robot_requests_per_s=robot_requests_per_s,
+        sign_ins_per_min=sign_ins_per_min,
     )
     run(settings, status_file=status_file)

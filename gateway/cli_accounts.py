@@ -116,13 +116,13 @@ def local_store(data_dir: Path | None, store: str) -> Iterator[LocalStore]:
     Raises:
         ConfigError: it cannot be used.
     """
+    from gateway.private_dir import make_private
     from gateway.settings import default_data_dir
     from gateway.store.engines import open_engine
     from gateway.store.ledger import in_transaction
     from metaros.clock import SystemClock
 
-    folder = data_dir or default_data_dir()
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = make_private(data_dir or default_data_dir())
     engine, _ = open_engine(store, folder)
     try:
         yield LocalStore(run=in_transaction(engine), folder=folder, now_ns=SystemClock().wall_ns())

@@ -13,7 +13,8 @@ from urllib.parse import quote, urlencode, urlsplit
 import typer
 
 from gateway.errors import GatewayError, RequestError
-from metaros.cli.credentials import key_for
+from metaros.cli.credentials import key_for, local_gateway
+from metaros.cli.trust import distrust, open_connection
 from metaros.errors import ConfigError, PeerError, UnavailableError
 
 __all__ = ["Answer", "GatewayClient", "GatewayOption", "open_gateway", "path_part"]
@@ -28,7 +29,7 @@ GatewayOption = Annotated[
         metavar="URL",
         envvar="METAROS_GATEWAY_URL",
         show_envvar=False,
-        help=f"The gateway's address; default: that of the running `metaros up`, else {DEFAULT_URL}.",
+        help=f"The gateway's address; default: the one that runs on this machine, else {DEFAULT_URL}.",
     ),
 ]
 
@@ -75,8 +76,6 @@ class GatewayClient:
         if parts.scheme not in ("http", "https") or not parts.hostname or port == -1:
             raise ConfigError(f"--gateway {url}: not the address of a gateway\nit looks like {DEFAULT_URL}")
         self.url = f"{parts.scheme}://{parts.netloc}"
-        self._kind = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
-        self._host, self._port = parts.hostname, port
         self._timeout_s = timeout_s
         own = key_for(self.url) if key is None else key
         self._identity = {"Authorization": f"Bearer {own}"} if own else {}
@@ -120,7 +119,7 @@ class GatewayClient:
         """
         asked = urlencode({k: v for k, v in (query or {}).items() if v is not None}, doseq=True)
         kind = {} if body is None else {"Content-Type": "application/json"}
-        connection = self._kind(self._host, self._port, timeout=self._timeout_s)
+        connection = open_connection(self.url, timeout_s=self._timeout_s)
         try:
             try:
                 connection.request(
@@ -131,8 +130,7 @@ class GatewayClient:
                 )
                 response = connection.getresponse()
             except (OSError, http.client.HTTPException) as error:
-                fix = "`metaros status` shows what runs; --gateway URL names another one"
-                raise UnavailableError(f"no gateway answers at {self.url}: {error}\n{fix}") from error
+                raise UnavailableError(distrust(self.url, error) or _silence(self.url, error)) from error
             answer = Answer(response.status, {k.lower(): v for k, v in response.getheaders()}, response)
             if response.status >= 400:
                 raise _refusal(answer)
@@ -141,12 +139,20 @@ class GatewayClient:
             connection.close()
 
 
+def _silence(url: str, error: Exception) -> str:
+    """Nobody answers, or somebody who speaks otherwise."""
+    fix = "`metaros status` shows what runs; --gateway URL names another one"
+    if url.startswith("http://") and isinstance(error, http.client.HTTPException | ConnectionResetError):
+        fix = f"it may speak TLS: --gateway {url.replace('http', 'https', 1)}"
+    return f"no gateway answers at {url}: {error}\n{fix}"
+
+
 def open_gateway(url: str) -> GatewayClient:
     """The gateway at `url`, or where that is empty, the one of this user's running `metaros up`."""
     if not url:
         from metaros.cli.instance import running_instances
 
-        url = next((found.url for found in running_instances() if found.url), DEFAULT_URL)
+        url = next((found.url for found in running_instances() if found.url), "") or local_gateway() or DEFAULT_URL
     return GatewayClient(url)
 
 

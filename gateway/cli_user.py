@@ -18,6 +18,7 @@ from gateway.cli_accounts import (
 )
 from gateway.cli_http import GatewayOption, path_part
 from gateway.cli_options import StoreUrl
+from metaros.cli.credentials import local_gateway
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output
 from metaros.errors import UsageError
@@ -208,7 +209,7 @@ def _signin(
     if client is not None:
         made = client.post("/api/v1/auth/links", {"name": user})
     else:
-        made = _link_here(data_dir, store, user, (url or DEFAULT_URL).rstrip("/"))
+        made = _link_here(data_dir, store, user, (url or local_gateway(data_dir) or DEFAULT_URL).rstrip("/"))
     if out.json:
         out.objects(made)
         return

@@ -11,7 +11,7 @@ from __future__ import annotations
 import asyncio
 import ssl
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
@@ -285,13 +285,13 @@ class TlsEntrance(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Count it in and shake hands, or end it."""
-        assert isinstance(transport, asyncio.Transport)
-        guest = self.crowd.enter(transport)
+        stream = cast("asyncio.Transport", transport)  # uvloop's is one by its methods alone
+        guest = self.crowd.enter(stream)
         if guest is None:
-            transport.abort()
+            stream.abort()
             return
-        transport.pause_reading()
-        self._shaking = asyncio.get_running_loop().create_task(self._shake(transport, guest))
+        stream.pause_reading()
+        self._shaking = asyncio.get_running_loop().create_task(self._shake(stream, guest))
 
     async def _shake(self, transport: asyncio.Transport, guest: Guest) -> None:
         held = _Held()

@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import logging
 import os
 import socket
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import grpc
 import uvicorn
 
+from gateway.announce import LocalAccess, Ready, ready_line, write_status
 from gateway.app import Gateway
+from gateway.crowd import Crowd, open_files
+from gateway.domain.networks import is_within, read_address
+from gateway.http_server import protocols
 from gateway.identity.door import Door
 from gateway.ingest.link_service import ServerTls, make_server, tls_credentials
 from gateway.ports import listen
 from gateway.settings import DEFAULT_GRPC_PORT, DEFAULT_HTTP_PORT, Settings
-from gateway.store.engine import shown
+from gateway.tls import strict_transport
 from metaros.clock import Clock, SystemClock
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS
@@ -31,22 +33,6 @@ __all__ = ["Ready", "run", "serve"]
 
 GRPC_GRACE_S = 0.5
 HTTP_GRACE_S = 1
-
-
-@dataclass(frozen=True, slots=True)
-class Ready:
-    """Where a running gateway listens."""
-
-    host: str
-    http_port: int
-    grpc_port: int
-    data_dir: Path
-
-    @property
-    def url(self) -> str:
-        """The dashboard's address."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"http://{host}:{self.http_port}"
 
 
 class _HttpServer(uvicorn.Server):
@@ -93,24 +79,33 @@ async def serve(
 async def _serve(
     gateway: Gateway, listener: socket.socket, stop: asyncio.Event, on_ready: Callable[[Ready], None]
 ) -> None:
-    settings = gateway.settings
     robots, grpc_port = _robots_server(gateway)
-    http = _HttpServer(_http_config(gateway))
+    crowd = _crowd(gateway)
+    http = _HttpServer(_http_config(gateway, crowd))
     await robots.start()
     try:
         async with asyncio.TaskGroup() as group:
             web = group.create_task(http.serve(sockets=[listener]))
             work = group.create_task(gateway.run())
+            sweeping = group.create_task(crowd.run())
             starting = group.create_task(http.up.wait())
             await asyncio.wait({web, starting}, return_when=asyncio.FIRST_COMPLETED)
-            on_ready(Ready(settings.host, listener.getsockname()[1], grpc_port, settings.data_dir))
+            on_ready(_ready(gateway, int(listener.getsockname()[1]), grpc_port))
             await stop.wait()
             gateway.links.close()
             await robots.stop(GRPC_GRACE_S)
             http.should_exit = True
             work.cancel()
+            sweeping.cancel()
     finally:
         await robots.stop(0)
+        crowd.close()
+
+
+def _ready(gateway: Gateway, http_port: int, grpc_port: int) -> Ready:
+    own = gateway.settings
+    roots = gateway.identities.authorities.roots_pem if own.tls_on else ""
+    return Ready(own.host, http_port, grpc_port, own.data_dir, own.tls_on, own.public_host, roots)
 
 
 def _robots_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
@@ -132,11 +127,24 @@ def _robots_tls(gateway: Gateway) -> ServerTls:
     return ServerTls(pair.chain_pem, pair.key_pem, gateway.identities.authorities.roots_pem.encode())
 
 
-def _http_config(gateway: Gateway) -> uvicorn.Config:
+def _crowd(gateway: Gateway) -> Crowd:
+    """Who may be connected to the HTTP port: of this machine and of proxies many."""
+    proxies = gateway.settings.proxies
+
+    def roomy(text: str) -> bool:
+        address = read_address(text)
+        return address is not None and (address.is_loopback or is_within(address, proxies))
+
+    return Crowd(clock=gateway.clock, roomy=roomy, files=open_files())
+
+
+def _http_config(gateway: Gateway, crowd: Crowd) -> uvicorn.Config:
+    tls = gateway.tls
+    http, socket_protocol = protocols(crowd, clock=gateway.clock, context=tls.context if tls is not None else None)
     return uvicorn.Config(
-        gateway.api,
-        http="httptools",
-        ws="websockets-sansio",
+        strict_transport(gateway.api, tls) if tls is not None else gateway.api,
+        http=http,
+        ws=socket_protocol,
         lifespan="off",
         log_config=None,
         access_log=False,
@@ -144,6 +152,7 @@ def _http_config(gateway: Gateway) -> uvicorn.Config:
         proxy_headers=False,
         ws_max_size=LIMITS.frame_bytes,  # of the link; requests of the others are bounded where they are read
         ws_per_message_deflate=False,
+        timeout_keep_alive=round(LIMITS.keep_alive_s),
         timeout_graceful_shutdown=HTTP_GRACE_S,
     )
 
@@ -160,23 +169,16 @@ def new_event_loop() -> asyncio.AbstractEventLoop:
 
 def run(settings: Settings, *, status_file: Path | None = None) -> None:
     """Run until SIGINT or SIGTERM; prints where it listens."""
+    os.umask(0o077)  # what a gateway keeps is for its own user
     logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
 
+    access = LocalAccess(settings.data_dir)
+
     def ready(where: Ready) -> None:
-        moved = [
-            f"{what} {default} was taken"
-            for what, asked, default, got in (
-                ("port", settings.port, DEFAULT_HTTP_PORT, where.http_port),
-                ("robots' port", settings.grpc_port, DEFAULT_GRPC_PORT, where.grpc_port),
-            )
-            if asked is None and got != default
-        ]
-        note = f" ({', '.join(moved)})" if moved else ""
-        robots = f"{where.host}:{where.grpc_port}"
-        store = f"  store {shown(settings.store_url)}" if settings.store_url else ""
-        print(f"gateway ready: {where.url}  robots {robots}  data {where.data_dir}{store}{note}", flush=True)
+        print(ready_line(settings, where), flush=True)
+        access.begin(where)
         if status_file is not None:
-            _write_status(status_file, where)
+            write_status(status_file, where)
 
     async def main() -> None:
         stop = asyncio.Event()
@@ -184,21 +186,8 @@ def run(settings: Settings, *, status_file: Path | None = None) -> None:
         await serve(settings, stop, on_ready=ready)
 
     with asyncio.Runner(loop_factory=new_event_loop) as runner:
-        runner.run(main())
+        try:
+            runner.run(main())
+        finally:
+            access.end()
     sys.stdout.flush()
-
-
-def _write_status(path: Path, where: Ready) -> None:
-    """Write the status file in one step, so that a reader never sees half of it."""
-    status = {
-        "pid": os.getpid(),
-        "ready": True,
-        "host": where.host,
-        "http_port": where.http_port,
-        "grpc_port": where.grpc_port,
-        "url": where.url,
-        "data_dir": str(where.data_dir),
-    }
-    partial = path.with_name(path.name + ".partial")
-    partial.write_text(json.dumps(status))
-    partial.replace(path)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gateway.domain.networks import Network, parse_networks
+from gateway.names import is_wildcard, machine_names, outward_address
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS
 
@@ -66,11 +67,6 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Refuse what cannot work, naming the setting."""
-        if not is_loopback(self.host):
-            raise ConfigError(
-                f"--host {self.host}: loopback only until the identity step\n"
-                "Use 127.0.0.1, and reach it from elsewhere through an SSH tunnel."
-            )
         from gateway.objects import check_objects_url  # heavy: a page of help needs none of it
         from gateway.store.engines import check_url
         from gateway.store.retention import class_limits
@@ -115,7 +111,11 @@ class Settings:
             raise ConfigError("--tls-cert and --tls-key go together")
         if self.tls_cert is not None and self.tls == "off":
             raise ConfigError("--tls off and --tls-cert contradict each other")
-        parse_networks(self.trusted_proxies)
+        if not parse_networks(self.trusted_proxies) and self.proxied_only:
+            raise ConfigError(
+                f"--host {self.host} with --tls off: passwords and pictures would cross the network in the open\n"
+                "leave --tls off out, or name the proxy that ends TLS: --trusted-proxy ADDRESS"
+            )
 
     @property
     def tls_on(self) -> bool:
@@ -138,10 +138,26 @@ class Settings:
         return self.require_enrolment or not is_loopback(self.host)
 
     @property
+    def public_host(self) -> str:
+        """By which name or address robots and people elsewhere best call the gateway; "" where there is none."""
+        if is_loopback(self.host):
+            return ""
+        if self.allow_hosts:
+            return self._allowed_names[0]
+        if not is_wildcard(self.host):
+            return self.host
+        return next((name for name in (outward_address(), *machine_names()) if name), "")
+
+    @property
     def server_names(self) -> tuple[str, ...]:
-        """Under which names and addresses the gateway's own certificate holds."""
-        allowed = (re.sub(r"(?<=[^:]):[0-9]+$", "", name).strip("[]") for name in self.allow_hosts)
-        return tuple(dict.fromkeys(("localhost", "127.0.0.1", "::1", self.host, *allowed)))
+        """Which host names and addresses are this gateway's: in its own certificate, and in requests."""
+        machine = () if is_loopback(self.host) else machine_names()
+        own = ("localhost", "127.0.0.1", "::1", *(() if is_wildcard(self.host) else (self.host,)))
+        return tuple(dict.fromkeys((*own, *self._allowed_names, *machine)))
+
+    @property
+    def _allowed_names(self) -> tuple[str, ...]:
+        return tuple(re.sub(r"(?<=[^:]):[0-9]+$", "", name).strip("[]").lower() for name in self.allow_hosts)
 
     @property
     def anonymous_viewers(self) -> bool:

@@ -76,7 +76,7 @@ def create_api(services: Services) -> ASGIApp:
     known = Authenticate(
         logged, services.door, anonymous=settings.anonymous_viewers, host=settings.host, rates=services.rates
     )
-    guarded = Guard(known, hosts=(settings.host, *settings.allow_hosts), origins=settings.allow_origins)
+    guarded = Guard(known, hosts=settings.server_names, origins=settings.allow_origins)
     return Proxies(guarded, settings.proxies, only=settings.proxied_only)
 
 

@@ -1,7 +1,8 @@
 """The keys of this user: `$METAROS_KEY`, or `~/.metaros/credentials`, which `metaros up` writes for its own gateway.
 
 The file holds a key a gateway, or the path of a file with it, as a local gateway has another key after each start; so
-no key is ever shown to another gateway. Only its owner can read it.
+no key is ever shown to another gateway. Beside it is the path of the root certificate that vouches for a gateway on
+this machine. Only its owner can read the file.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from urllib.parse import urlsplit
 from metaros.cli.instance import file_lock
 from metaros.errors import ConfigError
 
-__all__ = ["credentials_file", "forget_key", "key_for", "save_key"]
+__all__ = ["ca_for", "credentials_file", "forget_key", "key_for", "local_gateway", "save_key"]
 
 KEY = "mrk_"
 ENTRIES = 64  # the newest; the file never grows beyond
@@ -42,21 +43,47 @@ def key_for(url: str) -> str:
     return kept if not kept or kept.startswith(KEY) else _read_key(Path(kept))
 
 
-def save_key(url: str, key: str | Path) -> None:
-    """Remember the key of the gateway at `url`, or in which file it is."""
+def ca_for(url: str) -> Path | None:
+    """The file of the root certificates that alone vouch for the gateway at `url`; None: this system's do.
+
+    Raises:
+        ConfigError: others can write the file, or it cannot be read.
+    """
+    if named := os.environ.get("METAROS_CA", "").strip():
+        return Path(named)
+    found = _read("roots").get(_origin(url), "")
+    return Path(found) if found else None
+
+
+def local_gateway(data_dir: Path | None = None) -> str:
+    """Where the gateway of that data directory serves, or the one that started last; "" where there is none."""
+    for url, key in reversed(_read().items()):
+        path = Path(key)
+        if not key.startswith(KEY) and path.is_file() and (data_dir is None or path.parent == data_dir.resolve()):
+            return url
+    return ""
+
+
+def save_key(url: str, key: str | Path, *, ca: Path | None = None) -> None:
+    """Remember the key of the gateway at `url`, or in which file it is, and where the root above its certificate is."""
     with _changing():
-        kept = _read()
-        kept.pop(_origin(url), None)
-        _write(dict([*kept.items(), (_origin(url), str(key))][-ENTRIES:]))
+        keys, roots = _read(), _read("roots")
+        keys.pop(_origin(url), None)
+        roots.pop(_origin(url), None)
+        kept = dict([*_newest(keys), (_origin(url), str(key))])
+        if ca is not None:
+            roots[_origin(url)] = str(ca)
+        _write(kept, {where: path for where, path in roots.items() if where in kept})
 
 
 def forget_key(url: str, key: str | Path) -> None:
     """Forget it, unless another one is there by now."""
     with _changing():
-        kept = _read()
-        if kept.get(_origin(url)) == str(key):
-            del kept[_origin(url)]
-            _write(kept)
+        keys, roots = _read(), _read("roots")
+        if keys.get(_origin(url)) == str(key):
+            del keys[_origin(url)]
+            roots.pop(_origin(url), None)
+            _write(keys, roots)
 
 
 @contextmanager
@@ -89,7 +116,16 @@ def _origin(url: str) -> str:
     return f"{parts.scheme}://{f'[{host}]' if ':' in host else host}:{port}"
 
 
-def _read() -> dict[str, str]:
+def _newest(keys: dict[str, str]) -> list[tuple[str, str]]:
+    """As many as there is room for; what was left by gateways that were killed goes first."""
+    if len(keys) < ENTRIES:
+        return list(keys.items())
+    good = [(url, key) for url, key in keys.items() if key.startswith(KEY) or Path(key).is_file()]
+    return good[1 - ENTRIES :]
+
+
+def _read(table: str = "gateways") -> dict[str, str]:
+    """Keys, or paths of keys, by gateway; or `roots`, the paths of root certificates."""
     path = credentials_file()
     try:
         if not path.exists():
@@ -97,21 +133,22 @@ def _read() -> dict[str, str]:
         if os.name == "posix" and path.stat().st_mode & 0o077:
             raise ConfigError(f"others can read your keys in {path}\nMake the file yours alone: chmod 600 {path}")
         document: Any = json.loads(path.read_text())
-        return {str(url): str(key) for url, key in document["gateways"].items()}
+        found = document["gateways"] if table == "gateways" else document.get(table, {})
+        return {str(url): str(key) for url, key in found.items()}
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror or error}") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ConfigError(f"{path} is damaged\nDelete it; `metaros up` writes it again.") from error
 
 
-def _write(keys: dict[str, str]) -> None:
+def _write(keys: dict[str, str], roots: dict[str, str]) -> None:
     """In one step, and never readable by others, not even for a moment."""
     path = credentials_file()
     draft = path.with_name(f"{path.name}.{secrets.token_hex(4)}")
     try:
         descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
         with os.fdopen(descriptor, "w") as file:
-            json.dump({"gateways": keys}, file, indent=2)
+            json.dump({"gateways": keys, **({"roots": roots} if roots else {})}, file, indent=2)
             file.write("\n")
         draft.replace(path)
     except OSError as error:

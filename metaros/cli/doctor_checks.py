@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from metaros.cli import up_ready
+from metaros.cli.credentials import key_for, local_gateway
 from metaros.cli.extras import EXTRAS, missing_modules
 from metaros.cli.instance import data_root, running_instances
 from metaros.cli.output import counted, human_bytes
@@ -141,23 +142,28 @@ class Doctor:
 
     def _gateway(self) -> Iterator[Finding]:
         instances = running_instances()
-        ports = [self._port] if self._port else [found.http_port for found in instances]
-        if not ports and port_accepts(8080) and up_ready.get_json(8080, "/healthz")[0] == 200:
-            ports = [8080]
-        if not ports:
+        places = [_place(self._port)] if self._port else [found.url for found in instances]
+        if not places and port_accepts(8080) and up_ready.get_json(_place(8080), "/healthz")[0] == 200:
+            places = [_place(8080)]
+        if not places:
             yield Finding("Gateway", "note", "none runs here", "start one: `metaros up` or `metaros gateway`")
-        for port in ports:
-            yield self._one_gateway(port)
+        for where in places:
+            yield self._one_gateway(where)
 
-    def _one_gateway(self, port: int) -> Finding:
-        where = f"http://127.0.0.1:{port}"
-        status, body = up_ready.get_json(port, "/readyz")
+    def _one_gateway(self, where: str) -> Finding:
+        status, body = up_ready.get_json(where, "/readyz")
         if status == 0:
             return Finding("Gateway", "failed", f"nobody answers on {where}", "`metaros status` shows whether one runs")
         if status != 200:
             return Finding("Gateway", "failed", f"{where} is not ready: {_failing(body)}", "see its log file")
-        online = up_ready.robots_online(port)
+        online = up_ready.robots_online(where, key=key_for(where))
         return Finding("Gateway", "ok", f"{where} is ready, {len(online)} robots online")
+
+
+def _place(port: int) -> str:
+    """The address of the gateway that has the port, as it told this user: http or https."""
+    known = local_gateway()
+    return known if known.endswith(f":{port}") else f"http://127.0.0.1:{port}"
 
 
 def _failing(body: Any) -> str:

@@ -12,6 +12,7 @@ __all__ = ["help_page"]
 
 OPTIONS = (
     ("--version", "Show the version"),
+    ("--ca FILE", "PEM of the roots that alone vouch for a gateway"),
     ("--install-completion", "Complete commands with Tab in this shell"),
     ("--show-completion", "Print the completion script"),
     ("-h, --help", "Show this page; every command has its own"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -62,8 +63,13 @@ def _root(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show it, exit.")
     ] = False,
+    ca: Annotated[
+        Path | None, typer.Option("--ca", metavar="FILE", help="PEM of the roots that alone vouch for a gateway.")
+    ] = None,
 ) -> None:
     """Robots on the ROS 2 wire, and the cloud-edge gateway above them."""
+    if ca is not None:
+        os.environ["METAROS_CA"] = str(ca)
 
 
 def main(argv: Sequence[str] | None = None) -> None:

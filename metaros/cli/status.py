@@ -45,8 +45,7 @@ def _show(out: Output, found: Instance) -> None:
     from metaros.cli.up_ready import robots_online
     from metaros.clock import SystemClock
 
-    host = "127.0.0.1" if found.host in ("0.0.0.0", "::") else found.host
-    online = robots_online(found.http_port, host=host, key=key_for(found.url))
+    online = robots_online(found.url, key=key_for(found.url))
     age = human_seconds((SystemClock().wall_ns() - found.started_ns) / 1e9)
     robots = " ".join(name if name in online else f"{name} (offline)" for name in found.robots)
     router = "hosted here" if found.own_router else "joined"

@@ -33,7 +33,22 @@ RouterPort = Annotated[
         help="The Zenoh router's.",
     ),
 ]
-Host = Annotated[str, typer.Option("--host", metavar="ADDRESS", help="Address of dashboard and API.")]
+Host = Annotated[
+    str, typer.Option("--host", metavar="ADDRESS", help="Address of dashboard, API and link; 0.0.0.0 for all.")
+]
+Tls = Annotated[
+    str, typer.Option("--tls", metavar="auto|on|off", help="TLS; auto: beyond this machine, and with --tls-cert.")
+]
+TlsCert = Annotated[
+    Path | None, typer.Option("--tls-cert", dir_okay=False, help="PEM of a certificate made elsewhere, and its chain.")
+]
+TlsKey = Annotated[Path | None, typer.Option("--tls-key", dir_okay=False, help="PEM of its key, not encrypted.")]
+AllowHost = Annotated[
+    list[str] | None, typer.Option("--allow-host", help="Another name browsers may call the gateway by.")
+]
+Anonymous = Annotated[
+    bool, typer.Option("--anonymous/--no-anonymous", help="Who has not signed in may look, on this machine only.")
+]
 DataDir = Annotated[
     Path | None,
     typer.Option(
@@ -58,6 +73,11 @@ def up(
     grpc_port: GrpcPort = None,
     zenoh_port: RouterPort = None,
     host: Host = "127.0.0.1",
+    tls: Tls = "auto",
+    tls_cert: TlsCert = None,
+    tls_key: TlsKey = None,
+    allow_host: AllowHost = None,
+    anonymous: Anonymous = True,
     data_dir: DataDir = None,
     seed: Seed = 1,
     this_host: ThisHost = True,
@@ -94,6 +114,11 @@ def up(
         seed=seed,
         host_robot=this_host,
         camera=camera,
+        tls=tls,
+        tls_cert=tls_cert.resolve() if tls_cert else None,
+        tls_key=tls_key.resolve() if tls_key else None,
+        allow_hosts=tuple(allow_host or ()),
+        anonymous=anonymous,
         protected=(zenoh_credentials or default_folder()) if zenoh_profile is ZenohProfile.PROTECTED else None,
     )
     asyncio.run(run(options, screen, clock=clock, rng=system_rng()))

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from metaros.cli.credentials import forget_key, save_key
+from metaros.cli.trust import open_connection
 from metaros.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def local_key(plan: Plan) -> str:
 def begin_access(plan: Plan) -> str:
     """Let the command line find the key; what went wrong with that, or ""."""
     try:
-        save_key(plan.url, _file(plan))
+        save_key(plan.url, _file(plan), ca=plan.root_file)
     except ConfigError as error:
         return str(error)
     return ""
@@ -46,10 +47,13 @@ def end_access(plan: Plan) -> None:
         forget_key(plan.url, _file(plan))
 
 
-def sign_in_link(plan: Plan, *, host: str) -> str:
+def sign_in_link(plan: Plan) -> str:
     """A link that signs a browser in once; "" where the gateway gives none. Blocks: call it in a thread."""
-    connection = http.client.HTTPConnection(host, plan.http_port, timeout=TIMEOUT_S)
     headers = {"Content-Type": "application/json", "Authorization": f"Bearer {local_key(plan)}"}
+    try:
+        connection = open_connection(plan.url, timeout_s=TIMEOUT_S, ca=plan.root_file)
+    except ConfigError:
+        return ""
     try:
         connection.request("POST", "/api/v1/auth/links", body=b"{}", headers=headers)
         response = connection.getresponse()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 import os
 import socket
 from dataclasses import dataclass, replace
@@ -39,17 +40,39 @@ class UpOptions:
     host_robot: bool = True
     camera: str = ""
     protected: Path | None = None  # the folder of Zenoh's protected profile; None: open
+    tls: str = "auto"
+    tls_cert: Path | None = None
+    tls_key: Path | None = None
+    allow_hosts: tuple[str, ...] = ()
+    anonymous: bool = True
+
+    @property
+    def tls_on(self) -> bool:
+        """Whether the gateway speaks TLS: as it decides it itself."""
+        return self.tls == "on" or (self.tls == "auto" and (self.tls_cert is not None or not _is_loopback(self.host)))
+
+    @property
+    def doors(self) -> tuple[str, ...]:
+        """What the gateway is told of who may come in."""
+        pair = (("--tls-cert", self.tls_cert), ("--tls-key", self.tls_key))
+        files = [text for flag, path in pair if path is not None for text in (flag, str(path))]
+        names = [text for name in self.allow_hosts for text in ("--allow-host", name)]
+        return (*files, *names, *(() if self.anonymous else ("--no-anonymous",)))
 
 
 def decide(options: UpOptions, data: DataDir, screen: Screen) -> Plan:
     """Choose ports and robot numbers that nobody has; called under the claim lock."""
+    if options.tls not in ("auto", "on", "off"):
+        raise ConfigError(f"--tls {options.tls}: it is auto, on or off")
     others = running_instances()
     taken = [port for other in others for port in (other.http_port, other.grpc_port)]
     http = choose_port("dashboard", options.port, HTTP_PORT, host=options.host, taken=taken, avoid=KNOWN_PORTS)
     for option, number in (("--grpc-port", options.grpc_port), ("--zenoh-port", options.zenoh_port)):
         if number == http.port:
             raise ConfigError(f"{option} and the dashboard's port are both {number}")
-    grpc = choose_port("agents' link", options.grpc_port, GRPC_PORT, taken=[*taken, http.port], avoid=KNOWN_PORTS)
+    grpc = choose_port(
+        "agents' link", options.grpc_port, GRPC_PORT, host=options.host, taken=[*taken, http.port], avoid=KNOWN_PORTS
+    )
     if grpc.wanted == http.port:
         grpc = replace(grpc, owner="the dashboard")
     for what, choice in (("the dashboard", http), ("the agents' link", grpc)):
@@ -75,7 +98,16 @@ def decide(options: UpOptions, data: DataDir, screen: Screen) -> Plan:
         host_robot=host_robot_name(socket.gethostname()) if options.host_robot else "",
         camera=options.camera,
         protected=options.protected,
+        tls=options.tls_on,
+        doors=options.doors,
     )
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def _say_moved(screen: Screen, what: str, choice: PortChoice) -> None:

@@ -33,6 +33,13 @@ class Plan:
     host_robot: str  # empty: this machine is no robot
     camera: str  # empty: none
     protected: Path | None = None  # the folder of Zenoh's protected profile; None: open
+    tls: bool = False
+    doors: tuple[str, ...] = ()  # further options of the gateway: who may come in, and by which names
+
+    @property
+    def root_file(self) -> Path | None:
+        """The root that vouches for the gateway; None without TLS."""
+        return self.data_dir.resolve() / "gateway" / "root.pem" if self.tls else None
 
     @property
     def robot_names(self) -> tuple[str, ...]:
@@ -47,8 +54,16 @@ class Plan:
     @property
     def url(self) -> str:
         """Where a browser goes."""
-        host = "127.0.0.1" if self.host in ("0.0.0.0", "::") else self.host
-        return f"http://[{host}]:{self.http_port}" if ":" in host else f"http://{host}:{self.http_port}"
+        host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(self.host, self.host)
+        scheme = "https" if self.tls else "http"
+        return f"{scheme}://[{host}]:{self.http_port}" if ":" in host else f"{scheme}://{host}:{self.http_port}"
+
+    @property
+    def link(self) -> str:
+        """Where the agents of this machine connect."""
+        host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(self.host, self.host)
+        place = f"[{host}]:{self.grpc_port}" if ":" in host else f"{host}:{self.grpc_port}"
+        return f"grpcs://{place}" if self.tls else place
 
     @property
     def log_dir(self) -> Path:
@@ -131,7 +146,8 @@ def _understudy(plan: Plan) -> Launch:
 def _gateway(plan: Plan) -> Launch:
     ports = ("--host", plan.host, "--port", str(plan.http_port), "--grpc-port", str(plan.grpc_port))
     places = ("--data-dir", str(plan.data_dir / "gateway"), "--status-file", str(plan.status_file("gateway")))
-    return _row(plan, "gateway", GATEWAY, "gateway", *ports, *places)
+    tls = ("--tls", "on" if plan.tls else "off")
+    return _row(plan, "gateway", GATEWAY, "gateway", *ports, *places, *tls, *plan.doors)
 
 
 def _simulator(plan: Plan) -> Launch:
@@ -141,13 +157,13 @@ def _simulator(plan: Plan) -> Launch:
 
 
 def _agent(plan: Plan, name: str) -> Launch:
-    link = ("--gateway", f"127.0.0.1:{plan.grpc_port}", *_zenoh(plan))
+    link = ("--gateway", plan.link, *_zenoh(plan))
     who = ("--name", name, "--namespace", f"/{name}", *_state_dir(plan, name))
     return _row(plan, f"agent {name}", AGENTS, "agent", *who, *link, *_profile(plan), "--no-host-metrics")
 
 
 def _host_agent(plan: Plan) -> Launch:
-    link = ("--gateway", f"127.0.0.1:{plan.grpc_port}", *_zenoh(plan), "--exclude", "/sim_*/**")
+    link = ("--gateway", plan.link, *_zenoh(plan), "--exclude", "/sim_*/**")
     name = plan.host_robot
     who = ("--name", name, "--namespace", "/", *_state_dir(plan, name))
     return _row(plan, f"agent {name}", AGENTS, "agent", *who, *link, *_profile(plan), "--host-metrics")

@@ -9,6 +9,9 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+from metaros.cli.trust import open_connection
+from metaros.errors import ConfigError
+
 __all__ = ["get_json", "ready_file", "robots_online", "wait_for"]
 
 POLL_S = 0.05
@@ -22,14 +25,15 @@ def ready_file(path: Path) -> bool:
         return False
 
 
-def get_json(
-    port: int, path: str, *, host: str = "127.0.0.1", timeout_s: float = 2.0, key: str = ""
-) -> tuple[int, Any]:
-    """GET from the gateway, with an API key where one is given; status 0 where nobody answers.
+def get_json(url: str, path: str, *, timeout_s: float = 2.0, key: str = "", ca: Path | None = None) -> tuple[int, Any]:
+    """GET from the gateway, with an API key where one is given; status 0 where nobody answers who is to be believed.
 
     Blocks: call it in a thread.
     """
-    connection = http.client.HTTPConnection(host, port, timeout=timeout_s)
+    try:
+        connection = open_connection(url, timeout_s=timeout_s, ca=ca)
+    except ConfigError:  # no root certificate, or not yet
+        return 0, None
     try:
         connection.request("GET", path, headers={"Authorization": f"Bearer {key}"} if key else {})
         response = connection.getresponse()
@@ -40,9 +44,9 @@ def get_json(
         connection.close()
 
 
-def robots_online(port: int, *, host: str = "127.0.0.1", key: str = "") -> set[str]:
+def robots_online(url: str, *, key: str = "", ca: Path | None = None) -> set[str]:
     """The robots that the gateway says are online."""
-    status, body = get_json(port, "/api/v1/robots", host=host, key=key)
+    status, body = get_json(url, "/api/v1/robots", key=key, ca=ca)
     if status != 200 or not isinstance(body, dict):
         return set()
     robots: Iterable[dict[str, Any]] = body.get("robots", ())

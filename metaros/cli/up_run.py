@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any
 from metaros.cli import instance, up_access, up_ready
 from metaros.cli.instance import Instance, StateFile
 from metaros.cli.up_decide import UpOptions, claim, decide
+from metaros.cli.up_enrol import enrol_robots
 from metaros.cli.up_plan import GATEWAY, Plan, launches
 from metaros.clock import Clock
 from metaros.errors import PeerError, UnavailableError
 from metaros.signals import on_stop
-from metaros.supervise import Event, EventKind, Supervisor
+from metaros.supervise import Event, EventKind, Exit, Supervisor
 
 if TYPE_CHECKING:
     from random import Random  # noqa: TID251  (the type of an argument)
@@ -30,6 +31,7 @@ __all__ = ["run"]
 
 START_TIMEOUT_S = 60.0
 STOP_GRACE_S = 4.4  # all is over within 5 s
+WRONG = Exit(code=2).reason  # what a program says that was started wrongly: the next start would be as wrong
 GIVE_UP_AFTER = 3  # a process that dies so often before all is ready will not get there
 
 
@@ -83,7 +85,7 @@ class _Up:
             await self._start()
             self._ready = True
             self._save("ready")
-            link = await asyncio.to_thread(up_access.sign_in_link, self._plan, host=self._host)
+            link = await asyncio.to_thread(up_access.sign_in_link, self._plan)
             self._screen.ready(self._plan, self._clock.monotonic_s() - began, link)
             await self._stop.wait()
         except StopAskedError:
@@ -117,6 +119,9 @@ class _Up:
         await self._step("gateway", self._gateway_ready)
         if fault := up_access.begin_access(plan):
             self._screen.note(fault)
+        if plan.tls:
+            self._screen.progress("gateway", "enrolling this instance's robots")
+            await self._first(enrol_robots(plan))
         self._supervisor.start(row for row in rows if row.stage > GATEWAY)
         if plan.robots:
             await self._step("simulator", lambda: up_ready.ready_file(plan.status_file("sim")))
@@ -124,18 +129,15 @@ class _Up:
             await self._step("robots", self._all_online)
 
     def _gateway_ready(self) -> bool:
-        status, _ = up_ready.get_json(self._plan.http_port, "/readyz", host=self._host)
+        status, _ = up_ready.get_json(self._plan.url, "/readyz", ca=self._plan.root_file)
         return status == 200
 
     def _all_online(self) -> bool:
         key = up_access.local_key(self._plan)
-        online = up_ready.robots_online(self._plan.http_port, host=self._host, key=key) & set(self._plan.robot_names)
+        found = up_ready.robots_online(self._plan.url, key=key, ca=self._plan.root_file)
+        online = found & set(self._plan.robot_names)
         self._screen.progress("robots", f"{len(online)} of {len(self._plan.robot_names)} online")
         return len(online) == len(self._plan.robot_names)
-
-    @property
-    def _host(self) -> str:
-        return "127.0.0.1" if self._plan.host in ("0.0.0.0", "::") else self._plan.host
 
     async def _step(self, what: str, condition: Callable[[], bool]) -> None:
         """Wait for one thing; a stop request or a broken process ends the wait."""
@@ -169,7 +171,8 @@ class _Up:
     def _on_event(self, event: Event) -> None:
         if event.kind is EventKind.EXITED and not self._ready:
             self._deaths[event.name] += 1
-        gone = event.kind is EventKind.ENDED or self._deaths[event.name] >= GIVE_UP_AFTER
+        given_up = self._deaths[event.name] >= GIVE_UP_AFTER or event.detail == WRONG
+        gone = event.kind is EventKind.ENDED or given_up
         if gone and not self._ready and not self._broken.is_set():
             self._broken_name = event.name
             self._broken.set()

@@ -71,7 +71,7 @@ class Screen:
             *([("Sign in", f"[cyan]{link}[/]  [dim]once, within 15 min[/]")] if link else []),
             ("Robots", f"[bold]{names}[/]  [dim]all online[/]" if plan.robot_names else "[dim]none[/]"),
             ("Zenoh", f"tcp/127.0.0.1:{plan.zenoh_port}  [dim]router {router} · ROS domain {plan.domain}[/]"),
-            ("Agents", f"127.0.0.1:{plan.grpc_port}  [dim]gRPC[/]"),
+            ("Agents", f"{plan.link}  [dim]gRPC[/]"),
             ("Data", _escape(str(plan.data_dir))),
             ("Logs", _escape(str(plan.log_dir))),
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import ssl
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -44,12 +45,20 @@ async def running_gateway(folder: Path, *, door: Door | None = None, **settings:
 
 def client(ready: Ready, *, key: str = OPERATOR_KEY, **headers: str) -> httpx.AsyncClient:
     """An HTTP client of that gateway, an operator's unless another key is given; "": nobody's."""
-    return httpx.AsyncClient(base_url=ready.url, headers={**bearer(key), **headers}, trust_env=False)
+    verify = trusting(ready) or True
+    return httpx.AsyncClient(base_url=ready.url, headers={**bearer(key), **headers}, trust_env=False, verify=verify)
+
+
+def trusting(ready: Ready) -> ssl.SSLContext | None:
+    """TLS that the gateway's own root alone vouches for; None where it has none."""
+    return ssl.create_default_context(cadata=ready.roots_pem) if ready.roots_pem else None
 
 
 def open_socket(ready: Ready, path: str, *, key: str = OPERATOR_KEY, **options: Any) -> connect:
     """A WebSocket as a page of the gateway itself opens it."""
     url = ready.url.replace("http", "ws", 1) + path
+    if ready.tls:
+        options = {"ssl": trusting(ready), **options}
     headers = bearer(key)
     return connect(
         url, origin=ready.url, max_size=None, compression=None, proxy=None, additional_headers=headers, **options

@@ -71,8 +71,9 @@ def test_a_killed_one_leaves_the_directory_usable(tmp_path: Path) -> None:
 
 def test_settings_refuse_what_cannot_be() -> None:
     for host in ("0.0.0.0", "::", "192.168.1.5", "example.org"):
-        with pytest.raises(ConfigError, match="loopback only until the identity step"):
-            Settings(host=host)
+        assert Settings(host=host).tls_on
+        with pytest.raises(ConfigError, match="--trusted-proxy"):
+            Settings(host=host, tls="off")
     for host in ("127.0.0.1", "127.0.0.9", "::1", "localhost"):
         assert Settings(host=host).host == host
     with pytest.raises(ConfigError):

@@ -11,6 +11,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models, models_enrol
+from gateway.api.address import PROXIED_KEY
 from gateway.api.allow import allow, principal_of, require_seen
 from gateway.api.audited import note
 from gateway.api.problem import JsonResponse
@@ -21,6 +22,8 @@ from gateway.api.views import rfc3339
 from gateway.domain.identity import RobotIdentity, TokenState
 from gateway.errors import IdentityError, InvalidRequestError
 from gateway.identity.enrol import CHALLENGE_S, Enrolled
+from gateway.names import url_of
+from gateway.settings import is_loopback
 
 __all__ = ["router"]
 
@@ -122,7 +125,7 @@ async def make_token(request: Request) -> Response:
         robot=body.robot, made_by=principal.name, ttl_s=body.ttl_s
     )
     note(request, detail=f"token {state.id} for {body.robot or 'any robot'}")
-    url = f"{request.url.scheme}://{request.url.netloc}"
+    url = _url_for_robots(request)
     command = f"metaros agent enrol {token.text} --gateway {url}" + (f" --name {body.robot}" if body.robot else "")
     return JsonResponse({**_token(state), "token": token.text, "command": command}, status_code=201)
 
@@ -180,6 +183,14 @@ def _enrolment(request: Request, given: Enrolled) -> dict[str, Any]:
         "grpc_port": services.grpc_port(),
         "grpc_tls": services.settings.tls_on,
     }
+
+
+def _url_for_robots(request: Request) -> str:
+    """Where a robot finds this gateway: as the administrator did, unless that is a name of this machine for itself."""
+    asked, public = request.url.hostname or "", services_of(request).settings.public_host
+    if public and is_loopback(asked) and PROXIED_KEY not in request.scope:
+        return url_of(request.url.scheme, public, request.url.port or 443)
+    return f"{request.url.scheme}://{request.url.netloc}"
 
 
 def _token(state: TokenState) -> dict[str, Any]:
