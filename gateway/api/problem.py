@@ -97,12 +97,13 @@ async def _deny(socket: WebSocket, error: MetarosError, answer: Response) -> Non
 def install_problems(app: FastAPI) -> None:
     """Every error of every route becomes a problem document."""
 
-    async def known(request: Request | WebSocket, error: Exception) -> Response:
+    async def known(request: Request | WebSocket, error: Exception) -> Any:
         known_error = error if isinstance(error, MetarosError) else GatewayError("the gateway failed; see its log")
         answer = problem(known_error)
-        if isinstance(request, WebSocket):  # refused before it was accepted
-            await _deny(request, known_error, answer)
-        return answer
+        if not isinstance(request, WebSocket):
+            return answer
+        await _deny(request, known_error, answer)  # refused before it was accepted
+        return None  # what is returned would be sent a second time
 
     async def invalid(_request: Request, error: Exception) -> Response:
         faults = error.errors() if isinstance(error, RequestValidationError) else []

@@ -30,6 +30,13 @@ PHONE = {"width": 390, "height": 844}
 expect.set_options(timeout=60_000)  # a loaded machine paints late
 
 
+def save(page: Page, name: str) -> None:
+    """Keep a screenshot where METAROS_SHOTS says, for people to look at."""
+    folder = os.environ.get("METAROS_SHOTS")
+    if folder:
+        page.screenshot(path=str(Path(folder) / f"{name}.png"))
+
+
 @pytest.fixture(scope="session")
 def built() -> None:
     """The dashboard of the present sources, in gateway/static."""

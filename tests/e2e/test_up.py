@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -17,7 +18,7 @@ import psutil
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.e2e.conftest import PHONE
+from tests.e2e.conftest import PHONE, save
 from tests.support.ports import free_port
 from tests.support.processes import END_S, end
 from tests.support.waiting import wait_until
@@ -58,6 +59,20 @@ class Up:
             return 0
         return sum(robot["state"] == "online" for robot in robots)
 
+    def printed_link(self) -> str:
+        """What it printed to sign in with, once."""
+        found = re.search(r"Sign in\s+(http\S+/signin#\S+)", self.log.read_text())
+        assert found is not None, self.log.read_text()
+        return found[1]
+
+    def link(self) -> str:
+        """Another one, as `metaros signin` makes it."""
+        key = (self.log.parent / "data" / "local.key").read_text().strip()
+        headers = {"Authorization": f"Bearer {key}", "Content-Type": "application/json"}
+        request = urllib.request.Request(f"{self.url}/api/v1/auth/links", b"{}", headers)
+        with urllib.request.urlopen(request, timeout=60) as answer:
+            return str(json.load(answer)["url"])
+
     def robot(self, name: str) -> dict[str, Any]:
         """A robot as the API shows it."""
         with urllib.request.urlopen(f"{self.url}/api/v1/robots/{name}", timeout=10) as answer:
@@ -90,11 +105,12 @@ def up(tmp_path_factory: pytest.TempPathFactory, built: None) -> Iterator[Up]:
         running.stop()
 
 
-def save(page: Page, name: str) -> None:
-    """Keep a screenshot where METAROS_SHOTS says, for people to look at."""
-    folder = os.environ.get("METAROS_SHOTS")
-    if folder:
-        page.screenshot(path=str(Path(folder) / f"{name}.png"))
+def sign_in(page: Page, link: str, path: str) -> None:
+    """By a one-time link, leaving the password for later; then to a page."""
+    page.goto(link)
+    page.get_by_role("button", name="Later").click()
+    expect(page.locator("[data-account=admin]")).to_be_visible()
+    page.goto(path)
 
 
 def travelled(page: Page, seconds: float) -> float:
@@ -147,7 +163,8 @@ def test_the_past_is_scrubbed_and_its_minute_is_saved(up: Up, open_page: OpenPag
     assert page.locator(".timebar").get_attribute("data-t") == t_ms
     assert page.evaluate(POSE) == before, "an address is an instant"
     save(page, "robot-past")
-    page.goto(f"{up.url}/recordings")
+    expect(page.get_by_role("button", name="Save 60 s here")).to_have_count(0)  # this is a viewer yet
+    sign_in(page, up.link(), f"{up.url}/recordings")
     page.get_by_label("Robot to record").select_option("sim_3")
     page.get_by_role("button", name="Save last 60 s").click()
     row = page.locator("tr[data-recording][data-state=stored]")
@@ -158,8 +175,12 @@ def test_the_past_is_scrubbed_and_its_minute_is_saved(up: Up, open_page: OpenPag
     save(page, "recordings")
 
 
-def test_driving_turns_the_robot_and_letting_go_stops_it(up: Up, open_page: OpenPage) -> None:
+def test_who_signs_in_by_the_printed_link_drives_and_letting_go_stops(up: Up, open_page: OpenPage) -> None:
     page = open_page(f"{up.url}/robots/sim_2")
+    expect(page.locator("[data-card=teleop]")).to_contain_text("Operators may drive.")
+    expect(page.locator(".pad")).to_have_count(0)
+    save(page, "up-viewer")
+    sign_in(page, up.printed_link(), f"{up.url}/robots/sim_2")
     page.wait_for_function(f"() => Number(document.querySelector({MAP!r})?.dataset.scans) > 1")
     page.locator(".pad").focus()
     page.keyboard.down("KeyA")
@@ -175,7 +196,8 @@ def test_driving_turns_the_robot_and_letting_go_stops_it(up: Up, open_page: Open
 
 
 def test_an_outage_is_filled_in_and_the_link_tab_says_so(up: Up, open_page: OpenPage) -> None:
-    page = open_page(f"{up.url}/robots/sim_1?tab=link")
+    page = open_page(up.url)
+    sign_in(page, up.link(), f"{up.url}/robots/sim_1?tab=link")
     expect(page.locator("[data-card=connection] [data-transport=grpc]")).to_be_visible()
     gateway, log = up.gateway(), up.log.parent / "data" / "logs" / "agent-sim_1.log"
     gateway.suspend()

@@ -6,7 +6,8 @@
  */
 
 import type { Channel } from "../api/types";
-import { Keyring, SEALED_CDR, type Origin } from "../seal/envelope";
+import { SEALED_CDR } from "../seal/encoding";
+import type { Origin } from "../seal/envelope";
 import type { StreamRecord } from "./records";
 
 export type Message = Record<string, unknown>;
@@ -83,6 +84,7 @@ export class Decoder {
 
   /** Open sealed messages with this keyring's text from now on; the ids of its keys, or SealError. It stays in this page. */
   async unlock(text: string): Promise<string[]> {
+    const { Keyring } = await import("../seal/envelope"); // few pages ever open anything
     const { ids } = await Keyring.parse(text);
     this.worker.postMessage({ kind: "keyring", text }, []);
     return ids;

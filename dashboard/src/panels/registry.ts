@@ -1,7 +1,7 @@
 /** Which card shows which message type. What is not here is a tree of names and values. */
 
 import type { Topic } from "../api/types";
-import { SEALED_CDR } from "../seal/envelope";
+import { SEALED_CDR } from "../seal/encoding";
 
 export type CardKind = "camera" | "map" | "imu" | "tree";
 

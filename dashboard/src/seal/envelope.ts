@@ -4,7 +4,7 @@
  * version 1 | key id 8 | nonce 12 | boot 16 | stream 4 | epoch 8 | seq 8 | ciphertext and tag, big-endian
  */
 
-export const SEALED_CDR = "sealed/cdr";
+export { SEALED_CDR } from "./encoding";
 export const HEAD_BYTES = 57;
 const OVERHEAD_BYTES = HEAD_BYTES + 16;
 const MOST_KEYS = 256;
@@ -53,6 +53,7 @@ export class Keyring {
 
   /** Read the text of a keyring file; SealError when it is none. */
   static async parse(text: string): Promise<Keyring> {
+    if (!globalThis.crypto?.subtle) throw new SealError("browsers open sealed topics over https, or on the gateway's own machine, alone");
     if (text.length > KEYRING_BYTES) throw new SealError("that is no keyring: it is too long");
     const secrets = new Map<string, CryptoKey>();
     try {
@@ -91,7 +92,7 @@ export class Keyring {
     const known = this.#data.get(place);
     if (known) return known;
     const secret = this.secrets.get(id);
-    if (!secret) throw new SealError(`sealed by key ${id}, which is not here`);
+    if (!secret) throw new SealError(`sealed by key ${id}, which is not here: your keyring holds another`);
     const info = joined(utf8.encode("metaros seal 1\0"), head.subarray(1, 9), head.subarray(37, 41), utf8.encode(robot));
     const how = { name: "HKDF", hash: "SHA-256", salt: head.slice(21, 37), info };
     const made = crypto.subtle.deriveKey(how, secret, { name: "AES-GCM", length: 256 }, false, ["decrypt"]);

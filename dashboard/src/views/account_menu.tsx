@@ -7,7 +7,7 @@ import { Link } from "../ui/parts";
 import { here, place } from "../ui/url";
 import { lazy } from "./lazy";
 
-const PasswordDialog = lazy(async () => (await import("./password")).PasswordDialog);
+const PasswordDialog = lazy(async () => (await import("./password")).PasswordDialog, null);
 
 export function AccountMenu() {
   const who = session.value;

@@ -1,7 +1,8 @@
 /** The frame of every page: the bar on top, the state of the connection, the help dialog, the keys. */
 
+import { useSignal } from "@preact/signals";
 import type { ComponentType } from "preact";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect } from "preact/hooks";
 import { can, refresh, session, shutOut } from "../api/session";
 import { moment } from "../history/moment";
 import type { StreamState } from "../live/stream";
@@ -9,12 +10,13 @@ import { useLive } from "../ui/context";
 import { Link } from "../ui/parts";
 import { place, robotOf } from "../ui/url";
 import { AccountMenu } from "./account_menu";
-import { FleetPage } from "./fleet";
 import { lazy } from "./lazy";
 
+const FleetPage = lazy(async () => (await import("./fleet")).FleetPage);
 const RobotPage = lazy(async () => (await import("./robot")).RobotPage);
 const RecordingsPage = lazy(async () => (await import("./recordings")).RecordingsPage);
 const AdminPage = lazy(async () => (await import("./admin")).AdminPage);
+const HelpDialog = lazy(async () => (await import("./help")).HelpDialog, null);
 const SignInPage = lazy(async () => (await import("./sign_in")).SignInPage);
 
 /** The pages that are not a robot's: their paths, and what the window is called meanwhile. */
@@ -27,20 +29,9 @@ const PAGES: Record<string, [string, ComponentType]> = {
 
 const CONNECTION: Record<StreamState, string> = { connecting: "Connecting…", open: "Live", lost: "Reconnecting…" };
 
-const KEYS: [string, string][] = [
-  ["/", "search robots"],
-  ["?", "this help"],
-  ["W A S D or arrows", "drive, while held and the pad has focus"],
-  ["Esc", "stop driving"],
-  ["l", "back to live"],
-  ["← → Shift", "on the time bar: a second, ten seconds"],
-  ["Space, Page ↑↓", "on the time bar: play, a tenth of its span"],
-  ["+ − f", "zoom and follow, when the map has focus"],
-];
-
 export function App() {
   const { stream } = useLive();
-  const help = useRef<HTMLDialogElement>(null);
+  const help = useSignal(false);
   const state = stream.state.value;
   const path = place.value.path;
   const out = shutOut.value;
@@ -56,7 +47,7 @@ export function App() {
     const onKey = (event: KeyboardEvent) => {
       const typing = event.target instanceof HTMLInputElement;
       if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
-      if (event.key === "?") help.current?.showModal();
+      if (event.key === "?") help.value = true;
       const search = document.querySelector<HTMLInputElement>("input[type=search]");
       if (event.key !== "/" || !search) return;
       event.preventDefault();
@@ -82,20 +73,12 @@ export function App() {
         )}
         {!out && <span class={`link link-${state}`} role="status" data-stream={state}>{state === "open" && moment.value !== null ? "Connected" : CONNECTION[state]}</span>}
         <AccountMenu />
-        <button type="button" class="help" aria-label="Help" onClick={() => help.current?.showModal()}>?</button>
+        <button type="button" class="help" aria-label="Help" onClick={() => (help.value = true)}>?</button>
       </header>
       <main id="main" class={state === "open" ? undefined : "is-lost"}>
         {robot !== null ? <RobotPage key={robot} id={robot} /> : <Page key={title} />}
       </main>
-      <dialog ref={help} aria-labelledby="help-title">
-        <h2 id="help-title">Keys</h2>
-        <dl>
-          {KEYS.map(([key, does]) => (
-            <div key={key}><dt><kbd>{key}</kbd></dt><dd>{does}</dd></div>
-          ))}
-        </dl>
-        <form method="dialog"><button class="button">Close</button></form>
-      </dialog>
+      {help.value && <HelpDialog onClose={() => (help.value = false)} />}
     </>
   );
 }

@@ -26,7 +26,7 @@ export function SignInPage() {
       ) : state === "first" && session.value?.kind === "user" ? (
         <FirstPassword onDone={() => (link.value = "")} />
       ) : (
-        <SignIn stale={state === "stale"} />
+        <SignIn stale={state === "stale"} onDone={() => (link.value = "")} />
       )}
     </section>
   );
@@ -70,7 +70,7 @@ function FirstPassword({ onDone }: { onDone: () => void }) {
   );
 }
 
-function SignIn({ stale }: { stale: boolean }) {
+function SignIn({ stale, onDone }: { stale: boolean; onDone: () => void }) {
   return (
     <>
       <h1>Sign in</h1>
@@ -79,9 +79,9 @@ function SignIn({ stale }: { stale: boolean }) {
           This link is not good any more: it works once, within 15 minutes. Make another one with <code>metaros signin</code>.
         </p>
       ) : (
-        <p class="signin-lead">{ended.value ? `The session of ${ended.value} has ended.` : shutOut.value ? "This gateway shows nothing to who is not known." : "Operators drive and record, admins also decide who may."}</p>
+        <p class="signin-lead">{ended.value ? `The session of ${ended.value} has ended.` : shutOut.value ? "This gateway is for people it knows." : "Operators drive and record, admins also decide who may."}</p>
       )}
-      <PasswordSignIn />
+      <PasswordSignIn onDone={onDone} />
       <Provider />
       <p class="signin-foot">
         No password yet? An admin makes you a link, or on the gateway's machine: <code>metaros signin</code>
@@ -90,7 +90,7 @@ function SignIn({ stale }: { stale: boolean }) {
   );
 }
 
-function PasswordSignIn() {
+function PasswordSignIn({ onDone }: { onDone: () => void }) {
   const [name, password] = [useRef<HTMLInputElement>(null), useRef<HTMLInputElement>(null)];
   const problem = useSignal("");
   const busy = useSignal(false);
@@ -102,6 +102,7 @@ function PasswordSignIn() {
     problem.value = "";
     try {
       await accountApi.login(name.current!.value.trim(), password.current!.value);
+      onDone();
     } catch (error) {
       if (error instanceof ApiError && error.retryAfterS !== null) wait.begin(error.retryAfterS);
       else problem.value = error instanceof ApiError && error.code === "bad_credentials" ? "The name or the password is wrong." : saidOf(error);
@@ -126,11 +127,12 @@ function PasswordSignIn() {
         <span>Name</span>
         <input ref={name} type="text" name="username" autocomplete="username" autocapitalize="none" spellcheck={false} required maxLength={64} defaultValue={ended.peek()} />
       </label>
-      <label class="field">
-        <span>Password</span>
+      <div class="field">
+        <label for="signin-password">Password</label>
         <span class="with-eye">
           <input
             ref={password}
+            id="signin-password"
             type="password"
             name="password"
             autocomplete="current-password"
@@ -143,20 +145,24 @@ function PasswordSignIn() {
             {shown.value ? "Hide" : "Show"}
           </button>
         </span>
-      </label>
+      </div>
       <p class="problem" id="signin-problem" role="alert">
-        {left > 0 ? `Too many attempts. The next one counts in ${waitWords(left)}.` : problem.value}
+        {left > 0 ? `Too many attempts. Wait ${waitWords(wait.askedS.value)}, then try again.` : problem.value}
       </p>
       <button class="button button-main button-wide" aria-disabled={busy.value || left > 0 || undefined}>
-        {left > 0 ? `Wait ${waitWords(left)}` : busy.value ? "Signing in…" : "Sign in"}
+        {left > 0 ? `Wait ${leftWords(left)}` : busy.value ? "Signing in…" : "Sign in"}
       </button>
     </form>
   );
 }
 
-/** Seconds until something may be tried again, counting down. */
+/** "12 s", "3:07". */
+const leftWords = (seconds: number) => (seconds < 60 ? `${seconds} s` : `${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, "0")}`);
+
+/** Seconds until something may be tried again, counting down; `askedS`: how many they were at first. */
 function useCountdown() {
   const leftS = useSignal(0);
+  const askedS = useSignal(0);
   const untilMs = useRef(0);
   useEffect(() => {
     const timer = setInterval(() => {
@@ -167,8 +173,9 @@ function useCountdown() {
   const begin = (seconds: number) => {
     untilMs.current = performance.now() + seconds * 1000;
     leftS.value = Math.ceil(seconds);
+    askedS.value = seconds;
   };
-  return { leftS, begin };
+  return { leftS, askedS, begin };
 }
 
 /** The way to an identity provider, where the gateway has one. */

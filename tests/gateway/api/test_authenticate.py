@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from websockets.exceptions import InvalidStatus
 
 from gateway.api.authenticate import Authenticate, Credential, plain_protocol
 from gateway.domain.principal import Principal, Role
 from gateway.errors import StoreError
-from tests.gateway.harness import bearer, client, running_gateway
+from tests.gateway.harness import bearer, client, open_socket, running_gateway
 from tests.support.key_ring import KeyRing
 
 KEY, TOKEN = "metaros.principal", "metaros.refusal"
@@ -83,3 +84,14 @@ async def test_while_the_store_cannot_say_nobody_is_let_in_and_nobody_is_called_
         answer = await http.get("/api/v1/robots", headers=bearer("mrk_1_2"))
         assert (answer.status_code, answer.json()["code"]) == (503, "store_unavailable")
         assert (await http.get("/healthz", headers=bearer("mrk_1_2"))).status_code == 200
+
+
+async def test_a_refused_socket_is_answered_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    async with running_gateway(tmp_path, anonymous=False) as ready:
+        with pytest.raises(InvalidStatus) as refused:
+            async with open_socket(ready, "/api/v1/stream", key=""):
+                pass
+        assert refused.value.response.status_code == 401
+        async with client(ready, key="") as http:  # the socket's task is over by then
+            assert (await http.get("/healthz")).status_code == 200
+    assert [record.getMessage() for record in caplog.records if record.exc_info] == []

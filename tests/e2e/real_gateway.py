@@ -1,0 +1,109 @@
+"""A real gateway in a thread of its own, for browser tests: Playwright keeps an event loop in the test's thread."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from gateway.main import Ready, serve
+from gateway.settings import Settings
+from metaros._proto import link_pb2
+from tests.gateway.harness import ScriptedAgent, channel
+from tests.support.key_ring import bearer
+
+__all__ = ["PASSWORD", "RealGateway", "real_gateway"]
+
+PASSWORD = "correct horse battery"
+STARTED_S = 60.0
+ENDED_S = 60.0
+ROBOT_WAITS_S = 3600.0
+BEAT_S = 3.0  # after 15 s of silence a link counts as dead
+
+
+class RealGateway:
+    """What a test asks of it; one robot `sim_1` is linked, which can be driven."""
+
+    def __init__(self, ready: Ready, stop: Callable[[], object]) -> None:
+        self.url = ready.url
+        self.stop = stop
+        self.admin = (ready.data_dir / "local.key").read_text().strip()
+
+    def ask(self, method: str, path: str, body: Any = None) -> Any:
+        """One request as the gateway's own admin; the answer's document."""
+        with httpx.Client(base_url=self.url, headers=bearer(self.admin), trust_env=False, timeout=60) as http:
+            answer = http.request(method, f"/api/v1{path}", **({} if body is None else {"json": body}))
+        assert answer.is_success, answer.text
+        return answer.json()
+
+    def user(self, name: str, role: str, *, password: str = PASSWORD) -> None:
+        """Make a user."""
+        self.ask("POST", "/users", {"name": name, "role": role, "password": password})
+
+    def link(self, name: str = "") -> str:
+        """A sign-in link's address."""
+        return str(self.ask("POST", "/auth/links", {"name": name} if name else {})["url"])
+
+
+@contextmanager
+def real_gateway(folder: Path, **settings: Any) -> Iterator[RealGateway]:
+    """A gateway on free ports with a robot, ended with the block. Rates of sign-ins are off unless given."""
+    started: list[RealGateway] = []
+    failed: list[BaseException] = []
+    up = threading.Event()
+
+    async def run() -> None:
+        stop, loop = asyncio.Event(), asyncio.get_running_loop()
+        async with asyncio.TaskGroup() as group:
+            ready: asyncio.Future[Ready] = loop.create_future()
+            chosen = {"port": 0, "grpc_port": 0, "data_dir": folder / "data", "sign_ins_per_min": 0.0, **settings}
+            group.create_task(serve(Settings(**chosen), stop, on_ready=ready.set_result))
+            found = await ready
+            async with ScriptedAgent(found) as robot:
+                await robot.announce(channel(1, "/sim_1/cmd_vel", "geometry_msgs/msg/Twist"))
+                lives = [group.create_task(_obey(robot)), group.create_task(_beat(robot))]
+                started.append(RealGateway(found, lambda: loop.call_soon_threadsafe(stop.set)))
+                up.set()
+                await stop.wait()
+                for task in lives:
+                    task.cancel()
+
+    def live() -> None:
+        try:
+            asyncio.run(run())
+        except BaseException as error:
+            failed.append(error)
+        finally:
+            up.set()
+
+    thread = threading.Thread(target=live, daemon=True)
+    thread.start()
+    try:
+        assert up.wait(STARTED_S), "the gateway did not start"
+        if not started:
+            raise failed[0]
+        yield started[0]
+    finally:
+        if started:
+            started[0].stop()
+        thread.join(ENDED_S)
+    if failed:
+        raise failed[0]
+
+
+async def _obey(robot: ScriptedAgent) -> None:
+    """Say yes to whatever the robot is told."""
+    while True:
+        await robot.answer((await robot.next("command", timeout_s=ROBOT_WAITS_S)).command)
+
+
+async def _beat(robot: ScriptedAgent) -> None:
+    """Show that the link lives, as agents do."""
+    while True:
+        await robot.send(link_pb2.LANE_CONTROL, heartbeat=link_pb2.Heartbeat())
+        await asyncio.sleep(BEAT_S)
