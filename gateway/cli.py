@@ -16,6 +16,7 @@ from gateway.cli_options import (
     RetentionRules,
     StoreUrl,
 )
+from gateway.cli_rekey import register as register_rekey
 from gateway.cli_store import register as register_store
 from gateway.settings import MIB, Settings, default_data_dir
 
@@ -70,6 +71,7 @@ def register(app: typer.Typer) -> None:
     gateway = typer.Typer(invoke_without_command=True, help="Run the gateway: robots on one side, people on the other.")
     gateway.callback()(_gateway)
     register_store(gateway)
+    register_rekey(gateway)
     app.add_typer(gateway, name="gateway")
 
 

@@ -20,7 +20,7 @@ from gateway.cli_http import GatewayOption, path_part
 from gateway.cli_options import StoreUrl
 from metaros.cli.credentials import local_gateway
 from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output
+from metaros.cli.output import Output, counted
 from metaros.errors import UsageError
 
 __all__ = ["register", "register_signin"]
@@ -35,7 +35,14 @@ FromStdin = Annotated[
 def register(app: typer.Typer) -> None:
     """Add the noun to `metaros`."""
     noun = typer.Typer(no_args_is_help=True, help="Users: who may sign in, and what they may do.")
-    commands = (("add", _add), ("list", _list), ("change", _change), ("password", _password), ("remove", _remove))
+    commands = (
+        ("add", _add),
+        ("list", _list),
+        ("change", _change),
+        ("password", _password),
+        ("signout", _signout),
+        ("remove", _remove),
+    )
     for name, command in commands:
         noun.command(name)(command)
     app.add_typer(noun, name="user")
@@ -181,6 +188,31 @@ def _send_change(name: str, changes: dict[str, Any], data_dir: Path | None, stor
                 password_hash=hashed,
             ),
         )
+
+
+def _signout(
+    name: Annotated[str, typer.Argument(metavar="[NAME]", help="The user's name.")] = "",
+    everybody: Annotated[bool, typer.Option("--everybody", help="All users.")] = False,
+    data_dir: LocalDir = None,
+    store: StoreUrl = "",
+) -> None:
+    """End a user's sessions and sign-in links, or everybody's; what is connected by them is cut within seconds."""
+    from gateway.identity.users import user_named
+    from gateway.store.accounts import list_users
+    from gateway.store.engine import StoreEngine
+    from gateway.store.sessions import end_sessions
+    from metaros.limits import LIMITS
+
+    if bool(name) == everybody:
+        raise UsageError("say either a user's name or --everybody")
+
+    def job(engine: StoreEngine) -> int:
+        users = list_users(engine, limit=LIMITS.users) if everybody else [user_named(engine, name)]
+        return sum(end_sessions(engine, user.id) for user in users)
+
+    with local_store(data_dir, store) as here:
+        ended = here.change("users.manage", f"sign out {name or 'everybody'}", job)
+    Output().line(f"{counted(ended, 'session')} ended")
 
 
 def _remove(name: Name, data_dir: LocalDir = None, store: StoreUrl = "", gateway: GatewayOption = "") -> None:

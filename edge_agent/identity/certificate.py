@@ -12,7 +12,7 @@ from edge_agent.errors import EnrolAnswerError
 from edge_agent.identity.csr import robot_uri
 from edge_agent.identity.key import PrivateKey, public_der
 
-__all__ = ["Validity", "certificates_der", "check_issued", "validity_of"]
+__all__ = ["Validity", "certificates_der", "check_issued", "validity_of", "vouched_roots"]
 
 MOST_IN_A_CHAIN = 8
 NS = 1_000_000_000
@@ -57,6 +57,37 @@ def check_issued(certificate: str, chain: str, roots: str, *, key: PrivateKey, f
     if uris != [robot_uri(fleet, robot_id)]:
         raise EnrolAnswerError(f"the gateway's certificate is for {', '.join(uris) or 'nobody'}, not for {robot_id}")
     _check_chain(leaf, rest[:MOST_IN_A_CHAIN], trusted[:MOST_IN_A_CHAIN])
+
+
+def vouched_roots(trusted: str, named: str, vouchers: str) -> str:
+    """Those of the named roots that are trusted already, or that a trusted root confirms in a voucher; PEM.
+
+    A voucher is a certificate of the new root's name and key, signed by the old root, and no authority itself: an
+    issuer's certificate, whose key lies at the gateway, vouches for nobody. Raises EnrolAnswerError.
+    """
+    try:
+        known = x509.load_pem_x509_certificates(trusted.encode())[:MOST_IN_A_CHAIN]
+        roots = x509.load_pem_x509_certificates(named.encode())[:MOST_IN_A_CHAIN]
+        said = x509.load_pem_x509_certificates(vouchers.encode())[:MOST_IN_A_CHAIN] if vouchers else []
+    except ValueError as error:
+        raise EnrolAnswerError(f"the gateway's answer holds no proper roots: {error}") from error
+    kept = [root for root in roots if root in known or any(_vouches(one, root, known) for one in said)]
+    return "".join(root.public_bytes(serialization.Encoding.PEM).decode() for root in kept)
+
+
+def _vouches(voucher: x509.Certificate, root: x509.Certificate, known: list[x509.Certificate]) -> bool:
+    try:
+        if voucher.extensions.get_extension_for_class(x509.BasicConstraints).value.ca:
+            return False
+    except (ValueError, x509.ExtensionNotFound):
+        return False
+    if (voucher.subject, voucher.public_key()) != (root.subject, root.public_key()):
+        return False
+    try:
+        _signed(voucher, known)
+    except EnrolAnswerError:
+        return False
+    return True
 
 
 def _check_chain(leaf: x509.Certificate, rest: list[x509.Certificate], roots: list[x509.Certificate]) -> None:

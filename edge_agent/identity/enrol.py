@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from edge_agent.errors import EnrolAnswerError, EnrolRefusedError, PinError, UntrustedError
-from edge_agent.identity.certificate import check_issued
+from edge_agent.identity.certificate import check_issued, vouched_roots
 from edge_agent.identity.csr import csr_der, csr_pem, make_csr
 from edge_agent.identity.door import GatewayDoor, check_url, unverified, verified
 from edge_agent.identity.files import IdentityFiles, RobotIdentity
@@ -139,10 +139,15 @@ def _with_new_roots(answer: dict[str, Any], identity: RobotIdentity, key: Privat
     """The roots from now on: those the gateway names, as long as the certificate leads to one of them, too.
 
     They come over a channel that the old roots vouched for; so a fleet passes from one root to the next by a renewal.
+    Where somebody else ends TLS the channel says nothing, and a new root needs the signature of one that is trusted.
     """
-    named = answer.get("roots")
-    if not isinstance(named, str) or identity.system_trust:
+    named, vouchers = answer.get("roots"), answer.get("vouchers", "")
+    if not isinstance(named, str) or not isinstance(vouchers, str):
         return identity.roots
+    if identity.system_trust:
+        named = vouched_roots(identity.roots, named, vouchers)
+        if not named:
+            return identity.roots
     check_issued(identity.certificate, identity.chain, named, key=key, fleet=identity.fleet, robot_id=identity.robot)
     return named
 

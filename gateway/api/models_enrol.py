@@ -71,13 +71,17 @@ class RenewRequest(_Model):
 
 
 class Enrolment(_Model):
-    """A robot's certificate with what goes above it, in PEM, and where it connects; `grpc_port` 0: over HTTP alone."""
+    """A robot's certificate with what goes above it, in PEM, and where it connects; `grpc_port` 0: over HTTP alone.
+
+    `vouchers` are certificates by which earlier roots confirm those that follow them; mostly there are none.
+    """
 
     robot: str
     fleet: str
     certificate: str
     chain: str
     roots: str
+    vouchers: str
     not_after: str
     now: str
     grpc_port: int

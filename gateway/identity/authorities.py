@@ -7,29 +7,29 @@ cannot open the key, and says which file to copy.
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from cryptography import x509
 from cryptography.hazmat.primitives import serialization
-from cryptography.hazmat.primitives.asymmetric import ec
 
 from gateway.errors import AuthorityError, DamagedError
 from gateway.identity.ca import Authority, PrivateKey, key_pem, make_intermediate, make_root, pem, supplied
+from gateway.identity.certificates import issued_by, subject_key
 from gateway.identity.master import MASTER_KEY, MasterKey
+from gateway.identity.root_key import ROOT_KEY, has_root_key, read_root_key, write_secret
 from gateway.store import Store
 from gateway.store.engine import StoreEngine
 from gateway.store.identities import StoredAuthority, add_authority, list_authorities
+from gateway.store.issuers import renew_before
 from metaros.clock import Clock
 from metaros.errors import ConfigError
 
-__all__ = ["ROOT_KEY", "Authorities"]
+__all__ = ["PURPOSE", "ROOT_KEY", "Authorities", "stored_authority"]
 
 log = logging.getLogger(__name__)
 
-ROOT_KEY = "ca-root.key"
-PURPOSE = "ca"
+PURPOSE = "ca"  # under which the keys of issuers are sealed
 RENEW_NS = 365 * 86_400_000_000_000  # an issuer with less than this left gets a successor
 Held = tuple[Authority, bytes]  # an authority without its key, and the sealed key
 
@@ -54,6 +54,9 @@ class Authorities:
         self._clock = clock
         self._held: list[Held] = []
         self._opened: Authority | None = None
+        self._vouchers: list[x509.Certificate] = []
+        self._issuer_keys: frozenset[str] = frozenset()
+        self.renew_before_ns = 0  # robots' certificates that were issued before are to be renewed at once
         self._supplied: Authority | None = None
         if (ca_cert is None) != (ca_key is None):
             raise ConfigError("--ca-cert and --ca-key go together")
@@ -78,6 +81,33 @@ class Authorities:
         """What good tokens may say of the root."""
         return {authority.pin for authority, _ in self._held}
 
+    @property
+    def vouchers_pem(self) -> str:
+        """What the roots before say of those that follow them, in PEM; "" when none has followed another."""
+        return pem(*self._vouchers)
+
+    @property
+    def current_id(self) -> str:
+        """The issuer that issues now; "" before there is one."""
+        return self._held[0][0].id if self._held else ""
+
+    def recognises(self, issuer_key: str) -> bool:
+        """Whether an issuer with that key is one of the fleet's, still."""
+        return issuer_key in self._issuer_keys
+
+    def chain_for(self, leaf: x509.Certificate) -> str:
+        """What goes with a certificate: the chain of whoever issued it, which need not be who issues now."""
+        for authority, _ in self._held:
+            if issued_by(leaf, authority.certificate):
+                return authority.chain_pem
+        return ""
+
+    async def follow(self) -> bool:
+        """Read again what `metaros ca`, or another gateway, may have changed; whether another issuer issues now."""
+        before = self.current_id
+        await self._read()
+        return bool(before) and self.current_id != before
+
     async def load(self) -> None:
         """Read what the store knows; a supplied issuer is made known to all first."""
         await self._read()
@@ -91,62 +121,75 @@ class Authorities:
             AuthorityError: its key cannot be had here.
         """
         if self._supplied is not None:
+            self._check_ended(self._supplied)
             return self._supplied
         if not self._held:
             await self._read()
         if not self._held or self._ends_soon():
             await self._make()
-        newest, sealed = self._held[0]
+        newest = self._held[0][0]
         if self._opened is None or self._opened.id != newest.id:
+            await self._read()  # it may have been sealed again, by another master key
+            newest, sealed = self._held[0]
             key = self._open(newest, sealed)
             self._opened = Authority(newest.root, newest.certificate, key)
+        self._check_ended(newest)
         return self._opened
+
+    def _check_ended(self, authority: Authority) -> None:
+        if authority.not_after_ns <= self._clock.wall_ns():
+            raise AuthorityError(
+                f"the issuer of the fleet's certificates ended at {authority.certificate.not_valid_after_utc}: put"
+                f" {ROOT_KEY} back into {self._data_dir}, and its successor is made"
+            )
 
     def _ends_soon(self) -> bool:
         """Whether the newest issuer should be followed by another, and the root's key is here to make it."""
         newest, sealed = self._held[0]
         left_ns = newest.not_after_ns - self._clock.wall_ns()
-        return bool(sealed) and left_ns < RENEW_NS and (self._data_dir / ROOT_KEY).exists()
+        return bool(sealed) and left_ns < RENEW_NS and has_root_key(self._data_dir, newest.root)
 
     async def _make(self) -> None:
         """A first issuer with its root, or the next one under the root that there is."""
         now_ns = self._clock.wall_ns()
         if self._held:
-            root, root_key = self._held[0][0].root, _read_key(self._data_dir / ROOT_KEY)
+            root = self._held[0][0].root
+            root_key = read_root_key(self._data_dir, root)
         else:
             root, root_key = make_root(self.fleet, now_ns=now_ns)
         made = make_intermediate(self.fleet, root, root_key, now_ns=now_ns)
         if made.key is None:
             raise AuthorityError("a new issuer has no key")
         sealed = self._master().seal(PURPOSE, made.id, key_pem(made.key))
-        first = not self._held
-        if await self._add(made, sealed) and first:
-            _write_secret(self._data_dir / ROOT_KEY, key_pem(root_key))
+        path, first = self._data_dir / ROOT_KEY, not self._held
+        if first:  # before the store knows of it: a root whose key is lost has no successor
+            write_secret(path, key_pem(root_key))
+        if not await self._add(made, sealed) and first:  # another gateway was faster, and has its own
+            path.unlink(missing_ok=True)
 
     async def _add(self, authority: Authority, sealed: bytes) -> bool:
         """Store it unless another gateway was faster; either way know what the store has now."""
-        stored = StoredAuthority(
-            id=authority.id,
-            root=pem(authority.root),
-            certificate=pem(authority.certificate),
-            sealed_key=sealed,
-            made_ns=self._clock.wall_ns(),
-            not_after_ns=authority.not_after_ns,
-        )
+        stored = stored_authority(authority, sealed, made_ns=self._clock.wall_ns())
         newest = self._held[0][0].id if self._held else ""
         added = await self._store.run(lambda engine: add_authority(engine, stored, newest=newest))
         await self._read()
         return added
 
     async def _read(self) -> None:
-        def job(engine: StoreEngine) -> list[StoredAuthority]:
+        def job(engine: StoreEngine) -> tuple[list[StoredAuthority], int]:
             with engine.transaction(write=False):
-                return list_authorities(engine)
+                return list_authorities(engine), renew_before(engine)
 
+        rows, self.renew_before_ns = await self._store.read(job)
+        if [(one.id, one.sealed_key) for one in rows] == [(authority.id, sealed) for authority, sealed in self._held]:
+            return
+        roots = [x509.load_pem_x509_certificates(one.root.encode()) for one in rows]
         self._held = [
-            (Authority(_certificate(one.root), _certificate(one.certificate)), one.sealed_key)
-            for one in await self._store.read(job)
+            (Authority(root, _certificate(one.certificate)), one.sealed_key)
+            for one, (root, *_) in zip(rows, roots, strict=True)
         ]
+        self._vouchers = [voucher for _, *vouchers in roots for voucher in vouchers]
+        self._issuer_keys = frozenset(subject_key(authority.certificate) for authority, _ in self._held)
 
     def _master(self) -> MasterKey:
         return MasterKey.load_or_make(self._data_dir)
@@ -169,26 +212,19 @@ class Authorities:
         return key
 
 
+def stored_authority(
+    authority: Authority, sealed: bytes, *, made_ns: int, vouchers: Sequence[x509.Certificate] = ()
+) -> StoredAuthority:
+    """An issuer as a row; `vouchers` are what earlier roots say of its root."""
+    return StoredAuthority(
+        id=authority.id,
+        root=pem(authority.root, *vouchers),
+        certificate=pem(authority.certificate),
+        sealed_key=sealed,
+        made_ns=made_ns,
+        not_after_ns=authority.not_after_ns,
+    )
+
+
 def _certificate(text: str) -> x509.Certificate:
     return x509.load_pem_x509_certificate(text.encode())
-
-
-def _read_key(path: Path) -> ec.EllipticCurvePrivateKey:
-    try:
-        key = serialization.load_pem_private_key(path.read_bytes(), password=None)
-    except (OSError, ValueError, TypeError) as error:
-        raise AuthorityError(f"the root's key {path} cannot be read: {error}") from error
-    if not isinstance(key, ec.EllipticCurvePrivateKey):
-        raise AuthorityError(f"the root's key {path} is not the one that this gateway made")
-    return key
-
-
-def _write_secret(path: Path, data: bytes) -> None:
-    """Write a file that nobody else can read, whole or not at all."""
-    partial = path.with_name(path.name + ".partial")
-    partial.unlink(missing_ok=True)
-    with os.fdopen(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    partial.replace(path)

@@ -23,6 +23,7 @@ from metaros.errors import ConfigError
 __all__ = [
     "Authority",
     "ServerPair",
+    "bridge",
     "issue_robot",
     "issue_server",
     "key_pem",
@@ -30,6 +31,7 @@ __all__ = [
     "make_root",
     "pem",
     "supplied",
+    "voucher",
 ]
 
 PrivateKey = ec.EllipticCurvePrivateKey | ed25519.Ed25519PrivateKey | rsa.RSAPrivateKey
@@ -104,6 +106,35 @@ def make_intermediate(
     draft = _draft(_name(f"Meta-ROS {fleet} issuer"), root.subject, key.public_key(), now_ns=now_ns, life=life)
     draft = _authority(draft, key.public_key(), path_length=0)
     return Authority(root, _under(draft, root).sign(root_key, hashes.SHA256()), key)
+
+
+def bridge(
+    authority: Authority, root: x509.Certificate, root_key: ec.EllipticCurvePrivateKey, *, now_ns: int
+) -> Authority:
+    """The same issuer, with the same key, under the root before: who knows only that one believes it, too."""
+    issuer = authority.certificate
+    key = issuer.public_key()
+    if not isinstance(key, ec.EllipticCurvePublicKey):
+        raise ValueError("only an issuer of our own has a bridge")
+    life = min(timedelta(days=INTERMEDIATE_DAYS), root.not_valid_after_utc - _moment(now_ns))
+    draft = _authority(_draft(issuer.subject, root.subject, key, now_ns=now_ns, life=life), key, path_length=0)
+    return Authority(root, _under(draft, root).sign(root_key, hashes.SHA256()), authority.key)
+
+
+def voucher(
+    root: x509.Certificate, before: x509.Certificate, before_key: ec.EllipticCurvePrivateKey, *, now_ns: int
+) -> x509.Certificate:
+    """What the root before says of its successor: this name has this key. It is no authority, and nothing is under it.
+
+    A robot that reaches its gateway through somebody else's TLS takes the new root by this, and by nothing less.
+    """
+    key = root.public_key()
+    if not isinstance(key, ec.EllipticCurvePublicKey):
+        raise ValueError("only a root of our own is vouched for")
+    life = min(timedelta(days=ROOT_DAYS), before.not_valid_after_utc - _moment(now_ns))
+    draft = _draft(root.subject, before.subject, key, now_ns=now_ns, life=life)
+    draft = draft.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+    return _under(draft, before).sign(before_key, hashes.SHA256())
 
 
 def supplied(certificates_pem: bytes, private_pem: bytes, *, now_ns: int) -> Authority:

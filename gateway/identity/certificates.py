@@ -24,11 +24,14 @@ __all__ = [
     "RobotCertificate",
     "RobotKey",
     "check_csr",
+    "issued_by",
+    "issuer_key",
     "key_id",
     "load_certificate",
     "pin",
     "read_robot",
     "robot_uri",
+    "subject_key",
 ]
 
 RobotKey = ec.EllipticCurvePublicKey | ed25519.Ed25519PublicKey
@@ -51,6 +54,24 @@ class RobotCertificate:
     key: RobotKey
     not_before_ns: int
     not_after_ns: int
+    issuer: str = ""  # the issuer's key, as `subject_key` says it
+
+
+def subject_key(issuer: x509.Certificate) -> str:
+    """By what the certificates of an issuer name its key, in hexadecimal."""
+    try:
+        return issuer.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value.digest.hex()
+    except x509.ExtensionNotFound:
+        return x509.SubjectKeyIdentifier.from_public_key(issuer.public_key()).digest.hex()
+
+
+def issuer_key(certificate: x509.Certificate) -> str:
+    """The key that a certificate says has signed it, as `subject_key` says it; "" where it says nothing."""
+    try:
+        known = certificate.extensions.get_extension_for_class(x509.AuthorityKeyIdentifier).value.key_identifier
+    except x509.ExtensionNotFound:
+        return ""
+    return known.hex() if known is not None else ""
 
 
 def robot_uri(fleet: str, robot: str) -> str:
@@ -116,7 +137,8 @@ def read_robot(
     Raises:
         IdentityError: certificate_foreign or certificate_expired.
     """
-    if not any(_issued(certificate, issuer) for issuer in issuers):
+    issuer = next((one for one in issuers if issued_by(certificate, one)), None)
+    if issuer is None:
         raise IdentityError("certificate_foreign", "the certificate was not issued by this fleet's authority")
     robot, key = _named_robot(certificate, fleet), _robot_key(certificate.public_key())
     if robot is None or key is None:
@@ -134,6 +156,7 @@ def read_robot(
         key=key,
         not_before_ns=not_before_ns,
         not_after_ns=not_after_ns,
+        issuer=subject_key(issuer),
     )
 
 
@@ -166,7 +189,8 @@ def _check_asked(extension: x509.Extension[x509.ExtensionType], uri: str) -> Non
         raise IdentityError("csr_refused", f"the certificate request asks for the name {asked!r}; only {uri} is given")
 
 
-def _issued(certificate: x509.Certificate, issuer: x509.Certificate) -> bool:
+def issued_by(certificate: x509.Certificate, issuer: x509.Certificate) -> bool:
+    """Whether that very issuer has signed it."""
     try:
         certificate.verify_directly_issued_by(issuer)
     except (ValueError, TypeError, InvalidSignature, UnsupportedAlgorithm):

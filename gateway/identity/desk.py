@@ -22,6 +22,7 @@ __all__ = ["IdentityChoices", "IdentityDesk"]
 log = logging.getLogger(__name__)
 
 FLEET_CHARS = 12
+FOLLOW_S = 2.0  # how often the authorities are read again: metaros ca, and other gateways, change them
 PAIR_EVERY_S = 3600.0  # how often the servers' pair is looked at
 PAIR_LEFT_NS = 30 * 86_400_000_000_000  # with less left there is a new one
 
@@ -81,6 +82,17 @@ class IdentityDesk:
         async with asyncio.TaskGroup() as group:
             group.create_task(self.robots.run(recheck))
             group.create_task(self._follow_pair())
+            group.create_task(self._follow_authorities())
+
+    async def _follow_authorities(self) -> None:
+        """Another issuer: the servers' pair is its work from then on."""
+        while True:
+            await asyncio.sleep(FOLLOW_S)
+            try:
+                if await self.authorities.follow() and self._pair is not None:
+                    await self.serve_as(self._names)
+            except (ConfigError, StoreError) as error:
+                log.warning("the fleet's authorities cannot be followed now: %s", error)
 
     async def _follow_pair(self) -> None:
         while True:

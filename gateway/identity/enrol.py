@@ -50,6 +50,7 @@ class Enrolled:
     certificate: str
     chain: str
     roots: str
+    vouchers: str
     not_after_ns: int
     fresh: bool
 
@@ -122,7 +123,7 @@ class EnrolDesk:
         outcome = await self._store.run(
             lambda engine: enrol_robot(engine, token.id, token.secret_hash, made, now_ns=now_ns)
         )
-        return self._enrolled(authority, robot, outcome)
+        return self._enrolled(robot, outcome)
 
     async def challenge(self) -> bytes:
         """What a renewal signs; good for `CHALLENGE_S`."""
@@ -155,7 +156,7 @@ class EnrolDesk:
         outcome = await self._store.run(
             lambda engine: renew_certificate(engine, old.serial, made, how=how, now_ns=now_ns)
         )
-        return self._enrolled(authority, robot, outcome)
+        return self._enrolled(robot, outcome)
 
     async def _check_token(self, token: Token) -> None:
         """That there is such a token, before anything is signed or written for whoever asks."""
@@ -184,15 +185,16 @@ class EnrolDesk:
             pem=pem(made),
         )
 
-    def _enrolled(self, authority: Authority, robot: str, outcome: Outcome) -> Enrolled:
+    def _enrolled(self, robot: str, outcome: Outcome) -> Enrolled:
         if outcome.refused is not None:
             raise outcome.refused
         leaf = load_certificate(outcome.pem)
         return Enrolled(
             robot=robot,
             certificate=outcome.pem,
-            chain=authority.chain_pem,
+            chain=self._authorities.chain_for(leaf),
             roots=self._authorities.roots_pem,
+            vouchers=self._authorities.vouchers_pem,
             not_after_ns=round(leaf.not_valid_after_utc.timestamp()) * 1_000_000_000,
             fresh=outcome.fresh,
         )

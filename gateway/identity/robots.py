@@ -18,6 +18,7 @@ from cryptography import x509
 from gateway.domain.identity import Admitted, IdentityState, Peer, RobotIdentity
 from gateway.errors import IdentityError, StoreError, UnknownRobotError, UnprovenError
 from gateway.identity.authorities import Authorities
+from gateway.identity.ca import SKEW
 from gateway.identity.certificates import RobotCertificate, load_certificate, read_robot
 from gateway.store import Store
 from gateway.store.engine import StoreEngine
@@ -32,6 +33,7 @@ __all__ = ["POLL_S", "RobotIdentities"]
 log = logging.getLogger(__name__)
 
 POLL_S = 1.0
+SKEW_NS = round(SKEW.total_seconds()) * 1_000_000_000  # certificates begin so long before they are issued
 ALARM_EVERY_S = 60.0
 SHOWN_IDENTITIES = 100_000
 MAX_CERTIFICATES = 4
@@ -150,7 +152,7 @@ class RobotIdentities:
         if read.robot != hello.robot_id:
             text = f"the certificate is that of {read.robot}, not of {hello.robot_id[:64]!r}"
             raise IdentityError("certificate_foreign", text)
-        admitted = Admitted(read.robot, read.serial, read.not_after_ns)
+        admitted = Admitted(read.robot, read.serial, read.not_after_ns, read.issuer, read.not_before_ns)
         await self._know(admitted)
         if peer.certificate is None:
             await self._prove(hello, read, ask)
@@ -235,6 +237,10 @@ class RobotIdentities:
             raise IdentityError("certificate_revoked", f"the identity of robot {admitted.robot} was revoked{reason}")
         if self._clock.wall_ns() >= admitted.not_after_ns:
             raise IdentityError("certificate_expired", f"the certificate of {admitted.robot} has come to its end")
+        if admitted.issuer and not self._authorities.recognises(admitted.issuer):
+            raise IdentityError("certificate_expired", f"the issuer of {admitted.robot}'s certificate was retired")
+        if admitted.not_before_ns + SKEW_NS < self._authorities.renew_before_ns:
+            raise IdentityError("certificate_expired", f"the certificate of {admitted.robot} is to be renewed now")
 
     async def _alarm(self, robot: str) -> None:
         now_ns = self._clock.wall_ns()

@@ -49,6 +49,7 @@ NOUNS = (
     Noun("user", "", SYSTEM, "add, list, change, password, remove: who may sign in", "gateway"),
     Noun("key", "", SYSTEM, "create, list, revoke: how programs sign in", "gateway"),
     Noun("audit", "", SYSTEM, "list, verify: who changed what, and the proof of that log", "gateway"),
+    Noun("ca", "", SYSTEM, "list, rotate, renew, retire: who signs robots' certificates", "gateway"),
     Noun("topic", "metaros.cli.topic", GRAPH, "list, info, type, find, echo, hz, bw, delay, pub"),
     Noun("node", "metaros.cli.node", GRAPH, "list, info"),
     Noun("service", "metaros.cli.service", GRAPH, "list, info, type, find, call"),

@@ -8,6 +8,7 @@ import os
 import sys
 from pathlib import Path
 
+import httpx
 import pytest
 
 from gateway.cli_accounts import life_s
@@ -159,3 +160,24 @@ def test_spans() -> None:
     for text in ("0d", "d", "1.5d", "-1d", "1 d", "9999999d"):
         with pytest.raises(UsageError):
             life_s(text)
+
+
+async def test_everybody_is_signed_out_at_a_running_gateway(tmp_path: Path) -> None:
+    here = ("--data-dir", str(tmp_path / "data"))
+    async with running_gateway(tmp_path) as ready:
+        for name in ("ada", "bob"):
+            add = ("user", "add", name, "--role", "viewer", "--password-stdin", *here)
+            code, _, err = await metaros(tmp_path, *add, stdin=f"{PASSWORD}\n")
+            assert code == 0, err
+        async with client(ready, key="", Origin=ready.url) as http:
+            http.timeout = httpx.Timeout(60)
+            for arguments in (("--everybody",), ("ada",)):
+                await http.post("/api/v1/auth/login", json={"name": "ada", "password": PASSWORD})
+                assert (await http.get("/api/v1/auth/me")).json()["name"] == "ada"
+                code, out, err = await metaros(tmp_path, "user", "signout", *arguments, *here)
+                assert (code, out) == (0, "1 session ended\n"), err
+                async with asyncio.timeout(60):
+                    while (await http.get("/api/v1/auth/me")).json().get("name") == "ada":  # noqa: ASYNC110
+                        await asyncio.sleep(0.1)
+        code, _, err = await metaros(tmp_path, "user", "signout", *here)
+        assert (code, "--everybody" in err) == (2, True)

@@ -178,6 +178,7 @@ def _enrolment(request: Request, given: Enrolled) -> dict[str, Any]:
         "certificate": given.certificate,
         "chain": given.chain,
         "roots": given.roots,
+        "vouchers": given.vouchers,
         "not_after": rfc3339(given.not_after_ns),
         "now": rfc3339(services.clock.wall_ns()),
         "grpc_port": services.grpc_port(),
