@@ -34,7 +34,7 @@ def run_command(
         int | None, typer.Option(help="Port of the Zenoh router on this host.", envvar="METAROS_ZENOH_PORT")
     ] = None,
     zenoh_profile: Annotated[
-        str | None, typer.Option(metavar="open|protected", help="How the router guards this robot.")
+        str | None, typer.Option(metavar="auto|open|protected", help="How the router guards this robot.")
     ] = None,
     zenoh_credentials: Annotated[
         Path | None, typer.Option(metavar="DIR", help="The protected profile's session files.")

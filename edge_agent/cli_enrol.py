@@ -40,3 +40,4 @@ def enrol_command(
     typer.echo(f"enrolled {identity.robot} in fleet {identity.fleet}")
     more = f" --state-dir {state_dir}" if state_dir else ""
     typer.echo(f"start it: metaros agent --name {identity.robot}{more}")
+    typer.echo("keep others on this machine from driving it: metaros router --zenoh-profile protected", err=True)

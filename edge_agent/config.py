@@ -23,7 +23,7 @@ from metaros.limits import LIMITS
 
 __all__ = ["OutboxSettings", "Settings", "load_settings", "sanitised_hostname"]
 
-ZenohProfile = Literal["open", "protected"]
+ZenohProfile = Literal["auto", "open", "protected"]
 CHOICES = {
     "transport": get_args(TransportSetting),
     "compression": get_args(Compression),
@@ -83,7 +83,7 @@ class Settings:
     transport: TransportSetting = "auto"
     compression: Compression = "none"  # of bulk and event batches on the wire
     zenoh_port: int = 7447
-    zenoh_profile: ZenohProfile = "open"
+    zenoh_profile: ZenohProfile = "auto"  # protected for an enrolled robot whose router is or was, else open
     zenoh_credentials: Path | None = None  # None = ~/.metaros/zenoh
     exclude: tuple[str, ...] = ()
     host_metrics: bool = True

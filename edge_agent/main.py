@@ -74,7 +74,7 @@ async def run_agent(settings: Settings, *, clock: Clock | None = None) -> None:
                 connect=[f"tcp/127.0.0.1:{settings.zenoh_port}"],
                 clock=clock,
                 shared_memory="off",
-                environ=session_environ(settings),
+                environ=session_environ(settings, enrolled=IdentityFiles(state.directory).exists()),
             )
         )
         node = stack.enter_context(

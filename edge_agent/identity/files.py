@@ -54,6 +54,10 @@ class IdentityFiles:
     def __init__(self, state_dir: Path) -> None:
         self.folder = state_dir / "identity"
 
+    def exists(self) -> bool:
+        """Whether the robot was ever enrolled, be its files good or not."""
+        return (self.folder / IDENTITY).exists()
+
     def load(self) -> RobotIdentity | None:
         """What holds now; None for a robot that was never enrolled."""
         table = self._read(IDENTITY)
