@@ -186,6 +186,12 @@ class SealKeyError(SealError):
     code = "seal_key_unknown"
 
 
+class NotSealedError(SealError):
+    """A topic that has to be sealed is not: whoever passed it on may have put anything there."""
+
+    code = "not_sealed"
+
+
 class ReplayError(SealError):
     """A sealed payload that came before."""
 

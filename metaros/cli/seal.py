@@ -79,6 +79,10 @@ def open_(
     robot: Annotated[
         str, typer.Option("--robot", metavar="ID", help="Whose it is; else what the recording says.")
     ] = "",
+    sealed: Annotated[
+        list[str] | None,
+        typer.Option("--sealed", metavar="GLOB", help="Topics that are sealed for certain: else they are refused."),
+    ] = None,
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Open the sealed topics of a recording. What was changed, moved or repeated is left out, told, and ends with 1."""
@@ -88,7 +92,7 @@ def open_(
     from metaros.seal import Keyring
 
     out = Output(output)
-    done = unseal(open_bag(bag), target, Keyring.load(keyring), robot=robot)
+    done = unseal(open_bag(bag), target, Keyring.load(keyring), robot=robot, sealed=sealed or ())
     refused = [{"topic": topic, "code": code, "count": count} for (topic, code), count in done.refused.items()]
     if out.json:
         out.object_line(

@@ -107,3 +107,15 @@ def test_sealed_and_clear_messages_of_one_topic_are_kept_apart(tmp_path: Path) -
     done = opened(tmp_path, {"/clear": frames("/clear", 1)})
     assert (done.opened, done.refused) == (1, {})
     assert sorted(data for _, _, _, data in read(tmp_path)) == [b"/clear 1", b"readable"]
+
+
+@pytest.mark.parametrize(
+    ("patterns", "refused"), [((), {}), (("/cle*",), {("/clear", "not_sealed"): 1}), (("/a",), {})]
+)
+def test_a_topic_that_must_be_sealed_and_is_not_is_refused(
+    tmp_path: Path, patterns: tuple[str, ...], refused: dict[tuple[str, str], int]
+) -> None:
+    write(tmp_path / "in.mcap", {"/a": frames("/a", 2)}, metadata=lambda _: {"robot": "r1", "topic": "/a"})
+    done = unseal(open_bag(tmp_path / "in.mcap"), tmp_path / "out.mcap", RING, sealed=patterns)
+    assert (done.opened, done.refused) == (2, refused)
+    assert (b"readable" in [item[3] for item in read(tmp_path)]) is (not refused)
