@@ -67,7 +67,7 @@ class Up:
 
     def link(self) -> str:
         """Another one, as `metaros signin` makes it."""
-        key = (self.log.parent / "data" / "local.key").read_text().strip()
+        key = (self.log.parent / "data" / "gateway" / "local.key").read_text().strip()
         headers = {"Authorization": f"Bearer {key}", "Content-Type": "application/json"}
         request = urllib.request.Request(f"{self.url}/api/v1/auth/links", b"{}", headers)
         with urllib.request.urlopen(request, timeout=60) as answer:
