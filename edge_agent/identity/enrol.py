@@ -31,17 +31,20 @@ FINAL = frozenset({"token_unknown", "token_used", "token_expired", "token_foreig
 def enrol(token: Token, *, url: str, robot_id: str, state_dir: Path) -> RobotIdentity:
     """Turn a token into an identity in the state directory. Blocks for some seconds at most.
 
+    A token that has brought the identity there is not used again: what it brought is returned.
+
     Raises:
         PinError: another gateway than the token's answers at the URL.
         EnrolError: the gateway cannot be reached, is not to be trusted or refuses; nothing of the robot has changed.
         InsecureGatewayError, ConfigError: the URL.
         IdentityFileError: the state directory.
     """
-    url = check_url(url)
+    url, files = check_url(url), IdentityFiles(state_dir)
+    if (held := files.brought_by(token.text)) is not None and held.robot == robot_id:
+        return held
     shown = GatewayDoor(url, unverified()).get("/enrol/roots")
     fleet = _text(shown, "fleet")
     roots = pinned_roots(_text(shown, "roots", empty=True).encode(), token.pin).decode()  # none: it gave no token yet
-    files = IdentityFiles(state_dir)
     key = files.pending_key(f"token {token.id} {robot_id}")
     request = csr_pem(make_csr(key, fleet=fleet, robot_id=robot_id))
     body = {"token": token.text, "robot": robot_id, "csr": request}
@@ -55,7 +58,7 @@ def enrol(token: Token, *, url: str, robot_id: str, state_dir: Path) -> RobotIde
             files.forget_pending()
         raise
     identity = _identity(answer, key, url=url, fleet=fleet, robot_id=robot_id, roots=roots, system_trust=system_trust)
-    files.save(identity)
+    files.save(identity, token=token.text)
     return identity
 
 
@@ -66,7 +69,7 @@ def renew(identity: RobotIdentity, state_dir: Path) -> RobotIdentity:
     if asked.get("audience", identity.fleet) != identity.fleet:
         raise PinError(f"the gateway is of the fleet {asked.get('audience')!r}, this robot of {identity.fleet!r}")
     files = IdentityFiles(state_dir)
-    key = files.pending_key(f"renew {hashlib.sha256(identity.certificate.encode()).hexdigest()}")
+    key = files.pending_key(f"renew {hashlib.sha256(identity.certificate.encode()).hexdigest()}", renewal=True)
     request = make_csr(key, fleet=identity.fleet, robot_id=identity.robot)
     try:
         statement = renew_statement(

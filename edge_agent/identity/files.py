@@ -1,11 +1,14 @@
 """The robot's identity on its disk: one file, replaced as a whole, so that key and certificate always belong together.
 
-`identity/identity.json` is what holds. `identity/pending.json` is a key for which a certificate was asked and not yet
-received: the answer may be lost, and the gateway gives it again for the same key alone. Both have mode 0600.
+`identity/identity.json` is what holds. `pending.json` beside it is a key for which a certificate was asked with a token
+and not yet received, `renewal.json` the same of a renewal: the answer may be lost, and the gateway gives it again for
+the same key alone, so neither may take the other's away. `token.json` is the hash of the token that was used last: who
+gives the same command again is told that it is done, and rings no alarm. All have mode 0600.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import stat
@@ -20,7 +23,7 @@ from edge_agent.identity.key import PrivateKey, key_from_pem, key_to_pem, new_ke
 
 __all__ = ["IdentityFiles", "RobotIdentity"]
 
-IDENTITY, PENDING = "identity.json", "pending.json"
+IDENTITY, PENDING, RENEWAL, TOKEN = "identity.json", "pending.json", "renewal.json", "token.json"
 FILE_BYTES = 256 * 1024
 
 
@@ -75,29 +78,42 @@ class IdentityFiles:
         identity.private_key()
         return identity
 
-    def save(self, identity: RobotIdentity) -> None:
-        """Put it in the place of what held, on the disk before this returns; what was pending is done."""
-        self._replace(IDENTITY, asdict(identity))
-        self.forget_pending()
+    def save(self, identity: RobotIdentity, *, token: str = "") -> None:
+        """Put it in the place of what held, on the disk before this returns; what was pending for it is done.
 
-    def pending_key(self, purpose: str) -> PrivateKey:
+        `token` is the text of the one that brought it; "": a renewal did.
+        """
+        self._replace(IDENTITY, asdict(identity))
+        if token:
+            self._replace(TOKEN, {"sha256": _hash(token)})
+            self.forget_pending()
+        self.forget_pending(renewal=True)
+
+    def brought_by(self, token: str) -> RobotIdentity | None:
+        """What holds, if this very token brought it, by whatever certificates since; else None."""
+        table = self._read(TOKEN)
+        return self.load() if table is not None and table.get("sha256") == _hash(token) else None
+
+    def pending_key(self, purpose: str, *, renewal: bool = False) -> PrivateKey:
         """The key to ask a certificate for: the one of an earlier attempt with the same purpose, else a new one.
 
-        `purpose` is the token's id, or the certificate that is to be renewed.
+        `purpose` is the token's id, or with `renewal` the certificate that is to be renewed.
         """
-        table = self._read(PENDING)
+        name = RENEWAL if renewal else PENDING
+        table = self._read(name)
         if table is not None and table.get("purpose") == purpose and isinstance(table.get("key"), str):
             return key_from_pem(table["key"])
         key = new_key()
-        self._replace(PENDING, {"purpose": purpose, "key": key_to_pem(key)})
+        self._replace(name, {"purpose": purpose, "key": key_to_pem(key)})
         return key
 
-    def forget_pending(self) -> None:
+    def forget_pending(self, *, renewal: bool = False) -> None:
         """No answer is waited for any more."""
+        path = self.folder / (RENEWAL if renewal else PENDING)
         try:
-            (self.folder / PENDING).unlink(missing_ok=True)
+            path.unlink(missing_ok=True)
         except OSError as error:
-            raise IdentityFileError(f"cannot delete {self.folder / PENDING}: {error.strerror}") from error
+            raise IdentityFileError(f"cannot delete {path}: {error.strerror}") from error
 
     def _read(self, name: str) -> dict[str, Any] | None:
         path = self.folder / name
@@ -135,6 +151,10 @@ class IdentityFiles:
                 _sync(self.folder)
         except OSError as error:
             raise IdentityFileError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _sync(folder: Path) -> None:

@@ -62,7 +62,7 @@ def test_a_pending_key_waits_for_its_own_purpose(tmp_path: Path) -> None:
     first = public_der(IdentityFiles(tmp_path).pending_key("token a"))
     assert public_der(IdentityFiles(tmp_path).pending_key("token a")) == first
     assert public_der(IdentityFiles(tmp_path).pending_key("token b")) != first
-    IdentityFiles(tmp_path).save(make_identity())
+    IdentityFiles(tmp_path).save(make_identity(), token="token b")
     assert not (tmp_path / "identity" / "pending.json").exists()
 
 
