@@ -294,6 +294,7 @@ def _rates(settings: Settings, clock: Clock) -> Rates:
         clock=clock,
         requests=settings.requests_per_s,
         anonymous=settings.anonymous_requests_per_s,
+        strangers=None if settings.anonymous_requests_per_s else 0.0,
         robot=settings.robot_requests_per_s,
         sign_in=settings.sign_ins_per_min / 60,
     )

@@ -26,7 +26,8 @@ __all__ = ["protocols"]
 
 SURPLUS_BYTES = 32 * 1024 * 1024  # of a body that nobody asked for, behind its answer
 SLICE_BYTES = 4096  # of a socket's data between two looks at how many frames they were
-LINK_FRAMES = 10.0  # a robot's link may send so many times the frames of a viewer
+BURST_S = 4.0
+LINK_FRAMES = 30.0  # a robot's link may send so many times the frames of a viewer
 FRAGMENTS = 1024  # of one message
 TOO_OFTEN, TOO_BIG = 1008, 1009
 _TOO_LARGE = (
@@ -188,6 +189,8 @@ class SocketProtocol(WebSocketsSansIOProtocol):
         """The connection of an HTTP request that became a socket."""
         super().connection_made(transport)
         self._guest = self.crowd.of(transport)
+        if self._guest is not None:
+            self.crowd.work(self._guest)  # its request is over, the socket is not
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Count it out."""
@@ -214,7 +217,7 @@ class SocketProtocol(WebSocketsSansIOProtocol):
             per_s *= LINK_FRAMES
         else:
             self.conn.max_message_size = self.crowd.limits.socket_message_bytes
-        self._budget = Buckets(per_s=per_s, burst=per_s)
+        self._budget = Buckets(per_s=per_s, burst=per_s * BURST_S)
         super().handle_connect(event)
 
     def data_received(self, data: bytes) -> None:
@@ -234,6 +237,12 @@ class SocketProtocol(WebSocketsSansIOProtocol):
             super().handle_ping()
         else:
             self.conn.data_to_send()
+
+    async def send(self, message: Any) -> None:
+        """As ever; a handshake that was refused with an answer is over, which uvicorn would call a failure."""
+        await super().send(message)
+        if message["type"] == "websocket.http.response.body" and not message.get("more_body", False):
+            self.handshake_complete = True
 
     def _affordable(self) -> bool:
         seen, self._frames_seen = self._frames_seen, 0

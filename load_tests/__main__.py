@@ -10,6 +10,7 @@ import itertools
 import sys
 
 BENCHMARKS = {
+    "attacks": "what an honest client notices while somebody attacks the gateway",
     "broker": "ZeroMQ messages through the broker and its bridge, against a plain zmq.proxy",
     "cdr": "CDR encode and decode against rosbags",
     "delivery": "durable samples from an agent's outbox to the gateway's disk, and live ones beside them",

@@ -50,6 +50,7 @@ class Limits:
     schema_bytes: int = 256 * KIB
     schemas_bytes: int = 32 * MIB  # of all channels of one session
     statistics_bytes: int = 1 * MIB  # what an agent says of itself at a time
+    schemas_bytes: int = 32 * MIB  # of all channels of a robot together, each counted where it is announced
     channels_per_robot: int = 4096
     series_per_robot: int = 4096
     subscriptions_per_viewer: int = 256
@@ -72,7 +73,7 @@ class Limits:
     connections_address: int = 512  # of one address; those of this machine and of trusted proxies: three quarters
     sockets_open: int = 512  # of one user, key or address, beside robots' links
     socket_message_bytes: int = 64 * KIB  # of a client on the stream and teleop sockets
-    socket_frames_per_s: float = 2000.0  # of a client, control frames and fragments too; a robot's link: ten times
+    socket_frames_per_s: float = 300.0  # of a client, control frames and fragments too; a robot's link: 30 times
     links_waiting: int = 1024  # lanes of robots that have not said who they are
     links_waiting_address: int = 128  # of one address beyond this machine
     links_address_per_s: float = 200.0  # lanes that one address opens
@@ -91,6 +92,8 @@ class Limits:
     recorder_queue_bytes: int = 256 * MIB  # samples that wait for a recorder's disk
     recorder_ring_bytes: int = 512 * MIB  # samples that a recorder in ring mode keeps in memory
     recorder_publishers: int = 4096  # of one recorded topic, followed by sequence number at a time
+    recorded_chunk_bytes: int = 256 * MIB  # one chunk of an MCAP file that is read, uncompressed
+    offered_qos_chars: int = 64 * KIB  # of one channel of such a file; longer texts are not read
     recording_bytes: int = 1024 * MIB  # one clip of a robot's black box
     recording_part_bytes: int = 256 * KIB  # a piece of it on the link
     recording_window_bytes: int = 1 * MIB  # pieces sent past what the gateway has told to be on its disk

@@ -13,7 +13,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from gateway.api.allow import PRINCIPAL_KEY, SAFE_METHODS
 from gateway.api.guard import body_limit, drain
-from gateway.api.rate import address_of
+from gateway.api.rate import PAUSE_S, address_of
 from gateway.domain.principal import NOBODY, Principal
 from gateway.errors import BodyTooLargeError, OverloadedError, RequestTimeoutError, TooManyRequestsError
 from metaros.errors import MetarosError
@@ -116,7 +116,7 @@ class _Body:
     async def _whole(self) -> Message:
         limit, limits = self._desk.limit(self._scope), self._desk.limits
         if (said := _said_bytes(self._scope)) > limit:
-            await drain(self._receive)
+            await self._let_go()
             raise BodyTooLargeError(f"the body has {said} bytes, at most {limit} may come")
         pieces: list[bytes] = []
         size = 0
@@ -125,13 +125,13 @@ class _Body:
                 while True:
                     async with asyncio.timeout(limits.body_idle_s):
                         message = await self._receive()
-                    if message["type"] != "http.request":
-                        return message
+                    if message["type"] != "http.request":  # an error of ours: others end as a traceback in the log
+                        raise RequestTimeoutError("the connection ended within the body")
                     piece: bytes = message.get("body", b"")
                     size += len(piece)
                     if size > limit:
                         pieces.clear()
-                        await drain(self._receive)
+                        await self._let_go()
                         raise BodyTooLargeError(f"the body is over {limit} bytes")
                     self._desk.in_flight.add(self.address, len(piece))
                     self.counted += len(piece)
@@ -143,6 +143,16 @@ class _Body:
             raise RequestTimeoutError(
                 f"the body did not come: {limits.body_idle_s:g} s for a piece, {limits.body_s:g} s for all of it"
             ) from None
+
+    async def _let_go(self) -> None:
+        """Read on for a while, for who is known: a client that still sends would see its connection reset instead of
+        the answer. Nobody's rest stays unread, and the answer takes its time.
+        """
+        principal: Principal = self._scope.get(PRINCIPAL_KEY, NOBODY)
+        if principal.kind == "anonymous":
+            await asyncio.sleep(PAUSE_S)
+        else:
+            await drain(self._receive)
 
 
 def _said_bytes(scope: Scope) -> int:

@@ -25,9 +25,10 @@ __all__ = ["PROTOCOL_KEY", "Guard", "body_limit", "drain"]
 PROTOCOL_KEY = "metaros.protocol"  # where a socket's scope keeps uvicorn's protocol object, see ws/cut.py
 REFUSED = 4403
 LOOPBACK_NAMES = ("localhost", "127.0.0.1", "[::1]")
+MOST_DIGITS = 15  # of a Content-Length
 AGENTS_ONLY = "/api/v1/link"  # no page of anybody's has business there, ours included
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
-DRAINED_BYTES, DRAIN_S = 32 * 1024 * 1024, 10.0
+DRAINED_BYTES, DRAIN_S = 8 * 1024 * 1024, 10.0
 BODY_LIMITS = {"application/json": LIMITS.json_bytes, "application/cdr": LIMITS.frame_bytes - 64 * 1024}
 
 _HOST = re.compile(rb"(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(?::([0-9]{1,5}))?")
@@ -76,8 +77,6 @@ class Guard:
             if scope["type"] == "http" and scope["method"] not in SAFE_METHODS:
                 body_limit(scope)  # the body itself is read when it is known who asks, see bodies.py
         except RequestError as error:
-            if isinstance(error, BodyTooLargeError):
-                await drain(receive)
             await _refuse(scope, send, error)
             return
         if scope["type"] == "websocket":
@@ -123,7 +122,7 @@ def body_limit(scope: Scope) -> int:
         raise MediaTypeError("a request that changes something has Content-Type application/json or application/cdr")
     limit = BODY_LIMITS[types[0]]
     for length in _all(scope, b"content-length"):
-        if not length.isdigit() or int(length) > limit:
+        if not length.isdigit() or len(length) > MOST_DIGITS:
             raise BodyTooLargeError(f"the body has {length[:20].decode('latin-1')} bytes, at most {limit} may come")
     return limit
 

@@ -7,6 +7,7 @@ that robot, whoever asks. The defaults are several times what the dashboard, the
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -26,11 +27,18 @@ from metaros.limits import LIMITS
 
 __all__ = ["RATES", "Rate", "RateLimited", "Rates", "address_of"]
 
+PAUSE_S = 0.5
+POLICY = 1008  # with which http_server.py ends a socket that sends too many frames
 TOO_OFTEN = 4429  # the close code of a socket whose client says too much
+SIGN_INS = ("/api/v1/auth/login", "/api/v1/auth/link")
+MOST_TURN_S = 2.0
+FLOODED = 50.0  # sockets that one counts for that had to be ended
 PROBES = ("/healthz", "/readyz")
 MIB = 1024 * 1024
 
-Name = Literal["requests", "anonymous", "refused", "sign_in", "enrol", "robot", "sockets", "messages", "message_bytes"]
+Name = Literal[
+    "requests", "anonymous", "strangers", "refused", "sign_in", "enrol", "robot", "sockets", "messages", "message_bytes"
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,11 +55,12 @@ class Rate:
 RATES: tuple[Rate, ...] = (
     Rate("requests", 500.0, 2500.0, "a user or key", "requests"),
     Rate("anonymous", 200.0, 1000.0, "an address", "requests of who has not signed in, files of the dashboard too"),
+    Rate("strangers", 200.0, 100.0, "everybody", "requests of all who have not signed in, one after the other"),
     Rate("refused", 20.0, 200.0, "an address", "keys and sessions that were not good"),
     Rate("sign_in", 5 / 60, 10.0, "an address", "sign-ins that failed, beside the lock-out by name"),
     Rate("enrol", 5.0, 100.0, "an address", "requests for a robot's certificate, failed ones"),
     Rate("robot", 100.0, 500.0, "a robot", "requests that change something on it, of everybody together"),
-    Rate("sockets", 20.0, 200.0, "a user, key or address", "sockets opened"),
+    Rate("sockets", 5.0, 100.0, "a user, key or address", "sockets opened"),
     Rate("messages", 200.0, 1000.0, "a socket", "messages of a client"),
     Rate("message_bytes", 1.0 * MIB, 4.0 * MIB, "a socket", "bytes of a client's messages"),
 )
@@ -75,15 +84,26 @@ class Rates:
         if wait_s:
             raise TooManyRequestsError("too many requests: wait", retry_after_s=wait_s)
 
+    def turn_s(self) -> float:
+        """After how long it is a stranger's turn: many at a time come one after the other, so that the event loop has
+        time for everybody else in between.
+        """
+        now_s, strangers = self._clock.monotonic_s(), self._buckets["strangers"]
+        wait_s = strangers.wait_s("", now_s)
+        if wait_s > MOST_TURN_S:
+            raise TooManyRequestsError("too many requests of strangers: wait", retry_after_s=wait_s)
+        strangers.drop("", now_s)
+        return wait_s
+
     def check(self, name: str, key: object) -> None:
         """TooManyRequestsError when `take` would raise it; takes nothing."""
         wait_s = self._buckets[name].wait_s(key, self._clock.monotonic_s())
         if wait_s:
             raise TooManyRequestsError("too many requests: wait", retry_after_s=wait_s)
 
-    def count(self, name: str, key: object) -> None:
-        """Take it where there is any left."""
-        self._buckets[name].take(key, self._clock.monotonic_s())
+    def count(self, name: str, key: object, amount: float = 1.0) -> None:
+        """Take it whether it is there or not: the next ones wait the longer."""
+        self._buckets[name].drop(key, self._clock.monotonic_s(), amount)
 
     def give(self, name: str, key: object) -> None:
         """It was taken for nothing."""
@@ -91,21 +111,26 @@ class Rates:
 
     def admit(self, connection: HTTPConnection, row: Permission) -> None:
         """What a permission costs beside the request: failures by address, changes by robot."""
-        name = _COUNTED.get(row.name)
-        if name is not None:
-            self.take(name, address_of(connection.scope))
-            connection.state.taken = name
-        robot_id = connection.path_params.get("robot_id")
-        if row.robots and row.mutates and robot_id is not None:
-            self.take("robot", robot_id)
+        name, robot_id = _COUNTED.get(row.name), connection.path_params.get("robot_id")
+        try:
+            if name is not None:
+                self.take(name, address_of(connection.scope))
+                connection.state.taken = name
+            if row.robots and row.mutates and robot_id is not None:
+                self.take("robot", robot_id)
+        except TooManyRequestsError:
+            connection.state.refused = True
+            raise
 
 
 class RateLimited:
     """Refuses who asks too often, and ends sockets whose clients say too much."""
 
-    def __init__(self, app: ASGIApp, rates: Rates) -> None:
+    def __init__(self, app: ASGIApp, rates: Rates, *, pause_s: float = PAUSE_S) -> None:
+        """A refusal takes `pause_s`, which slows down who floods: a connection asks one thing at a time."""
         self._app = app
         self._rates = rates
+        self._pause_s = pause_s
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Count, then pass on."""
@@ -115,7 +140,10 @@ class RateLimited:
         scope[RATES_KEY] = self._rates
         try:
             key = self._count(scope)
+            if scope.get(PRINCIPAL_KEY, NOBODY).kind == "anonymous":
+                await asyncio.sleep(self._rates.turn_s())
         except TooManyRequestsError as error:
+            await asyncio.sleep(self._pause_s)
             await refuse(scope, receive, send, error)
             return
         if scope["type"] == "http":
@@ -130,7 +158,12 @@ class RateLimited:
         principal: Principal = scope.get(PRINCIPAL_KEY, NOBODY)
         known = principal.kind != "anonymous"
         key = f"{principal.kind} {principal.id}" if known else address_of(scope)
-        self._rates.take("requests" if known else "anonymous", key)
+        if known:
+            self._rates.take("requests", key)
+        else:
+            self._rates.take("anonymous", key)
+        if scope["path"] in SIGN_INS:
+            self._rates.check("sign_in", address_of(scope))  # early: a flood of them is to cost little
         if scope["type"] == "websocket" and scope["path"] != AGENTS_ONLY:
             self._rates.take("sockets", key)
             if self._rates.open.get(key, 0) >= LIMITS.sockets_open:
@@ -141,10 +174,12 @@ class RateLimited:
         """What counts by its failures is given back to who did not fail."""
 
         async def wrapped(message: Message) -> None:
-            if message["type"] == "http.response.start" and message["status"] not in _FAILED:
-                taken = scope.get("state", {}).get("taken")
-                if taken is not None:
-                    self._rates.give(taken, address_of(scope))
+            if message["type"] == "http.response.start":
+                state = scope.get("state", {})
+                if "taken" in state and message["status"] not in _FAILED:
+                    self._rates.give(state["taken"], address_of(scope))
+                elif "refused" in state or ("taken" in state and message["status"] == 429):
+                    await asyncio.sleep(self._pause_s)
             await send(message)
 
         return wrapped
@@ -156,11 +191,14 @@ class RateLimited:
         async def counted() -> Message:
             message = await receive()
             if message["type"] != "websocket.receive":
+                if message.get("code") == POLICY:
+                    rates.count("sockets", key, FLOODED)
                 return message
             try:
                 rates.take("messages", me)
                 rates.take("message_bytes", me, len(message.get("text") or message.get("bytes") or ""))
             except TooManyRequestsError:
+                rates.count("sockets", key, FLOODED)
                 await send({"type": "websocket.close", "code": TOO_OFTEN, "reason": TooManyRequestsError.code})
                 return {"type": "websocket.disconnect", "code": TOO_OFTEN}
             return message

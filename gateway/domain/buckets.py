@@ -40,6 +40,11 @@ class Buckets:
             self._put(key, self._level(key, now_s) - amount, now_s)
         return wait_s
 
+    def drop(self, key: Hashable, now_s: float, amount: float = 1.0) -> None:
+        """Take so much whether it is there or not; a debt is at most four bursts."""
+        if self._per_s:
+            self._put(key, max(-4 * self._burst, self._level(key, now_s) - amount), now_s)
+
     def give(self, key: Hashable, now_s: float, amount: float = 1.0) -> None:
         """Give back what was taken for nothing."""
         if key in self._levels:

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
+import sys
+import threading
 import unicodedata
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -22,6 +25,7 @@ __all__ = ["MIN_CHARS", "Passwords", "check_password", "hash_password"]
 
 Result = TypeVar("Result")
 AT_A_TIME = 2
+NICE = 10
 BUSY_S = 5.0
 MIN_CHARS = 12
 
@@ -42,9 +46,13 @@ def hash_password(text: str, *, hasher: PasswordHasher | None = None) -> str:
 class Passwords:
     """Hashes and checks for an event loop; `close` when it ends."""
 
-    def __init__(self, *, hasher: PasswordHasher | None = None, waiting: int = LIMITS.password_checks) -> None:
+    def __init__(
+        self, *, hasher: PasswordHasher | None = None, waiting: int = LIMITS.password_checks, threads: int | None = None
+    ) -> None:
         self._hasher = hasher or PasswordHasher()
-        self._pool = ThreadPoolExecutor(max_workers=AT_A_TIME, thread_name_prefix="gateway-password")
+        self._pool = ThreadPoolExecutor(
+            max_workers=threads or _at_a_time(), thread_name_prefix="gateway-password", initializer=_give_way
+        )
         self._most = waiting
         self._under_way = 0
         self._nobody: str | None = None  # what is compared where there is no such user, so that it takes as long
@@ -90,6 +98,18 @@ class Passwords:
         self._under_way -= 1
         if not future.cancelled():
             future.exception()  # seen, also where nobody waits any more
+
+
+def _at_a_time() -> int:
+    """Two, and one where there are two cores: the other is the event loop's."""
+    return max(1, min(AT_A_TIME, (os.cpu_count() or 2) - 1))
+
+
+def _give_way() -> None:
+    """A hash has time, what robots and viewers wait for has not: on Linux a thread's priority is its own."""
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICE)
 
 
 def _bytes(text: str) -> bytes:

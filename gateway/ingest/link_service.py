@@ -35,10 +35,16 @@ class LinkService(link_pb2_grpc.LinkServicer):
 
     async def Connect(self, request_iterator: AsyncIterator[link_pb2.AgentFrame], context: Context) -> None:
         """One lane from Hello to the end of its connection."""
-        frames = aiter(request_iterator)
+        frames: AsyncIterator[link_pb2.AgentFrame] | None = None
+
+        async def read() -> link_pb2.AgentFrame | None:
+            nonlocal frames  # begun by the first read: of a lane that is refused at once nothing is read
+            frames = frames or aiter(request_iterator)
+            return await anext(frames, None)
+
         name, local = context.peer(), _is_local(context.peer()) and not _forwarded(context)
         peer = Peer(_certificate(context), local, _address(name))
-        await serve_lane(self._links, lambda: anext(frames, None), context.write, peer=peer)
+        await serve_lane(self._links, read, context.write, peer=peer)
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,7 +40,7 @@ def limited(clock: ManualClock, **per_s: float) -> RateLimited:
         await send({"type": "http.response.start", "status": 200, "headers": []})
         await send({"type": "http.response.body", "body": b""})
 
-    return RateLimited(app, Rates(clock=clock, **per_s))
+    return RateLimited(app, Rates(clock=clock, **per_s), pause_s=0.0)
 
 
 async def test_each_is_counted_for_themselves_and_may_come_back_when_told() -> None:

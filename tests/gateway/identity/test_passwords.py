@@ -46,7 +46,7 @@ def hasher() -> CountingHasher:
 
 @pytest.fixture
 def passwords(hasher: CountingHasher) -> Iterator[Passwords]:
-    made = Passwords(hasher=hasher, waiting=8)
+    made = Passwords(hasher=hasher, waiting=8, threads=2)
     yield made
     hasher.go.set()
     made.close()
