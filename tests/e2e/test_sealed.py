@@ -16,38 +16,40 @@ from tests.e2e.fake_gateway import FakeGateway
 from tests.e2e.fake_world import FakeRobot, FakeTopic
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
-TYPE = "std_msgs/msg/String"
+PANELS = ("odom", "scan", "imu", "camera/image/compressed")
+MAP = "[data-card=map] canvas"
 
 
 class SealedRobot(FakeRobot):
-    """Its `note` is sealed; a subscription's numbers begin at 1, as the fake gateway counts them."""
+    """Topics of it are sealed; a subscription's numbers begin at 1, as the fake gateway counts them."""
 
-    def seal_with(self, ring: Keyring) -> None:
-        """Seal by this keyring."""
+    def seal_with(self, ring: Keyring, *names: str) -> None:
+        """Seal the topics of these names by this keyring."""
         self.sealer = Sealer(ring, SystemClock())
-        self.seq = 0
+        self.seqs = dict.fromkeys(names, 0)
 
     def describe_topic(self, number: int, topic: FakeTopic) -> dict[str, Any]:
         """As of any robot, but for the encoding."""
         described = super().describe_topic(number, topic)
-        return {**described, "encoding": SEALED_CDR} if topic.name == "note" else described
+        return {**described, "encoding": SEALED_CDR} if topic.name in self.seqs else described
 
     def describe_channel(self, number: int, topic: FakeTopic) -> dict[str, Any]:
         """Likewise; a subscription begins."""
         described = super().describe_channel(number, topic)
-        if topic.name != "note":
+        if topic.name not in self.seqs:
             return described
-        self.seq = 0
+        self.seqs[topic.name] = 0
         return {**described, "encoding": SEALED_CDR}
 
     def encode(self, topic: FakeTopic, at_s: float) -> bytes:
         """The message, sealed."""
         payload = super().encode(topic, at_s)
-        if topic.name != "note":
+        if topic.name not in self.seqs:
             return payload
-        self.seq += 1
-        origin = Origin(robot=self.id, topic=self.topic("note"), type_name=TYPE, type_hash=type_hash(TYPE))
-        return self.sealer.seal(payload, origin, stream=7, epoch=1, seq=self.seq)
+        self.seqs[topic.name] += 1
+        kind = topic.type
+        origin = Origin(robot=self.id, topic=self.topic(topic.name), type_name=kind, type_hash=type_hash(kind))
+        return self.sealer.seal(payload, origin, stream=7, epoch=1, seq=self.seqs[topic.name])
 
 
 @pytest.fixture
@@ -56,11 +58,11 @@ def ring() -> Keyring:
     return Keyring((SealKey.make(SystemClock()),))
 
 
-@pytest.fixture
-def sealed(free_port: int, ring: Keyring) -> Iterator[FakeGateway]:
-    """One robot with a sealed topic."""
+@pytest.fixture(params=[("note",)], ids=["note"])
+def sealed(request: pytest.FixtureRequest, free_port: int, ring: Keyring) -> Iterator[FakeGateway]:
+    """One robot with sealed topics: its note, or those that a test names."""
     robot = SealedRobot("sim_1", "/sim_1", note="the safe is open")
-    robot.seal_with(ring)
+    robot.seal_with(ring, *request.param)
     served = FakeGateway(free_port, [robot])
     served.start()
     yield served
@@ -75,6 +77,12 @@ def choose(page: Page, path: Path) -> None:
     page.locator("[data-unlock] input").set_input_files(path)
 
 
+def other_keyring(path: Path) -> Path:
+    """A file with a key that sealed nothing."""
+    Keyring((SealKey.make(SystemClock()),)).save(path)
+    return path
+
+
 def test_a_sealed_topic_has_a_lock_and_opens_with_its_keyring_alone(
     sealed: FakeGateway, ring: Keyring, open_page: Callable[..., Page], tmp_path: Path
 ) -> None:
@@ -83,7 +91,7 @@ def test_a_sealed_topic_has_a_lock_and_opens_with_its_keyring_alone(
     card.locator("summary").click()
     expect(card).to_contain_text("sealed: open it with its keyring")
     other, right = tmp_path / "other.keys", tmp_path / "right.keys"
-    Keyring((SealKey.make(SystemClock()),)).save(other)
+    other_keyring(other)
     ring.save(right)
     choose(page, other)
     expect(page.locator("[data-unlock]")).to_contain_text("opens with key")
@@ -96,3 +104,26 @@ def test_a_sealed_topic_has_a_lock_and_opens_with_its_keyring_alone(
     page.get_by_role("button", name="Live", exact=True).click()
     card.locator("summary").click()
     expect(card).to_contain_text("the safe is open")
+
+
+@pytest.mark.parametrize("sealed", [PANELS], indirect=True, ids=["panels"])
+def test_map_camera_and_plot_say_that_they_are_sealed_and_open(
+    sealed: FakeGateway, ring: Keyring, open_page: Callable[..., Page], tmp_path: Path
+) -> None:
+    page = open_page(f"{sealed.url}/robots/sim_1")
+    cards = [page.locator(f"[data-card={kind}]") for kind in ("map", "camera", "imu")]
+    for card in cards:
+        expect(card.locator(".problem")).to_contain_text("sealed: open it with its keyring")
+    choose_here = page.locator("[data-unlock]")
+    (tmp_path / "none.keys").write_text("{}")
+    choose_here.locator("input").set_input_files(tmp_path / "none.keys")
+    expect(choose_here).to_contain_text("that is no keyring")
+    choose_here.locator("input").set_input_files(other_keyring(tmp_path / "other.keys"))
+    for card in cards:
+        expect(card.locator(".problem")).to_contain_text("which is not here: your keyring holds another")
+    ring.save(tmp_path / "right.keys")
+    choose_here.locator("input").set_input_files(tmp_path / "right.keys")
+    for card in cards:
+        expect(card.locator(".problem")).to_have_count(0)
+    page.wait_for_function(f"() => Number(document.querySelector({MAP!r})?.dataset.scans) > 3")
+    page.wait_for_function("() => Number(document.querySelector('[data-card=camera] canvas')?.dataset.frames) > 3")

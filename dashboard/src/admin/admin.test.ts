@@ -67,6 +67,7 @@ test("tokens and their countdown", () => {
 test("the command leads to where the browser reached the gateway", () => {
   const command = "metaros agent enrol mr1.a.b.c --gateway http://10.0.0.7:8080 --name arm_1";
   expect(commandFor(command, "https://fleet.example")).toBe("metaros agent enrol mr1.a.b.c --gateway https://fleet.example --name arm_1");
+  for (const here of ["http://localhost:8080", "https://127.0.0.1:8080", "http://[::1]:8080"]) expect(commandFor(command, here)).toBe(command);
 });
 
 test("patterns of robots, typed and read", () => {

@@ -58,8 +58,12 @@ export function countdown(leftMs: number): string {
   return hours > 0 ? `${hours}:${two(minutes)}:${two(seconds % 60)}` : `${minutes}:${two(seconds % 60)}`;
 }
 
-/** The command with the address by which this browser reaches the gateway: behind a proxy the gateway knows another. */
-export const commandFor = (command: string, origin: string) => command.replace(/--gateway \S+/, `--gateway ${origin}`);
+/**
+ * The command with the address by which this browser reaches the gateway: behind a proxy the gateway knows another. On the gateway's own
+ * machine that address leads no robot anywhere, so there the gateway's word counts.
+ */
+export const commandFor = (command: string, origin: string) =>
+  /^https?:\/\/(localhost|127\.|\[::1\])/.test(origin) ? command : command.replace(/--gateway \S+/, `--gateway ${origin}`);
 
 /** What an alarm suggests, beside the gateway's own words. */
 export const ALARM_ADVICE =

@@ -20,7 +20,7 @@ async function toBitmap(message: Record<string, unknown>): Promise<ImageBitmap> 
 
 async function opened({ payload, sealed }: Extract<Order, { kind: "decode" }>): Promise<ArrayBuffer> {
   if (!sealed) return payload;
-  if (!keyring) throw new SealError("sealed: open it with its keyring on the Topics page");
+  if (!keyring) throw new SealError("sealed: open it with its keyring, above");
   return (await keyring).open(new Uint8Array(payload), sealed.origin, sealed.seq);
 }
 

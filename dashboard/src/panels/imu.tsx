@@ -19,7 +19,9 @@ export function ImuCard({ robot, topic }: { robot: string; topic: string }) {
   const timelines = useMemo(() => [new Timeline(WINDOW_S), new Timeline(WINDOW_S)], [robot, topic]);
   const version = useSignal(0);
   const received = useSignal<number | null>(null);
-  useTopic({ robot, topic, maxRateHz: RATE_HZ }, ({ message }) => {
+  const problem = useSignal("");
+  useTopic({ robot, topic, maxRateHz: RATE_HZ }, ({ message, error }) => {
+    problem.value = message ? "" : (error ?? "");
     if (!message) return;
     const imu = message as unknown as Imu;
     const at = Date.now();
@@ -30,6 +32,7 @@ export function ImuCard({ robot, topic }: { robot: string; topic: string }) {
   });
   return (
     <Card title="IMU" kind="imu" topic={topic} note="last 20 s" stampMs={received.value}>
+      {problem.value && <p class="problem">{problem.value}</p>}
       <Plot
         timelines={timelines}
         labels={["turn rad/s", "acceleration m/s²"]}

@@ -76,6 +76,8 @@ export function MapCard({ robot, namespace, odom, scan }: { robot: string; names
   const follow = useSignal(true);
   const received = useSignal<number | null>(null);
   const missing = useSignal<Missing | null>(null);
+  const problem = useSignal("");
+  const scanProblem = useSignal("");
   const note = useRef<HTMLSpanElement>(null);
 
   const { ref, redraw } = useCanvas(({ context, width, height }) => {
@@ -96,13 +98,15 @@ export function MapCard({ robot, namespace, odom, scan }: { robot: string; names
     model.current!.begin(tMs);
     missing.value = absent;
     received.value = null;
+    problem.value = scanProblem.value = "";
     redraw();
   };
   useTrail(robot, namespace, odom, (trail) => {
     model.current!.trail = trail;
     redraw();
   });
-  useTopic({ robot, topic: odom, depth: DEPTH, backS: POSES_BACK_S, aheadS: POSES_AHEAD_S, onInstant: begin }, ({ message, stampMs }, seenMs) => {
+  useTopic({ robot, topic: odom, depth: DEPTH, backS: POSES_BACK_S, aheadS: POSES_AHEAD_S, onInstant: begin }, ({ message, error, stampMs }, seenMs) => {
+    problem.value = message ? "" : (error ?? "");
     if (!message) return;
     model.current!.addPose(toPose(message, stampMs));
     if (model.current!.travelledM - fadedAt.current > FADE_EVERY_M) {
@@ -113,7 +117,8 @@ export function MapCard({ robot, namespace, odom, scan }: { robot: string; names
     if (untilMs === null ? seenMs - (received.peek() ?? 0) > 1000 : seenMs <= untilMs) received.value = seenMs;
     redraw();
   });
-  useTopic({ robot, topic: scan ?? "", depth: DEPTH, backS: SCANS_BACK_S, enabled: scan !== null }, ({ message, stampMs }) => {
+  useTopic({ robot, topic: scan ?? "", depth: DEPTH, backS: SCANS_BACK_S, enabled: scan !== null }, ({ message, error, stampMs }) => {
+    scanProblem.value = message ? "" : (error ?? "");
     if (!message) return;
     model.current!.addScan(toScan(message, stampMs));
     redraw();
@@ -129,6 +134,7 @@ export function MapCard({ robot, namespace, odom, scan }: { robot: string; names
   };
   return (
     <Card title="Map" kind="map" topic={odom} note={<span ref={note} class="num" />} stampMs={received.value} missing={missing.value}>
+      {(problem.value || scanProblem.value) && <p class="problem">{problem.value || scanProblem.value}</p>}
       <div class="map">
         <canvas
           ref={ref}

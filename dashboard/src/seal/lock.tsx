@@ -32,13 +32,18 @@ export function Unlock() {
     }
   };
   return (
-    <p class="quiet" data-unlock>
-      <label>
-        Sealed topics: open with a keyring <input type="file" onChange={(event) => void choose(event.currentTarget)} />
-      </label>{" "}
-      <span role="status" class={bad.value ? "bad" : ""}>
+    <div class="unlock" data-unlock>
+      <p>
+        <span aria-hidden="true">{"\u{1F512}"}</span> Some topics are sealed on the robot: the gateway cannot read them. Choose their keyring to read
+        them here; it stays in this page until you close it.
+      </p>
+      <label class="button button-main">
+        {said.value && !bad.value ? "Choose another keyring…" : "Choose the keyring…"}
+        <input type="file" class="visually-hidden" onChange={(event) => void choose(event.currentTarget)} />
+      </label>
+      <span role="status" class={bad.value ? "bad" : "unlock-said"}>
         {said.value}
       </span>
-    </p>
+    </div>
   );
 }

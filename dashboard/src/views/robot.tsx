@@ -8,6 +8,8 @@ import { moment } from "../history/moment";
 import { ageText, now } from "../live/age";
 import { concerns, health, robots } from "../live/fleet";
 import { TimeBar } from "../panels/time_bar";
+import { SEALED_CDR } from "../seal/encoding";
+import { Unlock } from "../seal/lock";
 import { useLive } from "../ui/context";
 import { bytes, bytesPerSecond, fixed, integer } from "../ui/format";
 import { Link, StateBadge } from "../ui/parts";
@@ -68,6 +70,7 @@ export function RobotPage({ id }: { id: string }) {
       </nav>
       {problem.value && <p class="problem" role="status">{problem.value}</p>}
       {tab === "live" && <TimeBar key={id} robot={id} />}
+      {tab !== "link" && topics.value?.some(({ encoding }) => encoding === SEALED_CDR) && <Unlock />}
       {tab === "live" && moment.value !== null ? (
         <PastTab key={`past ${id}`} robot={robot} series={series.value} />
       ) : tab === "live" ? (

@@ -2,7 +2,7 @@
 
 import type { Robot, Topic } from "../api/types";
 import { SEALED_CDR } from "../seal/envelope";
-import { LockMark, Unlock } from "../seal/lock";
+import { LockMark } from "../seal/lock";
 import { bytesPerSecond, fixed, integer, NONE, relativeTopic, typeWord } from "../ui/format";
 
 export function TopicsTab({ robot, topics }: { robot: Robot; topics: Topic[] | null }) {
@@ -10,7 +10,6 @@ export function TopicsTab({ robot, topics }: { robot: Robot; topics: Topic[] | n
   const sorted = [...topics].sort((a, b) => a.topic.localeCompare(b.topic));
   return (
     <div class="scroll">
-      {topics.some(({ encoding }) => encoding === SEALED_CDR) && <Unlock />}
       <table class="topics">
         <thead>
           <tr>
