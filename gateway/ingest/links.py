@@ -111,7 +111,6 @@ class Links:
         self._limits = replace(limits, window_bytes=self._quota.window_bytes(limits))
         self.knocks = Knocks(clock=clock, limits=limits)
         self._live: dict[str, _Live] = {}
-        self._joining = asyncio.Lock()
 
     def check(self, hello: link_pb2.Hello) -> None:
         """Before anybody believes a Hello: its form. ProtocolError when that is wrong."""
@@ -120,10 +119,10 @@ class Links:
     async def join(self, hello: link_pb2.Hello, admitted: Admitted) -> Lane:
         """Open a lane for a Hello that the gate admitted; a LinkError says why it may not."""
         robot = check_hello(hello, limits=self._limits)
-        async with self._joining:
-            record = self._registry.find(robot.id)
-            if record is None:
-                record = self._registry.add(RobotRecord(robot, seen_ns=self._clock.wall_ns()))
+        record = self._registry.find(robot.id)
+        if record is None:
+            record = self._registry.add(RobotRecord(robot, seen_ns=self._clock.wall_ns()))
+        async with record.joining:
             streams = record.streams = await self._streams(record, hello)
             if streams.forked(hello):
                 record.forks += 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections import deque
 from collections.abc import Iterable
@@ -100,6 +101,7 @@ class RobotRecord:
         self.series: dict[str, SeriesState] = {}
         self.byte_rate = RateMeter()
         self.meter: Meter | None = None
+        self.joining = asyncio.Lock()  # one lane after another is opened; no robot waits for another one's
         self.quota_said_s = -math.inf
         self.forks = 0  # how often a copy of the robot's outbox was found out
         self.revision = 1

@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 STALLED_S = 60.0
 PROGRESS_S = 2.0  # between two updates of a recording's row
 KEEP_RETRY_S = 5.0
-MAX_OFFERS = 1024  # looked up at a time; more are offered again
+MAX_OFFERS = 64  # of one robot, looked up at a time; more are offered again
 MAX_COUNT = 2**63 - 1
 TellRobot = Callable[[str, link_pb2.RecordingWanted], None]
 
@@ -72,12 +72,12 @@ class Arrivals:
         self._limits = limits
         self._budget = Budget(limits.recordings_queue_bytes)
         self._here: dict[str, _Arrival] = {}
-        self._offers: set[str] = set()  # being looked up
+        self._offers: set[tuple[str, str]] = set()  # robot and recording: being looked up
 
     @property
     def ids(self) -> set[str]:
         """The recordings that are on their way here."""
-        return {*self._here, *self._offers}
+        return {*self._here, *(recording_id for _, recording_id in self._offers)}
 
     def moving(self) -> set[str]:
         """Those of them that wait for no word of their robot's: one that stalls may have missed ours."""
@@ -96,8 +96,8 @@ class Arrivals:
         known = arrival is not None and arrival.recording.robot == robot_id
         if known and arrival is not None and part.data and arrival.transfer.matches(part):
             arrival.transfer.part(part)
-        elif part.recording_id not in self._offers and len(self._offers) < MAX_OFFERS:
-            self._offers.add(part.recording_id)
+        elif (offer := (robot_id, part.recording_id)) not in self._offers and self._may_offer(robot_id):
+            self._offers.add(offer)
             self._spawn(self._offered(robot_id, part))
 
     def robot_left(self, robot_id: str) -> None:
@@ -145,13 +145,16 @@ class Arrivals:
             arrival.transfer.pause()
             self._begin(arrival)
 
+    def _may_offer(self, robot_id: str) -> bool:
+        return sum(robot == robot_id for robot, _ in self._offers) < MAX_OFFERS
+
     async def _offered(self, robot_id: str, part: link_pb2.RecordingPart) -> None:
         try:
             await self._answer(robot_id, part)
         except StoreError as error:
             log.warning("recording %s: its offer waits: %s", part.recording_id, error)
         finally:
-            self._offers.discard(part.recording_id)
+            self._offers.discard((robot_id, part.recording_id))
 
     async def _answer(self, robot_id: str, part: link_pb2.RecordingPart) -> None:
         asked = await self._rows.get(part.recording_id)

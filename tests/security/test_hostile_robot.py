@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import asyncio
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from gateway.domain.channel import Series
+from gateway.domain.identity import Admitted
 from gateway.domain.robot import Robot
 from gateway.errors import ProtocolError
 from gateway.ingest.events import Closed
 from gateway.ingest.registry import REMEMBERED_SERIES, RIVAL_TRIES, RobotRecord
 from gateway.ingest.streams import MAX_EPOCHS, StreamTable
+from gateway.recordings.arrivals import MAX_OFFERS, Arrivals
 from metaros._proto import link_pb2
+from metaros.clock import ManualClock
 from metaros.limits import LIMITS
+from tests.gateway.ingest.test_links import Rig as LinksRig
 from tests.gateway.ingest.test_session import CONTROL, DATA, Rig, hello
 
 SCHEMA = b"s" * LIMITS.schema_bytes
@@ -98,3 +104,45 @@ def test_what_breaks_the_protocol_ends_the_own_session(frame: str) -> None:
     rig = Rig()
     assert ended(rig.receive(lane=DATA, **HOSTILE[frame])) != ""
     assert rig.receive(lane=DATA, announce=channel(50)) == []
+
+
+async def test_a_robot_that_keeps_the_store_busy_keeps_nobody_else_waiting(tmp_path: Path) -> None:
+    rig, never = LinksRig(tmp_path), asyncio.Event()
+    real = rig.store.streams
+
+    async def streams(robot: str) -> dict[tuple[int, int], int]:
+        if robot == "hog":
+            await never.wait()
+        return await real(robot)
+
+    rig.store.streams = streams  # type: ignore[method-assign, assignment]
+    hog = asyncio.create_task(rig.links.join(hello(robot_id="hog", namespace="/hog"), Admitted("hog")))
+    await asyncio.sleep(0)
+    async with asyncio.timeout(60):
+        await rig.links.join(hello(), Admitted("r1"))
+    assert not hog.done()
+    hog.cancel()
+    await asyncio.gather(hog, return_exceptions=True)
+    await rig.store.close()
+
+
+def test_offers_of_one_robot_leave_room_for_the_others() -> None:
+    spawned: list[Any] = []
+    nothing: Any = None  # what is spawned is never run
+    arrivals = Arrivals(
+        nothing,
+        nothing,
+        nothing,
+        tell=lambda robot, wanted: None,
+        spawn=spawned.append,
+        on_thread=nothing,
+        clock=ManualClock(),
+        limits=LIMITS,
+    )
+    for number in range(10_000):
+        arrivals.part("hog", link_pb2.RecordingPart(recording_id=f"r{number}"))
+    assert len(spawned) == MAX_OFFERS
+    arrivals.part("arm", link_pb2.RecordingPart(recording_id="r0"))  # its own, whoever else names it
+    assert len(spawned) == MAX_OFFERS + 1
+    for waiting in spawned:
+        waiting.close()
