@@ -5,7 +5,6 @@ No gRPC here: a lane is a `LaneOutbox` and frames that somebody feeds in.
 
 from __future__ import annotations
 
-import asyncio
 import logging
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
