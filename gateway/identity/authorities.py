@@ -88,7 +88,9 @@ class Authorities:
 
     @property
     def current_id(self) -> str:
-        """The issuer that issues now; "" before there is one."""
+        """The issuer that issues here now; "" before there is one."""
+        if self._supplied is not None:
+            return self._supplied.id
         return self._held[0][0].id if self._held else ""
 
     def recognises(self, issuer_key: str) -> bool:

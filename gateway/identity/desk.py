@@ -52,6 +52,7 @@ class IdentityDesk:
         self.robots = RobotIdentities(store, self.authorities, clock=clock, required=choices.required)
         self._names: tuple[str, ...] = ()
         self._pair: ServerPair | None = None
+        self._pair_by = ""  # the issuer of the pair
 
     @property
     def pair(self) -> ServerPair | None:
@@ -73,7 +74,7 @@ class IdentityDesk:
             authority = await self.authorities.issuing()
         except AuthorityError as error:
             raise ConfigError(f"no certificate for this gateway's own TLS: {error}") from error
-        self._names = tuple(names)
+        self._names, self._pair_by = tuple(names), authority.id
         self._pair = issue_server(authority, self._names, now_ns=self._clock.wall_ns())
         return self._pair
 
@@ -85,14 +86,19 @@ class IdentityDesk:
             group.create_task(self._follow_authorities())
 
     async def _follow_authorities(self) -> None:
-        """Another issuer: the servers' pair is its work from then on."""
+        """Another issuer: the servers' pair is its work from then on. A trouble is told once, until it is over."""
+        told = ""
         while True:
             await asyncio.sleep(FOLLOW_S)
             try:
-                if await self.authorities.follow() and self._pair is not None:
+                await self.authorities.follow()
+                if self._pair is not None and self._pair_by != self.authorities.current_id:
                     await self.serve_as(self._names)
+                told = ""
             except (ConfigError, StoreError) as error:
-                log.warning("the fleet's authorities cannot be followed now: %s", error)
+                if str(error) != told:
+                    log.warning("the fleet's authorities cannot be followed now: %s", error)
+                told = str(error)
 
     async def _follow_pair(self) -> None:
         while True:
