@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cryptography import x509
-from cryptography.exceptions import InvalidSignature
+from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 from cryptography.hazmat.primitives import serialization
 
 from edge_agent.errors import EnrolAnswerError
@@ -15,6 +15,7 @@ from edge_agent.identity.key import PrivateKey, public_der
 __all__ = ["Validity", "certificates_der", "check_issued", "validity_of", "vouched_roots"]
 
 MOST_IN_A_CHAIN = 8
+UNREADABLE = (x509.ExtensionNotFound, x509.DuplicateExtension, x509.InvalidVersion, x509.UnsupportedGeneralNameType)
 NS = 1_000_000_000
 
 
@@ -79,13 +80,10 @@ def _vouches(voucher: x509.Certificate, root: x509.Certificate, known: list[x509
     try:
         if voucher.extensions.get_extension_for_class(x509.BasicConstraints).value.ca:
             return False
-    except (ValueError, x509.ExtensionNotFound):
-        return False
-    if (voucher.subject, voucher.public_key()) != (root.subject, root.public_key()):
-        return False
-    try:
+        if (voucher.subject, voucher.public_key()) != (root.subject, root.public_key()):
+            return False
         _signed(voucher, known)
-    except EnrolAnswerError:
+    except (ValueError, TypeError, UnsupportedAlgorithm, EnrolAnswerError, *UNREADABLE):
         return False
     return True
 
