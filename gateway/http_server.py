@@ -9,9 +9,7 @@ as much as one of a thousand.
 from __future__ import annotations
 
 import asyncio
-import ssl
-from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
@@ -62,6 +60,8 @@ class HttpProtocol(HttpToolsProtocol):
             self._guest = self.crowd.enter(transport)
             if self._guest is None:
                 transport.abort()
+        else:
+            self.crowd.secured(self._guest, transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Count it out."""
@@ -264,76 +264,8 @@ class SocketProtocol(WebSocketsSansIOProtocol):
         self.conn.recv_frame = counted  # type: ignore[method-assign]
 
 
-class _Held(asyncio.Protocol):
-    """What comes between the end of a handshake and the moment its protocol is there."""
-
-    def __init__(self) -> None:
-        self.pieces: list[bytes] = []
-        self.lost = False
-
-    def data_received(self, data: bytes) -> None:
-        """Keep it; the transport reads no further than its own buffer in that moment."""
-        self.pieces.append(data)
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Gone before it began."""
-        self.lost = True
-
-
-class TlsEntrance(asyncio.Protocol):
-    """An accepted connection: counted, then TLS within its time, then HTTP."""
-
-    crowd: Crowd
-    context: Callable[[], ssl.SSLContext]
-    inner: type[HttpProtocol]
-
-    def __init__(self, **options: Any) -> None:
-        """`options` are what uvicorn gives a protocol."""
-        self._options = options
-        self._shaking: asyncio.Task[None] | None = None
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Count it in and shake hands, or end it."""
-        stream = cast("asyncio.Transport", transport)  # uvloop's is one by its methods alone
-        guest = self.crowd.enter(stream)
-        if guest is None:
-            stream.abort()
-            return
-        stream.pause_reading()
-        self._shaking = asyncio.get_running_loop().create_task(self._shake(stream, guest))
-
-    async def _shake(self, transport: asyncio.Transport, guest: Guest) -> None:
-        held = _Held()
-        try:
-            secure = await asyncio.get_running_loop().start_tls(
-                transport,
-                held,
-                self.context(),
-                server_side=True,
-                ssl_handshake_timeout=self.crowd.limits.head_s,
-                ssl_shutdown_timeout=1.0,
-            )
-        except (OSError, ssl.SSLError, TimeoutError):
-            secure = None
-        if secure is None or held.lost:
-            self.crowd.leave(guest)
-            transport.abort()
-            return
-        self.crowd.secured(guest, secure)
-        http = self.inner(**self._options, guest=guest)
-        http.connection_made(secure)
-        secure.set_protocol(http)
-        for piece in held.pieces:
-            http.data_received(piece)
-
-
-def protocols(
-    crowd: Crowd, *, clock: Clock, context: Callable[[], ssl.SSLContext] | None = None
-) -> tuple[type[asyncio.Protocol], type[asyncio.Protocol]]:
-    """What uvicorn's `http` and `ws` are for one port; with `context`, which is asked at each handshake, behind TLS."""
+def protocols(crowd: Crowd, *, clock: Clock) -> tuple[type[asyncio.Protocol], type[asyncio.Protocol]]:
+    """What uvicorn's `http` and `ws` are for one port, behind TLS too."""
     http = type("CountedHttp", (HttpProtocol,), {"crowd": crowd})
     socket = type("CountedSocket", (SocketProtocol,), {"crowd": crowd, "clock": clock})
-    if context is None:
-        return http, socket
-    entrance = {"crowd": crowd, "context": staticmethod(context), "inner": http}
-    return type("CountedTls", (TlsEntrance,), entrance), socket
+    return http, socket

@@ -10,20 +10,22 @@ import socket
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import grpc
 import uvicorn
 
 from gateway.announce import LocalAccess, Ready, ready_line, write_status
 from gateway.app import Gateway
-from gateway.crowd import Crowd, open_files
+from gateway.crowd import Crowd, Guest, open_files
 from gateway.domain.networks import is_within, read_address
 from gateway.http_server import protocols
 from gateway.identity.door import Door
 from gateway.ingest.link_service import ServerTls, make_server, tls_credentials
 from gateway.ports import listen
 from gateway.settings import DEFAULT_GRPC_PORT, DEFAULT_HTTP_PORT, Settings
-from gateway.tls import strict_transport
+from gateway.tls import HttpTls, strict_transport
+from gateway.tls_accept import TlsAcceptor
 from metaros.clock import Clock, SystemClock
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS
@@ -38,9 +40,12 @@ HTTP_GRACE_S = 1
 class _HttpServer(uvicorn.Server):
     """uvicorn without its signal handlers: the program has its own; `up` says when it serves."""
 
-    def __init__(self, config: uvicorn.Config) -> None:
+    def __init__(self, config: uvicorn.Config, *, crowd: Crowd, tls: HttpTls | None) -> None:
         super().__init__(config)
         self.up = asyncio.Event()
+        self._crowd = crowd
+        self._tls = tls
+        self._accepting: asyncio.Task[None] | None = None
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -48,9 +53,25 @@ class _HttpServer(uvicorn.Server):
         yield
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Start, then say so."""
-        await super().startup(sockets)
+        """Start, then say so. Behind TLS the connections are accepted by us: see tls_accept.py."""
+        tls = self._tls
+        await super().startup(sockets if tls is None else [])
+        if tls is not None and sockets:
+            acceptor = TlsAcceptor(sockets[0], crowd=self._crowd, context=tls.context, protocol=self._protocol)
+            self._accepting = asyncio.get_running_loop().create_task(acceptor.run())
         self.up.set()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Take nobody any more, then end as ever."""
+        if self._accepting is not None:
+            self._accepting.cancel()
+        await super().shutdown(sockets)
+
+    def _protocol(self, guest: Guest) -> asyncio.Protocol:
+        made: Any = self.config.http_protocol_class
+        state = {"server_state": self.server_state, "app_state": self.lifespan.state}
+        protocol: asyncio.Protocol = made(config=self.config, **state, guest=guest)
+        return protocol
 
 
 async def serve(
@@ -81,7 +102,7 @@ async def _serve(
 ) -> None:
     robots, grpc_port = _robots_server(gateway)
     crowd = _crowd(gateway)
-    http = _HttpServer(_http_config(gateway, crowd))
+    http = _HttpServer(_http_config(gateway, crowd), crowd=crowd, tls=gateway.tls)
     await robots.start()
     try:
         async with asyncio.TaskGroup() as group:
@@ -140,7 +161,7 @@ def _crowd(gateway: Gateway) -> Crowd:
 
 def _http_config(gateway: Gateway, crowd: Crowd) -> uvicorn.Config:
     tls = gateway.tls
-    http, socket_protocol = protocols(crowd, clock=gateway.clock, context=tls.context if tls is not None else None)
+    http, socket_protocol = protocols(crowd, clock=gateway.clock)
     return uvicorn.Config(
         strict_transport(gateway.api, tls) if tls is not None else gateway.api,
         http=http,

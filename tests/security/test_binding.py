@@ -157,13 +157,14 @@ async def test_the_lock_out_and_the_log_know_the_client_behind_the_proxy(tmp_pat
     async with running_gateway(tmp_path, trusted_proxies=("127.0.0.1",)) as ready:
         admin = (ready.data_dir / "local.key").read_text().strip()
         async with client(ready, key="", origin=ready.url) as http:
+            http.timeout = httpx.Timeout(60)  # a password is compared slowly, by intent
             wrong = {"name": "ada", "password": "wrong wrong wrong"}
             seen = {"X-Forwarded-For": "6.6.6.6, 198.51.100.7", "X-Forwarded-Proto": "https"}
             assert (await http.post("/api/v1/auth/login", json=wrong, headers=seen)).status_code == 401
 
         def addresses() -> set[str]:
             url, headers = f"{ready.url}/api/v1/audit?action=sessions.open", {"Authorization": f"Bearer {admin}"}
-            rows = httpx.get(url, headers=headers, trust_env=False).json()["rows"]
+            rows = httpx.get(url, headers=headers, trust_env=False, timeout=60).json()["rows"]
             return {row["address"] for row in rows}
 
         await asyncio.to_thread(wait_until, addresses)
