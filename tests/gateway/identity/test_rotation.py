@@ -153,6 +153,14 @@ async def test_all_robots_renew_when_they_are_asked_to(tmp_path: Path, store_url
         with pytest.raises(UnprovenError, match="renewed now"):
             desks.robots.still(lane)
         assert await refusal(desks, arm) == "certificate_expired"
+        arm = await renewed(desks, arm)
+        assert (await admitted(desks, arm)).robot == "arm"
+        ahead_ns = now_ns + 3600 * 10**9  # said on a machine whose clock is an hour ahead
+        await desks.store.run(lambda engine: set_renew_before(engine, ahead_ns))
+        await desks.authorities.follow()
+        assert (await admitted(desks, arm)).robot == "arm"
+        desks.clock.advance(3601)
+        assert await refusal(desks, arm) == "certificate_expired"
         assert (await admitted(desks, await renewed(desks, arm))).robot == "arm"
 
 
