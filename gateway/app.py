@@ -171,8 +171,9 @@ class Gateway:
 
     async def _start_tls(self) -> None:
         own = self.settings
-        if own.tls_on:
+        if own.robots_tls:
             await self.identities.serve_as(own.server_names)
+        if own.tls_on:
             self.tls = http_tls(
                 lambda: self.identities.pair,
                 lambda: self.identities.authorities.roots_pem,

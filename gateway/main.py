@@ -136,7 +136,7 @@ def _robots_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
     with listen(host, gateway.settings.grpc_port, default=DEFAULT_GRPC_PORT, flag="--grpc-port") as probe:
         port = int(probe.getsockname()[1])
     gateway.grpc_port = port
-    credentials = tls_credentials(lambda: _robots_tls(gateway)) if gateway.settings.tls_on else None
+    credentials = tls_credentials(lambda: _robots_tls(gateway)) if gateway.settings.robots_tls else None
     return make_server(gateway.links, host=host, port=port, credentials=credentials)
 
 

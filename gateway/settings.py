@@ -123,6 +123,11 @@ class Settings:
         return self.tls == "on" or (self.tls == "auto" and (self.tls_cert is not None or not is_loopback(self.host)))
 
     @property
+    def robots_tls(self) -> bool:
+        """Whether the robots' port speaks TLS: beyond loopback always, no proxy of people's is before it."""
+        return self.tls_on or not is_loopback(self.host)
+
+    @property
     def proxies(self) -> tuple[Network, ...]:
         """Whose word about where a request comes from is believed."""
         return parse_networks(self.trusted_proxies)

@@ -12,12 +12,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import grpc
 import httpx
 import pytest
 
 from gateway.main import serve
 from gateway.names import machine_names, outward_address
 from gateway.settings import Settings
+from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.errors import ConfigError
 from tests.gateway.harness import client, running_gateway
 from tests.support.postgres import PostgresServer
@@ -143,6 +145,9 @@ async def test_without_tls_others_than_the_proxy_get_nothing_but_the_probes(tmp_
         for path in ("/healthz", "/readyz"):
             assert (await http.get(direct + path)).status_code == 200
         by_proxy = {"X-Forwarded-For": "198.51.100.7", "X-Forwarded-Proto": "https"}
+        with pytest.raises(grpc.aio.AioRpcError, match="UNAVAILABLE"):  # robots' port keeps its TLS
+            async with grpc.aio.insecure_channel(f"127.0.0.1:{ready.grpc_port}") as robots:
+                await link_pb2_grpc.LinkStub(robots).Connect(iter([link_pb2.AgentFrame()])).read()
         answer = await http.get(f"{ready.url}/api/v1/robots", headers=by_proxy)
         assert (answer.status_code, answer.json()["code"]) == (401, "sign_in")
 

@@ -182,7 +182,7 @@ def _enrolment(request: Request, given: Enrolled) -> dict[str, Any]:
         "not_after": rfc3339(given.not_after_ns),
         "now": rfc3339(services.clock.wall_ns()),
         "grpc_port": services.grpc_port(),
-        "grpc_tls": services.settings.tls_on,
+        "grpc_tls": services.settings.robots_tls,
     }
 
 
