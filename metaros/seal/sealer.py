@@ -31,6 +31,7 @@ class _DataKey:
     prefix: bytes
     cipher: AESGCM
     born_s: float
+    process: int  # a forked child has a copy of it, which must not go on counting
     count: int = 0
 
 
@@ -74,6 +75,7 @@ class Sealer:
     def _is_spent(self, key: _DataKey) -> bool:
         return (
             key.key_id != self._keyring.current.key_id
+            or key.process != os.getpid()
             or key.count >= self._limits.seal_frames_per_key
             or self._clock.monotonic_s() - key.born_s >= self._limits.seal_key_s
         )
@@ -82,4 +84,4 @@ class Sealer:
         current, boot = self._keyring.current, self._entropy(BOOT_BYTES)
         made = data_key(current.secret, key_id=current.key_id, boot=boot, robot=robot, stream=stream)
         prefix = self._entropy(PREFIX_BYTES)
-        return _DataKey(current.key_id, boot, prefix, AESGCM(made), self._clock.monotonic_s())
+        return _DataKey(current.key_id, boot, prefix, AESGCM(made), self._clock.monotonic_s(), os.getpid())

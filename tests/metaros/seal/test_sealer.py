@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
+
+import pytest
 
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
@@ -36,6 +40,29 @@ def test_the_same_sample_sealed_again_after_a_failed_write_gets_another_nonce() 
     first, again = (sealer.seal(b"same", ODOM, stream=1, epoch=1, seq=1) for _ in range(2))
     assert first != again
     assert parse_head(first).nonce != parse_head(again).nonce
+
+
+FORK = """
+import os
+from metaros.clock import ManualClock
+from metaros.seal import Keyring, Origin, Sealer, SealKey
+origin = Origin(robot="r1", topic="/odom", type_name="nav_msgs/msg/Odometry", type_hash="")
+sealer = Sealer(Keyring((SealKey.make(ManualClock()),)), ManualClock())
+def said():
+    os.write(1, (sealer.seal(b"x", origin, stream=1, epoch=1, seq=1)[:37].hex() + chr(10)).encode())
+said()
+if os.fork():
+    os.wait()
+said()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="forks are Unix's")
+def test_a_forked_child_does_not_go_on_with_its_parents_nonces() -> None:
+    done = subprocess.run([sys.executable, "-c", FORK], capture_output=True, text=True, timeout=60, check=True)
+    heads = done.stdout.split()
+    assert len(heads) == 3
+    assert len(set(heads)) == 3
 
 
 def test_a_data_key_is_made_anew_before_it_seals_more_than_the_limit() -> None:
