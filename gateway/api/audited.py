@@ -24,6 +24,7 @@ __all__ = ["Audited", "note", "reach"]
 
 REFUSALS = (401, 403, 429)
 TRY_AGAIN = 1013
+NAMES_CHARS, SHOWN_CHARS = 64, 20  # of a part of a path: no name of ours is longer, and no secret so short
 
 
 def note(connection: HTTPConnection, *, actor: Principal | None = None, detail: str = "") -> None:
@@ -139,11 +140,17 @@ class _Watch:
             "address": client[0] if client else "",
             "action": asked.name if asked is not None else "",
             "method": scope.get("method", "SOCKET"),
-            "target": scope["path"],
+            "target": _target(scope["path"]),
             "status": status,
             "code": code,
             "detail": said.get("detail", ""),
         }
+
+
+def _target(path: str) -> str:
+    """The path, in which nothing is as long as a key or a token: somebody has pasted a whole one for its id."""
+    parts = path.split("/")
+    return "/".join(part if len(part) <= NAMES_CHARS else f"{part[:SHOWN_CHARS]}…" for part in parts)
 
 
 def _code(start: Message, body: Message) -> str:

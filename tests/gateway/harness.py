@@ -45,8 +45,9 @@ async def running_gateway(folder: Path, *, door: Door | None = None, **settings:
 
 def client(ready: Ready, *, key: str = OPERATOR_KEY, **headers: str) -> httpx.AsyncClient:
     """An HTTP client of that gateway, an operator's unless another key is given; "": nobody's."""
-    verify = trusting(ready) or True
-    return httpx.AsyncClient(base_url=ready.url, headers={**bearer(key), **headers}, trust_env=False, verify=verify)
+    verify, said = trusting(ready) or True, {**bearer(key), **headers}
+    # As patient as `wait_until`: a password's hash takes its time where the machine is busy.
+    return httpx.AsyncClient(base_url=ready.url, headers=said, trust_env=False, verify=verify, timeout=60)
 
 
 def trusting(ready: Ready) -> ssl.SSLContext | None:

@@ -1,0 +1,115 @@
+"""Text that no database, log or JSON likes, numbers beyond every column: everywhere in the API, on both databases."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import httpx
+import pytest
+
+from tests.gateway.harness import ScriptedAgent, client, running_gateway
+from tests.gateway.store.conftest import store_url  # noqa: F401 - both databases
+
+HUGE = 10**40
+# In addresses and queries, and the same in JSON: half a character and NaN can only stand in the latter.
+WORDS = [
+    "\0",
+    "a\0b",
+    "\r\nSet-Cookie: a=b",
+    "\x1b[2J",
+    "'; DROP TABLE users; --",
+    "\U0001f4a9" * 300,
+    "%s%n",
+    "-" * 5000,
+]
+TIMES = [
+    "-999999999d",
+    "0001-01-01T00:00:00Z",
+    "2200-01-01T00:00:00Z",
+    "1900-01-01",
+    "9999-12-31T23:59:59+14:00",
+    "-0s",
+]
+NUMBERS = [str(HUGE), str(-HUGE), str(2**63), str(2**63 - 1), str(-(2**63) - 1), "NaN", "1e309", "٣"]
+RAW = ['"\\u0000"', '"a\\u0000b"', '"\\ud800"', '"\\udfff\\ud800"', str(HUGE), str(-HUGE), "1e400", "NaN", "-Infinity"]
+RAW += ["null", "[]", "{}", '["\\u0000"]', '["\\ud800"]', "true", '""']
+
+
+def filled(path: str, word: str, *, robot: str = "sim_1") -> str:
+    """A path with an odd word in the place of everything but the robot."""
+    for name in ("recording_id", "key_id", "token_id", "name"):
+        path = path.replace(f"{{{name}}}", quote(word, safe=""))
+    return path.replace("{robot_id}", quote(robot, safe=""))
+
+
+def queries(operation: dict[str, Any]) -> list[dict[str, str]]:
+    """Each parameter with each odd value, alone beside those that have to be there."""
+    parameters = [one for one in operation.get("parameters", ()) if one["in"] == "query"]
+    needed = {
+        one["name"]: {"t": "now", "robot": "sim_1"}.get(one["name"], "x") for one in parameters if one["required"]
+    }
+    return [needed | {one["name"]: word} for one in parameters for word in [*WORDS, *TIMES, *NUMBERS]]
+
+
+def bodies(operation: dict[str, Any]) -> list[str]:
+    """Each field with each odd value; the others hold something plain."""
+    content = operation.get("requestBody", {}).get("content", {})
+    fields = content.get("application/json", {}).get("schema", {}).get("properties", {})
+    plain = {name: json.dumps(plain_value(name, schema)) for name, schema in fields.items() if "default" not in schema}
+    made = []
+    for name in fields:
+        for raw in RAW:
+            members = ", ".join(f'"{key}": {value}' for key, value in {**plain, name: raw}.items())
+            made.append(f"{{{members}}}")
+    return made
+
+
+def plain_value(name: str, schema: dict[str, Any]) -> Any:
+    """Something that fits."""
+    known = {"role": "viewer", "name": "somebody", "service": "/a", "type": "std_srvs/srv/Trigger", "topic": "/a"}
+    return known.get(name, 2000 if "integer" in str(schema) else "x")
+
+
+async def tell(http: httpx.AsyncClient, method: str, path: str, **more: Any) -> str:
+    """What is wrong with the answer; "" when nothing is."""
+    answer = await http.request(method, path, **more)
+    offline = answer.status_code == 503 and answer.json()["code"] == "robot_offline"
+    if answer.status_code < 500 or offline:
+        return ""
+    return f"{answer.status_code} {method} {path[:200]} {str(more)[:200]}: {answer.text[:300]}"
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+async def test_nothing_odd_is_an_error_of_the_gateway(tmp_path: Path, store_url: str) -> None:  # noqa: F811
+    free = {"requests_per_s": 0.0, "robot_requests_per_s": 0.0, "sign_ins_per_min": 0.0}
+    wrong, asked = [], 0
+    async with running_gateway(tmp_path, store_url=store_url, **free) as ready:
+        async with ScriptedAgent(ready):
+            pass
+        key = (ready.data_dir / "local.key").read_text().strip()
+        async with client(ready, key=key) as http:
+            http.timeout = httpx.Timeout(60)
+            document = (await http.get("/api/v1/openapi.json")).json()
+            for path, operations in document["paths"].items():
+                for method, operation in operations.items():
+                    cases: list[tuple[str, dict[str, Any]]] = []
+                    for word in WORDS:
+                        if filled(path, word) != filled(path, ""):
+                            cases.append((filled(path, word), {} if method in ("get", "delete") else {"json": {}}))
+                        if "{robot_id}" in path:
+                            cases.append((filled(path, "x", robot=word), {} if method == "get" else {"json": {}}))
+                    cases += [(filled(path, "x"), {"params": query}) for query in queries(operation) if method == "get"]
+                    json_type = {"Content-Type": "application/json"}
+                    cases += [(filled(path, "x"), {"content": b, "headers": json_type}) for b in bodies(operation)]
+                    for place, more in cases:
+                        asked += 1
+                        wrong += filter(None, [await tell(http, method.upper(), place, **more)])
+            page = (await http.get("/api/v1/audit?limit=1000")).json()
+            assert page["rows"], "the audit log goes on"
+            assert (await http.get("/readyz")).status_code == 200
+    assert not wrong, f"{len(wrong)} of {asked}:\n" + "\n".join(wrong[:40])
+    assert asked > 1000
