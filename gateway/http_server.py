@@ -25,7 +25,7 @@ __all__ = ["protocols"]
 SURPLUS_BYTES = 32 * 1024 * 1024  # of a body that nobody asked for, behind its answer
 SLICE_BYTES = 4096  # of a socket's data between two looks at how many frames they were
 BURST_S = 4.0
-LINK_FRAMES = 30.0  # a robot's link may send so many times the frames of a viewer
+LINK_FRAMES = 60.0  # a robot's link may send so many times the frames of a viewer
 FRAGMENTS = 1024  # of one message
 TOO_OFTEN, TOO_BIG = 1008, 1009
 _TOO_LARGE = (
@@ -181,6 +181,7 @@ class SocketProtocol(WebSocketsSansIOProtocol):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._guest: Guest | None = None
+        self._pinged = False
         self._frames_seen = 0
         self._budget: Buckets | None = None
         self._count_frames()
@@ -226,17 +227,23 @@ class SocketProtocol(WebSocketsSansIOProtocol):
             if self.transport.is_closing():
                 return
             super().data_received(data[start : start + SLICE_BYTES])
+            if self._pinged and not self.close_sent and not self.transport.is_closing():
+                self._pong()
             if len(self.frames) > FRAGMENTS:
                 self._end(TOO_BIG, "fragments")
             elif not self._affordable():
                 self._end(TOO_OFTEN, "too_many_requests")
 
     def handle_ping(self) -> None:
-        """Answer it, unless the other end does not even take what it was sent before."""
+        """The answer waits for the end of the slice: one write for many."""
+        self._pinged = True
+
+    def _pong(self) -> None:
+        """Answer pings, unless the other end does not even take what it was sent before."""
+        self._pinged = False
+        output = self.conn.data_to_send()
         if self.writable.is_set():
-            super().handle_ping()
-        else:
-            self.conn.data_to_send()
+            self.transport.write(b"".join(output))
 
     async def send(self, message: Any) -> None:
         """As ever; a handshake that was refused with an answer is over, which uvicorn would call a failure."""

@@ -50,7 +50,6 @@ class Limits:
     schema_bytes: int = 256 * KIB
     schemas_bytes: int = 32 * MIB  # of all channels of one session
     statistics_bytes: int = 1 * MIB  # what an agent says of itself at a time
-    schemas_bytes: int = 32 * MIB  # of all channels of a robot together, each counted where it is announced
     channels_per_robot: int = 4096
     series_per_robot: int = 4096
     subscriptions_per_viewer: int = 256
@@ -73,7 +72,7 @@ class Limits:
     connections_address: int = 512  # of one address; those of this machine and of trusted proxies: three quarters
     sockets_open: int = 512  # of one user, key or address, beside robots' links
     socket_message_bytes: int = 64 * KIB  # of a client on the stream and teleop sockets
-    socket_frames_per_s: float = 300.0  # of a client, control frames and fragments too; a robot's link: 30 times
+    socket_frames_per_s: float = 150.0  # of a client, control frames and fragments too; a robot's link: 60 times
     links_waiting: int = 1024  # lanes of robots that have not said who they are
     links_waiting_address: int = 128  # of one address beyond this machine
     links_address_per_s: float = 200.0  # lanes that one address opens

@@ -32,7 +32,7 @@ POLICY = 1008  # with which http_server.py ends a socket that sends too many fra
 TOO_OFTEN = 4429  # the close code of a socket whose client says too much
 SIGN_INS = ("/api/v1/auth/login", "/api/v1/auth/link")
 MOST_TURN_S = 2.0
-FLOODED = 50.0  # sockets that one counts for that had to be ended
+FLOODED, FLOODED_KNOWN = 150.0, 10.0  # sockets that one counts for that had to be ended
 PROBES = ("/healthz", "/readyz")
 MIB = 1024 * 1024
 
@@ -187,18 +187,19 @@ class RateLimited:
     async def _socket(self, key: str, scope: Scope, receive: Receive, send: Send) -> None:
         rates = self._rates
         me = object()  # a bucket of its own
+        cost = FLOODED if scope.get(PRINCIPAL_KEY, NOBODY).kind == "anonymous" else FLOODED_KNOWN
 
         async def counted() -> Message:
             message = await receive()
             if message["type"] != "websocket.receive":
                 if message.get("code") == POLICY:
-                    rates.count("sockets", key, FLOODED)
+                    rates.count("sockets", key, cost)
                 return message
             try:
                 rates.take("messages", me)
                 rates.take("message_bytes", me, len(message.get("text") or message.get("bytes") or ""))
             except TooManyRequestsError:
-                rates.count("sockets", key, FLOODED)
+                rates.count("sockets", key, cost)
                 await send({"type": "websocket.close", "code": TOO_OFTEN, "reason": TooManyRequestsError.code})
                 return {"type": "websocket.disconnect", "code": TOO_OFTEN}
             return message
