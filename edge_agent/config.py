@@ -31,6 +31,7 @@ CHOICES = {
 }
 DEFAULT_GATEWAY = "127.0.0.1:8081"
 MAX_SYNC_MS = 10_000
+MAX_BYTES = 1024 * 1024  # of the file
 RULE_KEYS = {
     "match": str,
     "class": str,
@@ -139,10 +140,15 @@ def load_settings(path: Path | None = None, overrides: Mapping[str, Any] | None 
 def read_toml(path: Path) -> dict[str, Any]:
     """The file's top table."""
     try:
-        return tomllib.loads(path.read_text())
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    if len(data) > MAX_BYTES:
+        raise ConfigError(f"{path}: settings have at most {MAX_BYTES} bytes")
+    try:
+        return tomllib.loads(data.decode())
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: {error}") from error
 
 

@@ -23,7 +23,7 @@ def stored_limit(disk: Disk) -> int:
     try:
         told = json.loads(disk.read(_NAME, 0, size))["bytes_per_s"] if size else 0
         return max(0, int(told))
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return 0
 
 

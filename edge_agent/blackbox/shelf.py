@@ -25,6 +25,7 @@ __all__ = ["Saved", "Shelf"]
 
 LOG = logging.getLogger("metaros.agent.black_box")
 _ID: Final = re.compile(r"[0-9A-HJKMNP-TV-Z]{26}\Z")
+_SHA256: Final = re.compile(r"([0-9a-f]{64})?\Z")
 _FACTS_BYTES: Final = 4096
 _REMEMBERED: Final = 64
 
@@ -160,7 +161,9 @@ class Shelf:
         try:
             facts = json.loads(self._disk.read(name, 0, _FACTS_BYTES)) if self._disk.size(name) else None
             saved = Saved(**facts) if facts is not None else None
-        except (ValueError, TypeError):
+        except (ValueError, TypeError, RecursionError):
+            return None
+        if saved is not None and not _is_sound(saved):
             return None
         return saved if saved is not None and saved.recording_id == recording_id else None
 
@@ -170,3 +173,14 @@ class Shelf:
     def _unlink(self, recording_id: str, ending: str) -> None:
         with contextlib.suppress(DiskError):
             self._disk.remove(f"{recording_id}.{ending}")
+
+
+def _is_sound(saved: Saved) -> bool:
+    """Whether every fact is of its kind, so that it can be told to the gateway."""
+    numbers = (saved.made_ns, saved.size_bytes, saved.from_ns, saved.to_ns, saved.messages)
+    texts = (saved.recording_id, saved.sha256, saved.failed)
+    return (
+        all(type(number) is int and 0 <= number < 1 << 63 for number in numbers)
+        and all(isinstance(text, str) for text in texts)
+        and _SHA256.match(saved.sha256) is not None
+    )

@@ -50,9 +50,11 @@ def check_issued(certificate: str, chain: str, roots: str, *, key: PrivateKey, f
         trusted = x509.load_pem_x509_certificates(roots.encode())
         names = leaf.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
         uris = names.get_values_for_type(x509.UniformResourceIdentifier)
-    except (ValueError, x509.ExtensionNotFound) as error:
+        spki = leaf.public_key().public_bytes(
+            serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo
+        )
+    except (ValueError, UnsupportedAlgorithm, *UNREADABLE) as error:
         raise EnrolAnswerError(f"the gateway's answer holds no proper certificate: {error}") from error
-    spki = leaf.public_key().public_bytes(serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo)
     if spki != public_der(key):
         raise EnrolAnswerError("the gateway's certificate is for another key than this robot's")
     if uris != [robot_uri(fleet, robot_id)]:

@@ -129,7 +129,7 @@ class IdentityFiles:
             raise IdentityFileError(f"{path} can be read by others (mode {mode:04o}): chmod 600, or enrol again")
         try:
             table = json.loads(data)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise IdentityFileError(f"{path} is damaged: enrol the robot again") from error
         if not isinstance(table, dict):
             raise IdentityFileError(f"{path} is damaged: enrol the robot again")

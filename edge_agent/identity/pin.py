@@ -13,6 +13,7 @@ import re
 from dataclasses import dataclass, field
 
 from cryptography import x509
+from cryptography.exceptions import UnsupportedAlgorithm
 from cryptography.hazmat.primitives import serialization
 
 from edge_agent.errors import PinError, TokenFormatError
@@ -53,9 +54,9 @@ def pinned_roots(pem: bytes, pin: str) -> bytes:
     """Those of the certificates that have the pinned key, as PEM. Raises PinError where none has."""
     try:
         certificates = x509.load_pem_x509_certificates(pem)
-    except ValueError as error:
+        found = [item for item in certificates[:MOST_ROOTS] if hmac.compare_digest(spki_pin(item), pin)]
+    except (ValueError, UnsupportedAlgorithm) as error:  # also of a key that is none, in a certificate that is one
         raise PinError("what is there showed no root certificate") from error
-    found = [item for item in certificates[:MOST_ROOTS] if hmac.compare_digest(spki_pin(item), pin)]
     if not found:
         raise PinError("what is there is not the gateway that this token is of: its root has another key")
     return b"".join(item.public_bytes(serialization.Encoding.PEM) for item in found)

@@ -19,6 +19,7 @@ from typing import Literal, NamedTuple
 
 from edge_agent.errors import CorruptError
 from metaros.limits import LIMITS
+from metaros.link.columns import MAX_SEQ
 
 __all__ = ["Frame", "Gap", "Kind", "Scan", "SegmentHeader", "pack_frame", "pack_header", "read_header", "scan"]
 
@@ -30,6 +31,7 @@ _HEADER_BYTES = 4 * 1024 * 1024  # a header names every stream of its log
 _BODY_BYTES = LIMITS.sample_bytes + 64 * 1024
 FRAME_BYTES = _FRAME.size
 _KINDS = (1, 2, 3)
+_NO_FACTS = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
 
 
 class Kind(IntEnum):
@@ -131,14 +133,17 @@ def read_header(data: bytes) -> tuple[SegmentHeader, int]:
     body = data[_PREFIX.size : _PREFIX.size + size]
     if magic != MAGIC or size > _HEADER_BYTES or len(body) != size or zlib.crc32(body) != crc:
         raise CorruptError("a segment with a damaged header")
-    facts = json.loads(body)
-    header = SegmentHeader(
-        era=facts["era"],
-        boot_id=facts["boot"],
-        last={int(stream): int(seq) for stream, seq in facts["last"].items()},
-        until={int(stream): int(seq) for stream, seq in facts["until"].items()},
-        rewritten=facts["rewritten"],
-    )
+    try:
+        facts = json.loads(body)
+        header = SegmentHeader(
+            era=int(facts["era"]),
+            boot_id=str(facts["boot"]),
+            last={int(stream): int(seq) for stream, seq in facts["last"].items()},
+            until={int(stream): int(seq) for stream, seq in facts["until"].items()},
+            rewritten=facts["rewritten"],
+        )
+    except _NO_FACTS as error:
+        raise CorruptError("a segment whose header says something else than this program writes") from error
     return header, _PREFIX.size + size
 
 
@@ -193,11 +198,23 @@ def scan(data: bytes | memoryview, start: int = 0, *, max_frames: int = 1 << 30)
             return Scan(frames, ends, "torn")
         if zlib.crc32(view[offset + _CRC_BYTES : end]) != crc:
             return Scan(frames, ends, "corrupt")
-        body = bytes(view[offset + FRAME_BYTES : end])
-        frames.append(Frame(Kind(kind), stream, first, count, wall_ns, mono_ns, body))
+        frame = Frame(Kind(kind), stream, first, count, wall_ns, mono_ns, bytes(view[offset + FRAME_BYTES : end]))
+        if first + count > MAX_SEQ or (frame.kind is Kind.GAP and not _is_gap(frame)):
+            return Scan(frames, ends, "corrupt")
+        frames.append(frame)
         ends.append(end)
         offset = end
     return Scan(frames, ends, "clean")
+
+
+def _is_gap(frame: Frame) -> bool:
+    """Whether the body is a gap's: a checksum says that it was written so, not by whom."""
+    try:
+        gap = frame.gap()
+        numbers = (gap.from_seq, gap.to_seq, gap.from_ns, gap.to_ns)
+        return all(type(number) is int and abs(number) < MAX_SEQ for number in numbers) and type(gap.reason) is str
+    except _NO_FACTS:
+        return False
 
 
 def frame_size(data: bytes | memoryview, offset: int) -> int:

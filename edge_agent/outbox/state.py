@@ -55,7 +55,7 @@ class OutboxState:
             found = {writer: numbers(eras) for writer, eras in facts["found"].items()}
             state = cls(epochs, list(facts["writers"]), numbers(facts["bases"]), found, str(facts["sender"]))
             return state if epochs else None
-        except (ValueError, KeyError, TypeError, AttributeError):
+        except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
             return None
 
     def save(self, disk: Disk) -> None:

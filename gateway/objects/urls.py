@@ -56,6 +56,13 @@ def open_objects(url: str, data_dir: Path) -> ObjectStore:
 def _parsed(url: str) -> Path | BucketUrl | None:
     if not url:
         return None
+    try:
+        return _read(url)
+    except ValueError as error:  # of brackets, ports and options that are none
+        raise ConfigError(f"--objects: {error}\n{FORMS}") from error
+
+
+def _read(url: str) -> Path | BucketUrl:
     parts = urlsplit(url)
     if parts.scheme == "file" and parts.netloc in ("", "localhost") and parts.path and not parts.query:
         return Path(unquote(parts.path))

@@ -8,12 +8,15 @@ from typing import Literal, TypeAlias
 from metaros.errors import DefinitionError
 from metaros.idl import Catalogue, FieldType
 
-__all__ = ["CODES", "HEADER_BYTES", "Order", "Position", "check_size", "size_of"]
+__all__ = ["CODES", "HEADER_BYTES", "Order", "Position", "check_size", "least_bytes", "size_of"]
 
 HEADER_BYTES = 4
 Order: TypeAlias = Literal["<", ">"]
 MAX_INLINED_FIELDS = 20_000
 MAX_DEPTH = 32
+MAX_FIXED_OBJECTS = 1 << 17  # messages and texts in arrays of fixed size, those in each other multiplied
+MAX_FIXED_BYTES = 1 << 27  # numbers in arrays of fixed size, likewise
+OBJECT_BYTES = 100
 
 CODES: dict[str, str] = {
     "bool": "?",
@@ -79,3 +82,29 @@ def check_size(name: str, catalogue: Catalogue) -> None:
 
     catalogue.dependencies(name)
     count(FieldType(name), 0)
+    objects, size_bytes = _fixed(FieldType(name), catalogue, {})
+    if objects > MAX_FIXED_OBJECTS or size_bytes > MAX_FIXED_BYTES:
+        raise DefinitionError(
+            f"{name} has arrays of fixed size that make every message {objects} objects and {size_bytes} bytes;"
+            f" at most {MAX_FIXED_OBJECTS} and {MAX_FIXED_BYTES} are possible"
+        )
+
+
+def least_bytes(name: str, catalogue: Catalogue) -> int:
+    """What a message of this type takes in memory, about, when nothing is set: its arrays of fixed size."""
+    objects, size_bytes = _fixed(FieldType(name), catalogue, {})
+    return OBJECT_BYTES * objects + size_bytes
+
+
+def _fixed(kind: FieldType, catalogue: Catalogue, known: dict[str, tuple[int, int]]) -> tuple[int, int]:
+    """Objects and bytes of numbers of a value that was left out; the type is known to end."""
+    if kind.is_sequence:
+        return 0, 0
+    times = kind.capacity if kind.array else 1
+    if not kind.is_nested:
+        return (times, 0) if kind.is_string else (0, times * size_of(kind.base))
+    if kind.base not in known:
+        parts = [_fixed(field.type, catalogue, known) for field in catalogue.message(kind.base).fields]
+        known[kind.base] = 1 + sum(part[0] for part in parts), sum(part[1] for part in parts)
+    objects, size_bytes = known[kind.base]
+    return times * objects, times * size_bytes

@@ -61,9 +61,12 @@ def compressed_to_numpy(message: Any, encoding: str = "") -> npt.NDArray[Any]:
     is decoded, for more than `LIMITS.image_pixels`; `DecodeError` for what is no whole JPEG or PNG.
     """
     data = as_array(message.data, "uint8")
-    width, height = image_file_size(data.tobytes()[: 1 << 20])
+    file = data.tobytes()
+    width, height = image_file_size(file[: 1 << 20])
     if width * height > LIMITS.image_pixels:
         raise TooLargeError(f"an image of {width} x {height} pixels: the limit is {LIMITS.image_pixels} pixels")
+    if file.startswith(_PNG):
+        _check_chunks(file)
     cv2 = opencv()
     try:
         pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
@@ -88,6 +91,17 @@ def image_file_size(data: bytes) -> tuple[int, int]:
     if not width or not height:
         raise DecodeError(f"an image of {width} x {height} pixels")
     return width, height
+
+
+def _check_chunks(data: bytes) -> None:
+    """Refuse a PNG that is not whole: OpenCV takes as much memory as the length of a chunk says, up to 4 GiB."""
+    position = len(_PNG)
+    while position + 12 <= len(data):
+        length, kind = struct.unpack_from(">I4s", data, position)
+        position += 12 + length
+        if kind == b"IEND" and position <= len(data):
+            return
+    raise DecodeError("the image is damaged: a PNG that is not whole")
 
 
 def _jpeg_size(data: bytes) -> tuple[int, int]:

@@ -12,10 +12,10 @@ from metaros.errors import FieldError
 
 __all__ = ["field_name", "is_constant_name", "type_name"]
 
-_FULL = re.compile(r"[a-z](?:_?[a-z0-9]+)*/msg/[A-Z][A-Za-z0-9]*\Z")
+_FULL = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*/msg/[A-Z][A-Za-z0-9]*\Z")
 _SHORT = re.compile(r"[A-Z][A-Za-z0-9]*\Z")
-_FIELD = re.compile(r"[a-z](?:_?[a-z0-9]+)*\Z")
-_CONSTANT = re.compile(r"[A-Z](?:_?[A-Z0-9]+)*\Z")
+_FIELD = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*\Z")
+_CONSTANT = re.compile(r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*\Z")
 _MAX_CHARS = 128  # of a package or class: the name travels in every key
 
 

@@ -29,12 +29,12 @@ MAX_FIXED = 2**24
 _NAME = re.compile(r"([a-z][a-z0-9_]*)/(msg|srv|action)/([A-Za-z][A-Za-z0-9_]*)\Z")
 _TYPE = re.compile(
     r"(?P<base>[A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z0-9_]+){0,2})"
-    r"(?:<=(?P<bound>[0-9]+))?"
-    r"(?P<array>\[(?P<limit><=)?(?P<size>[0-9]*)\])?\Z"
+    r"(?:<=(?P<bound>[0-9]{1,20}))?"
+    r"(?P<array>\[(?P<limit><=)?(?P<size>[0-9]{0,20})\])?\Z"
 )
 _LINE = re.compile(r"(?P<type>\S+)\s+(?P<name>[^\s=]+)\s*(?P<rest>.*)\Z", re.DOTALL)
-_FIELD_NAME = re.compile(r"[a-z](?:_?[a-z0-9]+)*\Z")
-_CONSTANT_NAME = re.compile(r"[A-Z](?:_?[A-Z0-9]+)*\Z")
+_FIELD_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*\Z")  # every part has one way to match: no long search
+_CONSTANT_NAME = re.compile(r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*\Z")
 _TYPE_NAME = re.compile(r"[A-Z][A-Za-z0-9]*(?:_[A-Za-z0-9]+)*\Z")
 _ALIASES = {"time": "builtin_interfaces/msg/Time", "duration": "builtin_interfaces/msg/Duration"}
 

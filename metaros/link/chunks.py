@@ -48,7 +48,8 @@ class _Partial:
     stamp_ns: int
     size_bytes: int
     chunk_count: int
-    pieces: list[bytes] = field(default_factory=list)
+    pieces: int = 0
+    data: bytearray = field(default_factory=bytearray)
 
 
 class Reassembler:
@@ -106,19 +107,22 @@ class Reassembler:
         return partial
 
     def _append(self, partial: _Partial, batch: link_pb2.Batch) -> SampleColumns | None:
-        expected = (partial.epoch, partial.seq, partial.chunk_count, len(partial.pieces))
+        expected = (partial.epoch, partial.seq, partial.chunk_count, partial.pieces)
         if (batch.epoch, batch.first_seq, batch.chunk_count, batch.chunk_index) != expected or batch.count != 1:
             raise FrameError(f"stream {batch.stream_id}: a sample's pieces are out of order")
         if not 1 <= len(batch.payload) <= self._limits.chunk_bytes:
             raise FrameError(f"a chunk holds 1 to {self._limits.chunk_bytes} bytes, not {len(batch.payload)}")
         if int(column(batch.lengths, LENGTH, 1, "lengths")[0]) != partial.size_bytes:
             raise FrameError(f"stream {batch.stream_id}: a sample's pieces disagree about its size")
-        partial.pieces.append(batch.payload)
-        if len(partial.pieces) < partial.chunk_count:
+        if len(partial.data) + len(batch.payload) > partial.size_bytes:
+            raise FrameError(f"a sample's pieces make more than the {partial.size_bytes} bytes that were announced")
+        partial.data += batch.payload
+        partial.pieces += 1
+        if partial.pieces < partial.chunk_count:
             return None
         del self._partials[batch.stream_id]
         self._pending_bytes -= partial.size_bytes
-        payload = b"".join(partial.pieces)
+        payload = bytes(partial.data)
         if len(payload) != partial.size_bytes:
             raise FrameError(f"a sample's pieces make {len(payload)} bytes, announced were {partial.size_bytes}")
         return SampleColumns(

@@ -44,6 +44,8 @@ def expand(batch: link_pb2.Batch, *, limits: Limits = LIMITS) -> link_pb2.Batch:
     if size > limits.sample_bytes or size > _MAX_RATIO * max(len(batch.payload), 1):
         raise FrameError(f"{len(batch.payload)} compressed bytes cannot become {size}")
     try:
+        if zstandard.frame_content_size(batch.payload) not in (-1, size):  # it would be believed, whatever the bound
+            raise FrameError(f"a compressed payload says that it is not the {size} bytes that its lengths add up to")
         payload = zstandard.ZstdDecompressor(max_window_size=1 << 25).decompress(
             batch.payload, max_output_size=max(size, 1)
         )

@@ -19,6 +19,7 @@ _HEAD: Final = struct.Struct("<BQQQQII")  # opcode, length, first, last, size, c
 _MESSAGE: Final = struct.Struct("<BQHIQQ")
 _FIXED: Final = _MESSAGE.size - 9
 _CHUNK, _RECORD = 6, 5
+_WINDOW_BYTES: Final = 1 << 27  # of zstd: what its decoders take by default
 
 
 class MalformedChunkError(ValueError):
@@ -71,6 +72,8 @@ def _unpacked(data: bytes, compression: bytes, size: int) -> bytes:
     if compression != b"zstd":
         raise MalformedChunkError(f"its compression {compression!r} is not known here")
     try:
-        return zstandard.ZstdDecompressor().decompress(data, max_output_size=max(size, 1))
+        if zstandard.frame_content_size(data) not in (-1, size):  # it would be believed, whatever the bound
+            raise MalformedChunkError("its compressed records have another size than it says")
+        return zstandard.ZstdDecompressor(max_window_size=_WINDOW_BYTES).decompress(data, max_output_size=max(size, 1))
     except zstandard.ZstdError as error:
         raise MalformedChunkError(str(error)) from None

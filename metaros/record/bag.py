@@ -111,7 +111,8 @@ class Bag:
             for name, record in file.metadata:
                 for key, text in record.items() if name == GAPS else ():
                     topic, _, gid = key.partition(" ")
-                    found.append((file.path, topic, gid, json.loads(text)))
+                    if (account := _account(text)) is not None:
+                        found.append((file.path, topic, gid, account))
         return found
 
     def chosen(self, topics: Sequence[str]) -> list[BagTopic]:
@@ -189,6 +190,15 @@ class Bag:
         return self._topics[key]
 
 
+def _account(text: str) -> dict[str, Any] | None:
+    """One of them as it was written; None for what no recorder of ours wrote."""
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
 def _robot_of(file: FileIndex) -> str:
     """Whose black box the file was cut from; empty where it says nothing."""
     return next((facts.get("robot", "") for name, facts in file.metadata if name == "metaros.recording"), "")
@@ -219,7 +229,7 @@ def _messages(
         damaged(str(error))
         return
     for opcode, body in records_of(raw):
-        if opcode == Opcode.MESSAGE:
+        if opcode == Opcode.MESSAGE and len(body) >= _MESSAGE.size:
             channel, sequence, log_ns, publish_ns = _MESSAGE.unpack_from(body)
             topic = by_id.get(channel)
             if topic is not None:

@@ -11,24 +11,26 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import IO, Any, BinaryIO, Final, cast
 
 import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
-from mcap.records import Channel, ChunkIndex, Header, Metadata, Schema
+from mcap.records import Channel, ChunkIndex, Footer, Header, Metadata, MetadataIndex, Schema, Statistics
+from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
 from metaros.errors import RecordingError
+from metaros.limits import LIMITS
 
 __all__ = ["FileIndex", "read_chunk", "read_index", "records_of"]
 
 _HEAD: Final = struct.Struct("<BQ")
 _CHUNK: Final = struct.Struct("<QQQII")
 _RECORD_BYTES: Final = 4 << 30
+_FOOTER_BYTES: Final = _HEAD.size + 20
 
 
 @dataclass(slots=True)
@@ -84,23 +86,88 @@ def _read(path: Path, source: BinaryIO) -> FileIndex:
 
 def _from_summary(index: FileIndex, source: BinaryIO) -> bool:
     """Whether the file has a sound summary."""
+    stream = _Within(source, index.size_bytes)
+    found = FileIndex(index.path)
+    statistics: Statistics | None = None
     try:
-        source.seek(0)
-        reader = make_reader(source)
-        header = reader.get_header()
-        summary = reader.get_summary()
-        if summary is None or summary.statistics is None:
+        header = _record(stream, len(MCAP0_MAGIC))
+        footer = _record(stream, index.size_bytes - len(MCAP0_MAGIC) - _FOOTER_BYTES)
+        if not isinstance(header, Header) or not isinstance(footer, Footer) or not footer.summary_start:
             return False
-        if summary.statistics.message_count and not summary.chunk_indexes:  # not chunked: nothing we would write
-            return False
-        metadata = [(record.name, record.metadata) for record in reader.iter_metadata()]
-    except (McapError, ValueError, struct.error, EOFError, OSError, KeyError):
+        for record in _records(stream, footer.summary_start):
+            match record:
+                case Schema():
+                    found.schemas[record.id] = record
+                case Channel():
+                    found.channels[record.id] = record
+                case ChunkIndex():
+                    found.chunks.append(record)
+                case Statistics():
+                    statistics = record
+                case MetadataIndex():
+                    place = source.tell()
+                    metadata = _record(stream, record.offset)
+                    if not isinstance(metadata, Metadata):
+                        return False
+                    found.metadata.append((metadata.name, metadata.metadata))
+                    source.seek(place)
+                case Footer():
+                    break
+    except (McapError, ValueError, struct.error, EOFError, OSError, KeyError, OverflowError, StopIteration):
+        return False
+    if statistics is None or (statistics.message_count and not found.chunks):  # not chunked: nothing we would write
+        return False
+    if not all(_is_inside(chunk, index.size_bytes) for chunk in found.chunks):
         return False
     index.profile, index.library = header.profile, header.library
-    index.schemas, index.channels = dict(summary.schemas), dict(summary.channels)
-    index.chunks, index.metadata = list(summary.chunk_indexes), metadata
-    index.counts = dict(summary.statistics.channel_message_counts)
+    index.schemas, index.channels = found.schemas, found.channels
+    index.chunks, index.metadata = found.chunks, found.metadata
+    index.counts = dict(statistics.channel_message_counts)
     return True
+
+
+def _records(stream: _Within, place: int) -> Iterator[Any]:
+    """The library's records from there on; chunks as they are, for it would unpack whatever they say."""
+    stream.seek(place)
+    reader = StreamReader(cast("IO[bytes]", stream), skip_magic=True, emit_chunks=True)
+    return iter(reader.records)
+
+
+def _record(stream: _Within, place: int) -> Any:
+    """The record there."""
+    return next(_records(stream, place))
+
+
+class _Within:
+    """A file for the library's reader: asked for more than there is, it takes no memory for it."""
+
+    def __init__(self, source: BinaryIO, size_bytes: int) -> None:
+        self._source = source
+        self._size_bytes = size_bytes
+        source.seek(0)
+
+    def read(self, size_bytes: int = -1) -> bytes:
+        """At most so many bytes."""
+        rest = max(0, self._size_bytes - self._source.tell())
+        return self._source.read(rest if size_bytes < 0 else min(size_bytes, rest))
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Go elsewhere."""
+        return self._source.seek(offset, whence)
+
+    def tell(self) -> int:
+        """Where it stands."""
+        return self._source.tell()
+
+    def seekable(self) -> bool:
+        """It is a file."""
+        return True
+
+
+def _is_inside(chunk: ChunkIndex, size_bytes: int) -> bool:
+    """Whether a chunk can lie where the index says."""
+    end = chunk.chunk_start_offset + chunk.chunk_length
+    return chunk.chunk_length >= _HEAD.size + _CHUNK.size and end <= size_bytes
 
 
 def _scan(index: FileIndex, source: BinaryIO) -> None:
@@ -144,6 +211,8 @@ def _note(index: FileIndex, opcode: int, body: bytes, place: int) -> None:
         data = body[_CHUNK.size + name_length + 8 :]
         raw = _decompressed(data, name, size, crc)
         for inner, content in records_of(raw):
+            if inner == Opcode.CHUNK:
+                raise RecordingError("a chunk in a chunk")
             if inner == Opcode.MESSAGE:
                 channel_id = int.from_bytes(content[:2], "little")
                 index.counts[channel_id] = index.counts.get(channel_id, 0) + 1
@@ -177,10 +246,14 @@ def read_chunk(source: BinaryIO, chunk: ChunkIndex) -> bytes:
 
 def _decompressed(data: bytes, compression: str, size: int, crc: int) -> bytes:
     raw: Any
+    if size > LIMITS.recorded_chunk_bytes:
+        raise RecordingError(f"it says that it holds {size} bytes: the limit is {LIMITS.recorded_chunk_bytes}")
     if compression == "zstd":
+        if zstandard.frame_content_size(data) not in (-1, size):  # it would be believed, whatever the bound
+            raise RecordingError("its compressed records have another size than it says")
         raw = zstandard.decompress(data, max_output_size=size)
     elif compression == "lz4":
-        raw = lz4.frame.decompress(data)
+        raw = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
     elif compression == "":
         raw = data
     else:

@@ -9,11 +9,13 @@ from typing import Any, TypeVar
 import yaml
 
 from metaros.errors import FieldError
+from metaros.limits import LIMITS
 from metaros.wire import INFINITE_NS, Durability, History, Liveliness, QoSProfile, Reliability
 
 __all__ = ["offered_qos", "qos_entries", "read_qos"]
 
 _SECOND_NS = 1_000_000_000
+_MOST_BRACKETS = 1024
 _E = TypeVar("_E", bound=IntEnum)
 
 
@@ -29,15 +31,19 @@ def offered_qos(profiles: Sequence[QoSProfile]) -> str:
 
 def read_qos(text: str) -> list[QoSProfile]:
     """The profiles in such a text, written by any release of rosbag2; what cannot be read is left out."""
+    if len(text) > LIMITS.offered_qos_chars or "<<" in text:  # merged again and again, a few lines fill the memory
+        return []
+    if text.count("[") + text.count("{") > _MOST_BRACKETS:  # what is open is looked through at every character
+        return []
     try:
         entries = yaml.safe_load(text) if text else []
-    except yaml.YAMLError:
+    except (yaml.YAMLError, ValueError, RecursionError):
         return []
     found = []
     for entry in entries if isinstance(entries, list) else []:
         try:
             found.append(_profile(entry))
-        except (KeyError, TypeError, ValueError, FieldError):
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError, FieldError):
             continue
     return found
 
@@ -78,4 +84,7 @@ def _policy(kind: type[_E], value: int | str) -> _E:
 
 
 def _nanoseconds(entry: dict[str, int]) -> int:
-    return min(entry["sec"] * _SECOND_NS + entry["nsec"], INFINITE_NS)
+    seconds, rest = entry["sec"], entry["nsec"]
+    if not (isinstance(seconds, int) and isinstance(rest, int)):  # a text times a milliard fills the memory
+        raise TypeError("a duration is whole numbers")
+    return min(seconds * _SECOND_NS + rest, INFINITE_NS)

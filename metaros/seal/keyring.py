@@ -78,7 +78,7 @@ class Keyring:
             raise KeyringError(f"{path} can be read by others (mode {mode:o}): chmod 600 {path}")
         try:
             keys = tuple(_parsed(facts) for facts in json.loads(data)["keys"])
-        except (ValueError, KeyError, TypeError, RecursionError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
             raise KeyringError(f"{path} is no keyring, or damaged") from error
         if not keys or len({key.key_id for key in keys}) < len(keys) or len(keys) > LIMITS.seal_keys_kept + 1:
             raise KeyringError(f"{path}: no key, a key twice, or more than {LIMITS.seal_keys_kept + 1}")

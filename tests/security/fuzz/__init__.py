@@ -1,0 +1,1 @@
+"""The targets of the fuzzers, by where their bytes come from."""

@@ -1,0 +1,16 @@
+"""Every decoder of foreign bytes in one table: what it may raise, and how much memory it may take.
+
+`test_fuzz_decoders.py` drives all of them; `make campaign ARGS=fuzz` does so for as long as one likes, guided by
+coverage where atheris is installed.
+"""
+
+from __future__ import annotations
+
+from tests.security.fuzz import doors, files, link, texts, wire
+from tests.security.fuzz.target import Target
+
+__all__ = ["TARGETS"]
+
+TARGETS: dict[str, Target] = {
+    target.name: target for target in (*wire.TARGETS, *link.TARGETS, *files.TARGETS, *doors.TARGETS, *texts.TARGETS)
+}
