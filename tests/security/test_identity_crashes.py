@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from edge_agent.errors import EnrolError, IdentityFileError
+from edge_agent.identity.csr import csr_pem, make_csr
 from edge_agent.identity.door import GatewayDoor
 from edge_agent.identity.enrol import enrol, renew
 from edge_agent.identity.files import IdentityFiles, RobotIdentity
@@ -139,3 +140,20 @@ def test_a_bad_token_does_not_take_a_renewals_key_away(tmp_path: Path) -> None:
     assert public_der(files.pending_key("renew 1", renewal=True)) == key
     files.forget_pending(renewal=True)
     assert public_der(files.pending_key("renew 1", renewal=True)) != key
+
+
+async def test_a_gateway_that_dies_before_it_answers_gives_the_same_answer_again(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path, door=RING) as ready, client(ready, key=ADMIN) as http:
+        token = await order(http)
+        fleet = (await http.get("/api/v1/enrol/roots")).json()["fleet"]
+        key = IdentityFiles(tmp_path / "robot").pending_key(f"token {token.id} arm")
+        request = csr_pem(make_csr(key, fleet=fleet, robot_id="arm"))
+        body = {"token": token.text, "robot": "arm", "csr": request}
+        first = (await http.post("/api/v1/enrol", json=body)).json()  # the robot never hears it
+    async with running_gateway(tmp_path, door=RING) as ready:
+        job = partial(enrol, token, url=ready.url, robot_id="arm", state_dir=tmp_path / "robot")
+        identity = await asyncio.to_thread(job)
+        assert identity.certificate == first["certificate"]
+        assert public_der(identity.private_key()) == public_der(key)
+        async with client(ready, key=ADMIN) as http:
+            assert await alarm(http) == ""
