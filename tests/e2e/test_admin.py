@@ -168,7 +168,7 @@ def test_an_alarm_stands_first_and_says_what_to_do(stack: Stack, open_page: Open
     page.goto(f"{stack.url}/admin/robots")
     alarm = page.locator("[data-alarm]")
     expect(alarm).to_have_count(1)
-    expect(alarm).to_contain_text("arm_2: its enrolment token was tried again, with another key")
+    expect(alarm.get_by_role("alert")).to_have_text("arm_2: its enrolment token was tried again, with another key")
     expect(page.locator("[data-identity]").first).to_have_attribute("data-identity", "arm_2")
     alarm.get_by_role("button", name="Revoke arm_2").click()
     answer_of(page, "Revoke arm_2?").get_by_role("button", name="Revoke", exact=True).click()

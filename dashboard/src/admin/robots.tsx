@@ -80,10 +80,10 @@ function Alarms({ identities, onRevoke }: { identities: RobotIdentity[]; onRevok
   return (
     <>
       {alarmed(identities).map((one) => (
-        <section key={one.robot} class="alarm" role="alert" data-alarm={one.robot}>
+        <section key={one.robot} class="alarm" aria-label={`Alarm of ${one.robot}`} data-alarm={one.robot}>
           <svg viewBox="0 0 12 12" aria-hidden="true"><path d="M6 .8 11.600 11H.4ZM5.400 4.500h1.200l-.2 3.200h-.8Zm0 3.900h1.200v1.200H5.400Z" fill-rule="evenodd" /></svg>
           <div>
-            <h2>{one.robot}: {one.alarm} <small>{agoText(one.alarm_at, now.value)}</small></h2>
+            <h2><span role="alert">{one.robot}: {one.alarm}</span> <small>{agoText(one.alarm_at, now.value)}</small></h2>
             <p>{ALARM_ADVICE}</p>
           </div>
           <button type="button" class="button button-danger" onClick={() => onRevoke(one)}>Revoke {one.robot}…</button>
