@@ -32,7 +32,7 @@ def locked(directory: Path) -> Iterator[Path]:
         DiskError: the directory cannot be made.
     """
     try:
-        directory.mkdir(parents=True, exist_ok=True)
+        directory.mkdir(mode=0o700, parents=True, exist_ok=True)  # what the robot sees is nobody else's here
         descriptor = os.open(directory / "lock", os.O_RDWR | os.O_CREAT, 0o600)
     except OSError as error:
         raise DiskError(f"cannot use {directory}: {error.strerror}") from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from edge_agent.errors import DiskError
+from edge_agent.identity.files import IdentityFiles
 from edge_agent.state_dir import default_state_dir, locked
 from metaros.errors import ConfigError
 
@@ -32,6 +34,14 @@ def test_it_is_made_and_held(tmp_path: Path) -> None:
             refusal = rf"process {os.getpid()}\) uses .*\n.*--state-dir"
             with pytest.raises(ConfigError, match=refusal), locked(directory):
                 pass
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="modes are Unix's")
+def test_nobody_else_reads_what_the_robot_holds(tmp_path: Path) -> None:
+    with locked(tmp_path / "agent"):
+        assert stat.S_IMODE((tmp_path / "agent").stat().st_mode) == 0o700
+    IdentityFiles(tmp_path / "enrolled").pending_key("token 1 arm")  # enrolment comes before the first start
+    assert stat.S_IMODE((tmp_path / "enrolled").stat().st_mode) == 0o700
 
 
 def test_another_process_is_named_and_its_death_frees_the_directory(tmp_path: Path) -> None:
