@@ -229,6 +229,21 @@ def test_rights_that_change_are_felt_while_looking(closed: RealGateway, open_pag
     assert page.url == f"{closed.url}/robots/sim_1?span=1h"
 
 
+def test_a_session_that_ended_where_anybody_may_look_is_no_dead_end(gateway: RealGateway, open_page: OpenPage) -> None:
+    page = open_page(f"{gateway.url}/signin?back=%2Frobots%2Fsim_1")
+    enter(page)
+    expect(page.locator(".pad")).to_be_visible()
+    gateway.ask("DELETE", "/users/ada")
+    expect(page.get_by_role("button", name="Go on as a viewer")).to_be_visible()
+    page.get_by_role("button", name="Go on as a viewer").click()
+    expect(page.locator("[data-account=anonymous]")).to_be_visible()
+    expect(page.get_by_role("heading", name="sim_1")).to_be_visible()
+    expect(page.locator(".pad")).to_have_count(0)
+    page.reload()
+    expect(page.locator("[data-account=anonymous]")).to_be_visible()
+    expect(page.locator("[data-stream=open]")).to_be_visible()
+
+
 def test_signing_in_elsewhere_leads_back_too(tmp_path: Path, free_port: int, open_page: OpenPage) -> None:
     with oidc_server() as provider:
         path = tmp_path / "oidc.json"

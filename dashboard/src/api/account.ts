@@ -1,6 +1,6 @@
 /** Typed calls for signing in and out and one's own password. */
 
-import { request, send } from "./client";
+import { BASE_PATH, request, send } from "./client";
 import { become, refresh, session, type Account } from "./session";
 
 const entered = (account: Account): Account => {
@@ -17,6 +17,12 @@ export const accountApi = {
   password: async (old: string, fresh: string) => {
     await send("POST", "/auth/password", { old, new: fresh });
     await refresh();
+  },
+  /** Drop a cookie that is not good any more; then who may look without one, or null when nobody may. */
+  forget: async (): Promise<Account | null> => {
+    await send("POST", "/auth/forget", {});
+    const answer = await fetch(`${BASE_PATH}/auth/me`, { cache: "no-store" });
+    return answer.ok ? ((await answer.json()) as Account) : null;
   },
   logout: async () => {
     await send("POST", "/auth/logout", {});

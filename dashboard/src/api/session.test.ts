@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, expect, test, vi } from "vitest";
 import { ApiError, openSocket, request, send, waitWords } from "./client";
-import { become, can, ended, NOBODY, refresh, session, shutOut, signedIn, whyNot, type Account } from "./session";
+import { become, can, ended, NOBODY, refresh, session, shutOut, signedIn, stale, whyNot, type Account } from "./session";
 
 const ADA: Account = { ...NOBODY, kind: "user", id: "1", name: "ada", role: "operator", csrf: "t1", permissions: ["robots.drive"] };
 const VIEWER: Account = { ...NOBODY, role: "viewer", permissions: ["robots.read"] };
@@ -46,9 +46,12 @@ test("a session that ended shuts out, and says whose it was; signing in forgets 
   answers["/api/v1/auth/me"] = [refused(401, "bad_credentials")];
   answers["/api/v1/robots/a/topics"] = [refused(401, "bad_credentials")];
   await expect(request("/robots/a/topics")).rejects.toThrow("no: bad_credentials");
-  expect([shutOut.value, ended.value]).toEqual([true, "ada"]);
+  expect([shutOut.value, ended.value, stale.value]).toEqual([true, "ada", true]);
   become(ADA);
-  expect([shutOut.value, ended.value]).toEqual([false, ""]);
+  expect([shutOut.value, ended.value, stale.value]).toEqual([false, "", false]);
+  answers["/api/v1/auth/me"] = [refused(401, "sign_in")];
+  await refresh();
+  expect([shutOut.value, stale.value]).toEqual([true, false]); // nothing was sent that is not good
 });
 
 test("an answer about who it was before signing in does not count", async () => {

@@ -32,6 +32,8 @@ export const NOBODY: Account = {
 export const session = signal<Account | null>(null);
 /** The name of whom the gateway does not know any more; "" when nobody had signed in. */
 export const ended = signal("");
+/** The browser holds a session that is not good any more, and goes on sending it. */
+export const stale = signal(false);
 /** Nothing can be shown before somebody signs in. */
 export const shutOut = computed(() => session.value?.role === "none");
 export const signedIn = computed(() => session.value !== null && session.value.kind !== "anonymous");
@@ -47,8 +49,10 @@ export function become(account: Account): void {
   generation += 1;
   asking = null;
   const before = session.peek();
-  if (account.role !== "none") ended.value = "";
-  else if (before?.kind === "user") ended.value = before.name;
+  if (account.role !== "none") {
+    ended.value = "";
+    stale.value = false;
+  } else if (before?.kind === "user") ended.value = before.name;
   session.value = account;
 }
 
@@ -63,7 +67,11 @@ async function ask(asked: number): Promise<void> {
   try {
     const answer = await fetch("/api/v1/auth/me", { cache: "no-store" });
     if (answer.ok) found = (await answer.json()) as Account;
-    else if (answer.status === 401) found = NOBODY;
+    else if (answer.status === 401) {
+      found = NOBODY;
+      const problem = (await answer.json().catch(() => null)) as { code?: string } | null;
+      if (asked === generation) stale.value = problem?.code === "bad_credentials";
+    }
   } catch {
     // the gateway does not answer; the stream says so
   }

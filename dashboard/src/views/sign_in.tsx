@@ -4,7 +4,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { accountApi } from "../api/account";
 import { ApiError, saidOf, waitWords } from "../api/client";
-import { ended, session, shutOut, signedIn } from "../api/session";
+import { become, ended, session, shutOut, signedIn, stale, type Account } from "../api/session";
 import "../ui/sign_in.css";
 import { backFrom, here, leaveFor, place, replace } from "../ui/url";
 import { PasswordForm } from "./password";
@@ -26,7 +26,7 @@ export function SignInPage() {
       ) : state === "first" && session.value?.kind === "user" ? (
         <FirstPassword onDone={() => (link.value = "")} />
       ) : (
-        <SignIn stale={state === "stale"} onDone={() => (link.value = "")} />
+        <SignIn badLink={state === "stale"} onDone={() => (link.value = "")} />
       )}
     </section>
   );
@@ -70,11 +70,11 @@ function FirstPassword({ onDone }: { onDone: () => void }) {
   );
 }
 
-function SignIn({ stale, onDone }: { stale: boolean; onDone: () => void }) {
+function SignIn({ badLink, onDone }: { badLink: boolean; onDone: () => void }) {
   return (
     <>
       <h1>Sign in</h1>
-      {stale ? (
+      {badLink ? (
         <p class="signin-lead signin-stale" role="alert">
           This link is not good any more: it works once, within 15 minutes. Make another one with <code>metaros signin</code>.
         </p>
@@ -83,6 +83,7 @@ function SignIn({ stale, onDone }: { stale: boolean; onDone: () => void }) {
       )}
       <PasswordSignIn onDone={onDone} />
       <Provider />
+      {shutOut.value && <AsViewer />}
       <p class="signin-foot">
         No password yet? An admin makes you a link, or on the gateway's machine: <code>metaros signin</code>
       </p>
@@ -176,6 +177,16 @@ function useCountdown() {
     askedS.value = seconds;
   };
   return { leftS, askedS, begin };
+}
+
+/** The way on for whose session has ended where anybody may look. */
+function AsViewer() {
+  const viewer = useSignal<Account | null>(null);
+  useEffect(() => {
+    if (stale.peek()) accountApi.forget().then((found) => (viewer.value = found), () => {}); // then there is no way on
+  }, []);
+  if (!viewer.value) return null;
+  return <button type="button" class="button button-wide" onClick={() => become(viewer.value!)}>Go on as a viewer</button>;
 }
 
 /** The way to an identity provider, where the gateway has one. */

@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models, models_identity
-from gateway.api.allow import allow, principal_of
+from gateway.api.allow import REFUSAL_KEY, allow, principal_of
 from gateway.api.audited import note
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
@@ -84,6 +84,21 @@ async def logout(request: Request) -> Response:
     await services_of(request).accounts.sign_out(principal_of(request))
     response = JsonResponse({"ok": True})
     clear_session(response, request)
+    return response
+
+
+@router.post(
+    "/forget",
+    dependencies=[allow("page.read")],
+    responses={200: {"model": models.Ok}, **REFUSALS},
+    openapi_extra=body_document(models_identity.Nothing),
+)
+async def forget(request: Request) -> Response:
+    """Have the browser drop a session's cookie that is not good any more; a good one stays, which `logout` ends."""
+    await read_body(request, models_identity.Nothing)
+    response = JsonResponse({"ok": True})
+    if isinstance(request.scope.get(REFUSAL_KEY), CredentialsError):
+        clear_session(response, request)
     return response
 
 

@@ -103,13 +103,17 @@ async def test_a_browser_signs_in_changes_its_password_and_signs_out(tmp_path: P
         assert (await ada.post("/api/v1/auth/password", json=change)).status_code == 200
         assert (await ada.get("/api/v1/auth/me")).status_code == 200
         assert (await other.get("/api/v1/auth/me")).json()["code"] == "bad_credentials"
+        assert "set-cookie" not in (await ada.post("/api/v1/auth/forget", json={})).headers, "hers is good"
+        forgotten = await other.post("/api/v1/auth/forget", json={})
+        assert (forgotten.status_code, "Max-Age=0" in forgotten.headers["set-cookie"]) == (200, True)
+        assert (await other.get("/api/v1/auth/me")).json()["kind"] == "anonymous"
         left = await ada.post("/api/v1/auth/logout", json={})
         assert (left.status_code, "Max-Age=0" in left.headers["set-cookie"]) == (200, True)
         assert (await ada.get("/api/v1/auth/me")).json()["kind"] == "anonymous"
 
 
 async def test_a_guesser_is_told_nothing_but_to_wait(tmp_path: Path, browsers: Opened) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready, key=local_key(ready)) as local:
+    async with running_gateway(tmp_path, sign_ins_per_min=0) as ready, client(ready, key=local_key(ready)) as local:
         await local.post("/api/v1/users", json={"name": "ada", "role": "viewer", "password": PASSWORD})
         said: dict[str, set[tuple[str, str]]] = {"ada": set(), "nobody": set()}
         for name, refusals in said.items():
