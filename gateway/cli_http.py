@@ -176,5 +176,6 @@ def _refusal(answer: Answer) -> GatewayError:
         document = json.loads(raw)
         text = str(document.get("detail") or document.get("title"))
     except (ValueError, AttributeError):
-        text = f"the gateway answered {answer.status}"
+        said = raw[:200].decode(errors="replace").strip() if answer.headers.get("content-type") == "text/plain" else ""
+        text = f"the gateway answered {answer.status}" + (f": {said}" if said.isprintable() and said else "")
     return RequestError(text) if answer.status < 500 else GatewayError(text)
