@@ -55,7 +55,7 @@ class Rate:
 RATES: tuple[Rate, ...] = (
     Rate("requests", 500.0, 2500.0, "a user or key", "requests"),
     Rate("anonymous", 200.0, 1000.0, "an address", "requests of who has not signed in, files of the dashboard too"),
-    Rate("strangers", 200.0, 100.0, "everybody", "requests of all who have not signed in, one after the other"),
+    Rate("strangers", 100.0, 20.0, "everybody", "requests of all who have not signed in, one after the other"),
     Rate("refused", 20.0, 200.0, "an address", "keys and sessions that were not good"),
     Rate("sign_in", 5 / 60, 10.0, "an address", "sign-ins that failed, beside the lock-out by name"),
     Rate("enrol", 5.0, 100.0, "an address", "requests for a robot's certificate, failed ones"),

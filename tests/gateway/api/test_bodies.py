@@ -44,7 +44,7 @@ async def read(bodies: Bodies, pieces: list[bytes], scope: dict[str, Any] | None
 
     async def send(_message: Any) -> None: ...
 
-    bodies._app = lambda _scope, inner, _send: take(inner)  # type: ignore[assignment]
+    bodies._app = lambda _scope, inner, _send: take(inner)
 
     async def take(inner: Any) -> None:
         got.append((await inner())["body"])
@@ -75,7 +75,7 @@ async def test_a_body_has_its_size_and_nobodys_is_small() -> None:
 
 
 @pytest.mark.parametrize("bounds", [{"body_idle_s": 0.01}, {"body_s": 0.01}])
-async def test_a_body_that_does_not_come_is_given_up(bounds: dict[str, float]) -> None:
+async def test_a_body_that_does_not_come_is_given_up(bounds: dict[str, Any]) -> None:
     bodies = Bodies(nothing, limits=replace(LIMITS, **bounds))
     with pytest.raises(RequestTimeoutError):
         await read(bodies, [b"a"])

@@ -33,7 +33,7 @@ async def answer(app: Any, **scope: Any) -> tuple[int, dict[str, str]]:
     return sent[0]["status"], {key.decode(): value.decode() for key, value in sent[0]["headers"]}
 
 
-def limited(clock: ManualClock, **per_s: float) -> RateLimited:
+def limited(clock: ManualClock, **per_s: Any) -> RateLimited:
     """An application that says 200 behind these rates."""
 
     async def app(_scope: Any, _receive: Any, send: Any) -> None:
@@ -68,7 +68,8 @@ async def test_an_ipv6_network_is_one_address_and_probes_always_pass() -> None:
 
 
 def test_every_row_can_be_turned_off_and_scaled() -> None:
-    off = Rates(clock=ManualClock(), **{row.name: 0.0 for row in RATES})
+    none: dict[str, Any] = {row.name: 0.0 for row in RATES}
+    off = Rates(clock=ManualClock(), **none)
     for row in RATES:
         for _ in range(100):
             off.take(row.name, "x", row.burst)
