@@ -49,6 +49,8 @@ async def serve_lane(links: Links, read: Read, write: Write, *, peer: Peer) -> b
     reader = asyncio.create_task(_read(links, lane, read))
     writer = asyncio.create_task(_write(lane, write))
     over = asyncio.create_task(lane.outbox.closed())
+    for task in (reader, writer, over):
+        task.add_done_callback(_seen)
     try:
         await asyncio.wait({reader, writer, over}, return_when=asyncio.FIRST_COMPLETED)
     finally:
@@ -59,6 +61,12 @@ async def serve_lane(links: Links, read: Read, write: Write, *, peer: Peer) -> b
         writer.cancel()
         await asyncio.gather(reader, writer, over, return_exceptions=True)
     return bool(said)
+
+
+def _seen(task: asyncio.Task[None]) -> None:
+    """How a lane's parts end when its connection is torn down is nothing for the log."""
+    if not task.cancelled():
+        task.exception()
 
 
 async def _ask(challenge: link_pb2.Challenge, read: Read, write: Write) -> bytes:
