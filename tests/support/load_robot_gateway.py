@@ -6,6 +6,8 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
+import gateway.binding
+import gateway.ingest.link_service
 import gateway.settings
 import gateway.store.compactor
 import gateway.store.writer
@@ -44,7 +46,8 @@ def run_gateway(config: GatewayConfig) -> None:
     die_with_parent()
     log_to(config.folder / "gateway.log")
     if config.host != "127.0.0.1":  # in a network namespace of the campaign's own there is nobody else
-        gateway.settings.is_loopback = lambda host: True
+        gateway.settings.is_loopback = gateway.binding.is_loopback = lambda host: True
+        vars(gateway.ingest.link_service)["_is_local"] = lambda peer: True
     if config.busy:
         vars(gateway.store.compactor)["CompactPace"] = lambda: BUSY_COMPACTION
         vars(gateway.store.writer)["Pace"] = lambda: BUSY_WRITER

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 import threading
+import urllib.request
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -73,6 +75,18 @@ def numbers(zenoh_port: int) -> Iterator[Numbers]:
         counter.close()
 
 
+def enrol(stack: Stack, url: str) -> None:
+    """Behind a proxy no robot is local: it needs an identity, and gets it through the proxy."""
+    body = json.dumps({"robot": "sim_1"}).encode()
+    headers = {"Authorization": f"Bearer {stack.key}", "Content-Type": "application/json"}
+    request = urllib.request.Request(f"{stack.url}/api/v1/enrolment-tokens", data=body, headers=headers)
+    with urllib.request.urlopen(request, timeout=30) as answer:
+        token = json.load(answer)["token"]
+    where = ("--name", "sim_1", "--gateway", url, "--state-dir", str(stack.folder / "agent"))
+    program = stack.start("enrol", "agent", "enrol", token, *where, ready=False)
+    assert program.process.wait(60) == 0, program.output
+
+
 def start_agent(stack: Stack, url: str) -> Program:
     """The real agent, told nothing but the proxy's address."""
     config = stack.folder / "agent.toml"
@@ -117,6 +131,7 @@ def test_nothing_is_lost_over_restarts_of_the_proxy_and_a_kill_of_the_gateway(tm
         stack.router()
         gateway = stack.gateway()
         with Nginx(tmp_path / "nginx", stack.http_port) as nginx, numbers(stack.zenoh_port) as counter:
+            enrol(stack, nginx.url)
             agent = start_agent(stack, nginx.url)
             wait_until(lambda: link(stack).get("transport") == "websocket", timeout_s=30)
             assert link(stack)["gateway"] == nginx.url
@@ -161,6 +176,7 @@ def test_https_and_a_path_on_a_shared_proxy(tmp_path: Path, monkeypatch: pytest.
         with Stack(folder) as stack, Nginx(folder / "nginx", stack.http_port, path, certificate) as nginx:
             stack.router()
             stack.gateway()
+            enrol(stack, nginx.url)
             start_agent(stack, nginx.url)
             wait_until(lambda s=stack: link(s).get("transport") == "websocket", timeout_s=30)  # type: ignore[misc]
 

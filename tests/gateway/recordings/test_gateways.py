@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.identity.local import LOCAL_KEY_FILE
 from gateway.main import Ready
 from tests.gateway.harness import client, running_gateway
 from tests.gateway.recordings.robot import PART, RecordingRobot, content
@@ -76,6 +77,11 @@ async def test_asked_at_one_gateway_while_the_robot_is_at_the_other(tmp_path: Pa
             continue
 
 
+def key_of(ready: Ready) -> str:
+    """Of an administrator, as long as that process runs."""
+    return (ready.data_dir / LOCAL_KEY_FILE).read_text().strip()
+
+
 @pytest.mark.slow
 async def test_killed_again_and_again(tmp_path: Path) -> None:
     """kill -9 after every few parts: each gateway goes on where the dead one's disk was."""
@@ -84,8 +90,8 @@ async def test_killed_again_and_again(tmp_path: Path) -> None:
     for number in range(1, 6):
         (tmp_path / "status.json").unlink(missing_ok=True)
         with running(tmp_path, *options) as (process, status):
-            ready = Ready("127.0.0.1", int(str(status["http_port"])), int(str(status["grpc_port"])), tmp_path)
-            async with client(ready) as http, RecordingRobot(ready, number=number) as robot:
+            ready = Ready("127.0.0.1", int(str(status["http_port"])), int(str(status["grpc_port"])), tmp_path / "data")
+            async with client(ready, key=key_of(ready)) as http, RecordingRobot(ready, number=number) as robot:
                 rid = rid or (await save(http))["id"]
                 await robot.offer(rid, BLOB)
                 offset = (await robot.wanted()).offset
@@ -100,8 +106,8 @@ async def test_killed_again_and_again(tmp_path: Path) -> None:
     assert offsets == [3 * PART * number for number in range(5)]
     (tmp_path / "status.json").unlink()
     with running(tmp_path, *options) as (_, status):
-        ready = Ready("127.0.0.1", int(str(status["http_port"])), int(str(status["grpc_port"])), tmp_path)
-        async with client(ready) as http, RecordingRobot(ready, number=9) as robot:
+        ready = Ready("127.0.0.1", int(str(status["http_port"])), int(str(status["grpc_port"])), tmp_path / "data")
+        async with client(ready, key=key_of(ready)) as http, RecordingRobot(ready, number=9) as robot:
             await robot.offer(rid, BLOB)
             assert (await robot.deliver(rid, BLOB)).stored
             assert (await http.get(f"/api/v1/recordings/{rid}/file.mcap")).content == BLOB
