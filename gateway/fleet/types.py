@@ -7,7 +7,7 @@ from typing import Any
 from gateway.domain.channel import Channel
 from gateway.errors import InvalidRequestError
 from metaros.cdr import codec
-from metaros.cdr.layout import least_bytes
+from metaros.cdr.layout import check_size, least_bytes
 from metaros.errors import TypeHashError
 from metaros.idl import Catalogue, add_schema_text, default_catalogue, message_class, type_hash
 from metaros.idl.json import from_json, to_json
@@ -37,10 +37,10 @@ class TypeBook:
     def encode(self, name: str, value: Any, channel: Channel | None = None) -> tuple[bytes, str]:
         """(CDR, type hash) of a JSON-able message; FieldError names what does not fit."""
         catalogue = self._catalogue(name, channel)
-        kind = codec(name, catalogue)
+        check_size(name, catalogue)
         if least_bytes(name, catalogue) > LIMITS.frame_bytes:  # a robot may announce what it likes
             raise InvalidRequestError(f"every message of type {name[:80]} is too large to be sent")
-        payload = kind.encode(from_json(message_class(name, catalogue), value))
+        payload = codec(name, catalogue).encode(from_json(message_class(name, catalogue), value))
         if len(payload) > LIMITS.frame_bytes // 2:
             raise InvalidRequestError(f"the message has {len(payload)} bytes, at most {LIMITS.frame_bytes // 2} may go")
         return payload, self.hash_of(name, channel)

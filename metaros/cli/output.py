@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from metaros.cli.options import Format
 
-__all__ = ["Output", "counted", "human_bytes", "human_seconds"]
+__all__ = ["Output", "counted", "human_bytes", "human_seconds", "inert"]
 
 
 class Output:
@@ -33,7 +33,7 @@ class Output:
 
         `empty` is said when there is none.
         """
-        texts = [[str(cell) for cell in row] for row in rows]
+        texts = [[inert(str(cell)) for cell in row] for row in rows]
         if not texts:
             if self.tty and empty:
                 self.note(empty)
@@ -51,7 +51,7 @@ class Output:
             self.objects(list(names))
         else:
             for name in names:
-                self.line(name)
+                self.line(inert(name))
 
     def objects(self, value: Any) -> None:
         """One JSON document."""
@@ -93,6 +93,16 @@ class Output:
         for row in rows:
             table.add_row(*(Text(cell) for cell in row))
         Console().print(table)
+
+
+def inert(text: str) -> str:
+    """The text with what a terminal obeys, or shows as something else, written out: `\\x1b`, `\\n`, `\\u202e`.
+
+    Names come from robots and people; one must neither colour the screen, nor begin a new row, nor turn another round.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def counted(number: int, word: str) -> str:
