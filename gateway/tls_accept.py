@@ -12,6 +12,7 @@ import contextlib
 import logging
 import socket
 import ssl
+import sys
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -127,6 +128,8 @@ class _Accepted:
 
 async def _first_byte(sock: socket.socket) -> bytes:
     """What comes first, left where it is; b"" when the other end has gone."""
+    if sys.platform == "win32":  # its loop cannot wait without reading: who speaks plainly is cut by TLS itself
+        return HANDSHAKE
     loop = asyncio.get_running_loop()
     readable = asyncio.Event()
     loop.add_reader(sock, readable.set)
