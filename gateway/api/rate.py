@@ -131,6 +131,7 @@ class RateLimited:
         self._app = app
         self._rates = rates
         self._pause_s = pause_s
+        self._refused = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Count, then pass on."""
@@ -143,7 +144,7 @@ class RateLimited:
             if scope.get(PRINCIPAL_KEY, NOBODY).kind == "anonymous":
                 await asyncio.sleep(self._rates.turn_s())
         except TooManyRequestsError as error:
-            await asyncio.sleep(self._pause_s)
+            await asyncio.sleep(self._pause())
             await refuse(scope, receive, send, error)
             return
         if scope["type"] == "http":
@@ -152,6 +153,11 @@ class RateLimited:
             await self._app(scope, receive, send)  # a robot's link has its own, see gateway/ingest
         else:
             await self._socket(key, scope, receive, send)
+
+    def _pause(self) -> float:
+        """Longer for one and shorter for the next, so that those refused together do not come back together."""
+        self._refused += 1
+        return self._pause_s * (1.0 + self._refused % 64 / 16)
 
     def _count(self, scope: Scope) -> str:
         """Take one request; who was counted."""
@@ -179,7 +185,7 @@ class RateLimited:
                 if "taken" in state and message["status"] not in _FAILED:
                     self._rates.give(state["taken"], address_of(scope))
                 elif "refused" in state or ("taken" in state and message["status"] == 429):
-                    await asyncio.sleep(self._pause_s)
+                    await asyncio.sleep(self._pause())
             await send(message)
 
         return wrapped
