@@ -1,0 +1,72 @@
+"""The whole API, tried by schemathesis as everybody: no server error, no answer beside its schema, no open door."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import pytest
+
+from gateway.domain.principal import Role
+from gateway.identity.permissions import PERMISSIONS
+from tests.security.test_matrix import ASKERS, EXPECTED
+from tests.support.api_fuzzer import Report, fuzz_api
+from tests.support.busy_gateway import busy_gateway
+
+SEED = 20_261_121
+LEAST = 900  # cases of each asker, however few ids it learns from the answers
+EXAMPLES = 15  # of each operation, beside those that the schema's own bounds give
+FREE = {"requests_per_s": 0.0, "anonymous_requests_per_s": 0.0, "robot_requests_per_s": 0.0, "sign_ins_per_min": 0.0}
+# Asker: the column of the matrix, role, robots.
+WHO: dict[str, tuple[str, Role, tuple[str, ...]]] = {
+    "nobody": ("nobody", Role.NONE, ()),
+    "anonymous": ("anonymous", Role.VIEWER, ("*",)),
+    "viewer": ("viewer", Role.VIEWER, ("*",)),
+    "operator": ("operator", Role.OPERATOR, ("*",)),
+    "admin": ("admin", Role.ADMIN, ("*",)),
+    "scoped": ("operator", Role.OPERATOR, ("sim_*",)),
+}
+
+
+async def tried(folder: Path, who: str, *, examples: int, phases: tuple[str, ...]) -> Report:
+    """Everything, as one asker, on a gateway of their own."""
+    column, role, robots = WHO[who]
+    granted = {row.name for row in PERMISSIONS if EXPECTED[row.name][ASKERS.index(column)] == "+"}
+    anonymous, scoped = who == "anonymous", who == "scoped"
+    async with busy_gateway(folder, "sim_1", "sim_2", "hidden_1", anonymous=anonymous, **FREE) as busy:
+        key = {"nobody": "", "anonymous": "", "admin": busy.admin}.get(who)
+        if key is None:
+            key = await busy.key(role, *robots)
+        report = await asyncio.to_thread(
+            fuzz_api,
+            busy.ready.url,
+            key=key,
+            granted=granted,
+            hidden="hidden_1" if scoped else "",
+            seed=SEED,
+            examples=examples,
+            phases=phases,
+            anonymous=anonymous,
+        )
+    print(f"{who}: seed {SEED}, {report.cases} cases, {len(report.reached)} operations carried out")
+    return report
+
+
+def test_all_askers_together_are_enough() -> None:
+    assert LEAST * len(WHO) >= 5000
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("who", WHO)
+async def test_everything_as(tmp_path: Path, who: str) -> None:
+    report = await tried(tmp_path, who, examples=EXAMPLES, phases=("coverage", "fuzzing", "stateful"))
+    assert not report.wrong, "\n".join(report.wrong[:30])
+    assert report.cases >= LEAST
+    assert len(report.reached) >= {"nobody": 4, "anonymous": 15, "viewer": 15, "operator": 18, "admin": 35}.get(who, 18)
+
+
+async def test_a_sample_of_everything_as_admin(tmp_path: Path) -> None:
+    report = await tried(tmp_path, "admin", examples=5, phases=("fuzzing",))
+    assert not report.wrong, "\n".join(report.wrong[:30])
+    assert report.cases >= 200
