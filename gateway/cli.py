@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -65,6 +65,10 @@ TrustedProxy = Annotated[
 ]
 StatusFile = Annotated[Path | None, typer.Option(metavar="FILE", help="Write this JSON file when ready.")]
 
+# Options whose setting has another name, and those that may be repeated.
+RENAMED = {"store": "store_url", "objects": "objects_url", "robot_certificate_hours": "robot_certificate_s"}
+PLURAL = {"allow_host": "allow_hosts", "allow_origin": "allow_origins", "trusted_proxy": "trusted_proxies"}
+
 
 def register(app: typer.Typer) -> None:
     """Add the noun to `metaros`."""
@@ -111,41 +115,21 @@ def _gateway(
     status_file: StatusFile = None,
 ) -> None:
     """Run the gateway until Ctrl-C."""
+    given = {name: value for name, value in locals().items() if name not in ("context", "status_file")}
     if context.invoked_subcommand is not None:
         return
     from gateway.main import run
 
-    settings = Settings(
-        host=host,
-        port=port,
-        grpc_port=grpc_port,
-        data_dir=data_dir or default_data_dir(),
-        allow_hosts=tuple(allow_host or ()),
-        allow_origins=tuple(allow_origin or ()),
-        store_url=store,
-        objects_url=objects,
-        tls=tls,
-        tls_cert=tls_cert,
-        tls_key=tls_key,
-        trusted_proxies=tuple(trusted_proxy or ()),
-        anonymous=anonymous,
-        oidc=oidc,
-        fleet=fleet,
-        require_enrolment=require_enrolment,
-        ca_cert=ca_cert,
-        ca_key=ca_key,
-        robot_certificate_s=robot_certificate_hours * 3600.0,
-        retention_days=retention_days,
-        event_retention_days=event_retention_days,
-        retention_bytes=retention_mib * MIB,
-        retention_rules=tuple(retention or ()),
-        tick_s=tick_ms / 1000,
-        heartbeat_s=heartbeat_s,
-        robot_messages_per_s=robot_messages_per_s,
-        robot_bytes_per_s=robot_bytes_per_s,
-        requests_per_s=requests_per_s,
-        anonymous_requests_per_s=anonymous_requests_per_s,
-        robot_requests_per_s=robot_requests_per_s,
-        sign_ins_per_min=sign_ins_per_min,
-    )
-    run(settings, status_file=status_file)
+    run(_settings(given), status_file=status_file)
+
+
+def _settings(given: dict[str, Any]) -> Settings:
+    """The settings that the options mean."""
+    chosen = {RENAMED.get(name, name): value for name, value in given.items()}
+    chosen |= {plural: tuple(chosen.pop(option) or ()) for option, plural in PLURAL.items()}
+    chosen["data_dir"] = given["data_dir"] or default_data_dir()
+    chosen["robot_certificate_s"] *= 3600.0
+    chosen["retention_bytes"] = chosen.pop("retention_mib") * MIB
+    chosen["retention_rules"] = tuple(chosen.pop("retention") or ())
+    chosen["tick_s"] = chosen.pop("tick_ms") / 1000
+    return Settings(**chosen)

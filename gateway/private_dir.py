@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 from metaros.errors import ConfigError
@@ -20,7 +21,7 @@ def make_private(folder: Path) -> Path:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        if os.name == "posix":
+        if sys.platform != "win32":
             found = folder.stat()
             if found.st_uid == os.getuid() and found.st_mode & OTHERS:
                 folder.chmod(found.st_mode & 0o7777 & ~OTHERS)

@@ -130,11 +130,12 @@ async def _first_byte(sock: socket.socket) -> bytes:
     """What comes first, left where it is; b"" when the other end has gone."""
     if sys.platform == "win32":  # its loop cannot wait without reading: who speaks plainly is cut by TLS itself
         return HANDSHAKE
-    loop = asyncio.get_running_loop()
-    readable = asyncio.Event()
-    loop.add_reader(sock, readable.set)
-    try:
-        await readable.wait()
-    finally:
-        loop.remove_reader(sock)
-    return sock.recv(1, socket.MSG_PEEK)
+    else:
+        loop = asyncio.get_running_loop()
+        readable = asyncio.Event()
+        loop.add_reader(sock, readable.set)
+        try:
+            await readable.wait()
+        finally:
+            loop.remove_reader(sock)
+        return sock.recv(1, socket.MSG_PEEK)
