@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -161,13 +162,14 @@ def open_files(most: int = 65_536) -> int | None:
 
     Every connection is a file, and the usual 1024 are soon taken.
     """
-    try:
-        import resource
-    except ImportError:  # Windows has no such bound
+    if sys.platform == "win32":  # it has no such bound
         return None
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = most if hard == resource.RLIM_INFINITY else min(most, hard)
-    if soft != resource.RLIM_INFINITY and soft < wanted:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
-        return wanted
-    return None if soft == resource.RLIM_INFINITY else soft
+    else:
+        import resource
+
+        soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+        wanted = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        if soft != resource.RLIM_INFINITY and soft < wanted:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+            return wanted
+        return None if soft == resource.RLIM_INFINITY else soft
