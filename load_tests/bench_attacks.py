@@ -215,9 +215,9 @@ async def measure(names: list[str], *, rounds: int, seconds: float, folder: Path
 
 
 def start_gateway(folder: Path) -> tuple[subprocess.Popen[bytes], dict[str, Any]]:
-    """A gateway process with its usual limits, and where it listens."""
+    """A gateway process with its usual limits, as it is beyond loopback: who has not signed in is a stranger."""
     status = folder / "status.json"
-    command = [sys.executable, "-c", GATEWAY, "gateway", "--port", "0", "--grpc-port", "0"]
+    command = [sys.executable, "-c", GATEWAY, "gateway", "--port", "0", "--grpc-port", "0", "--no-anonymous"]
     command += ["--data-dir", str(folder / "data"), "--status-file", str(status)]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=(folder / "log").open("wb"))
     while not status.exists():

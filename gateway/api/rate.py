@@ -18,7 +18,7 @@ from gateway.api.allow import PRINCIPAL_KEY, RATES_KEY
 from gateway.api.guard import AGENTS_ONLY
 from gateway.api.problem import problem
 from gateway.domain.buckets import Buckets
-from gateway.domain.principal import NOBODY, Principal
+from gateway.domain.principal import NOBODY, Principal, Role
 from gateway.errors import TooManyRequestsError
 from gateway.identity.lockout import address_group
 from gateway.identity.permissions import Permission
@@ -55,7 +55,7 @@ class Rate:
 RATES: tuple[Rate, ...] = (
     Rate("requests", 500.0, 2500.0, "a user or key", "requests"),
     Rate("anonymous", 200.0, 1000.0, "an address", "requests of who has not signed in, files of the dashboard too"),
-    Rate("strangers", 100.0, 20.0, "everybody", "requests of all who have not signed in, one after the other"),
+    Rate("strangers", 100.0, 50.0, "an address", "requests of who may do nothing yet, one after the other"),
     Rate("refused", 20.0, 200.0, "an address", "keys and sessions that were not good"),
     Rate("sign_in", 5 / 60, 10.0, "an address", "sign-ins that failed, beside the lock-out by name"),
     Rate("enrol", 5.0, 100.0, "an address", "requests for a robot's certificate, failed ones"),
@@ -84,15 +84,15 @@ class Rates:
         if wait_s:
             raise TooManyRequestsError("too many requests: wait", retry_after_s=wait_s)
 
-    def turn_s(self) -> float:
-        """After how long it is a stranger's turn: many at a time come one after the other, so that the event loop has
-        time for everybody else in between.
+    def turn_s(self, address: str) -> float:
+        """After how long it is the turn of a stranger's request: many at a time from one address come one after the
+        other, so that the event loop has time for everybody else in between.
         """
         now_s, strangers = self._clock.monotonic_s(), self._buckets["strangers"]
-        wait_s = strangers.wait_s("", now_s)
+        wait_s = strangers.wait_s(address, now_s)
         if wait_s > MOST_TURN_S:
             raise TooManyRequestsError("too many requests of strangers: wait", retry_after_s=wait_s)
-        strangers.drop("", now_s)
+        strangers.drop(address, now_s)
         return wait_s
 
     def check(self, name: str, key: object) -> None:
@@ -141,8 +141,8 @@ class RateLimited:
         scope[RATES_KEY] = self._rates
         try:
             key = self._count(scope)
-            if scope.get(PRINCIPAL_KEY, NOBODY).kind == "anonymous":
-                await asyncio.sleep(self._rates.turn_s())
+            if scope.get(PRINCIPAL_KEY, NOBODY).role is Role.NONE:
+                await asyncio.sleep(self._rates.turn_s(address_of(scope)))
         except TooManyRequestsError as error:
             await asyncio.sleep(self._pause())
             await refuse(scope, receive, send, error)
