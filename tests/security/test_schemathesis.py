@@ -15,7 +15,7 @@ from tests.support.busy_gateway import busy_gateway
 
 SEED = 20_261_121
 LEAST = 900  # cases of each asker, however few ids it learns from the answers
-EXAMPLES = 15  # of each operation, beside those that the schema's own bounds give
+EXAMPLES = 8  # of each operation, beside those that the schema's own bounds give
 FREE = {"requests_per_s": 0.0, "anonymous_requests_per_s": 0.0, "robot_requests_per_s": 0.0, "sign_ins_per_min": 0.0}
 # Asker: the column of the matrix, role, robots.
 WHO: dict[str, tuple[str, Role, tuple[str, ...]]] = {

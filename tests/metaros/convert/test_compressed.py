@@ -80,8 +80,8 @@ def test_a_damaged_file_is_a_decode_error() -> None:
     pytest.importorskip("cv2")
     with pytest.raises(DecodeError, match="a PNG that is not whole"):
         compressed_to_numpy(CompressedImage(data=PNG_HEAD + struct.pack(">II", 4, 4) + b"\x08\x02\0\0\0" + bytes(40)))
+    end = bytes(4) + bytes(4) + b"IEND" + bytes(4)
     with pytest.raises(DecodeError, match="OpenCV cannot decode"):
-        end = bytes(4) + bytes(4) + b"IEND" + bytes(4)
         compressed_to_numpy(CompressedImage(data=PNG_HEAD + struct.pack(">II", 4, 4) + b"\x08\x02\0\0\0" + end))
 
 
