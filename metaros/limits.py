@@ -70,6 +70,8 @@ class Limits:
     answer_stall_s: float = 60.0  # a connection whose other end takes less than 64 KiB of an answer in it is cut
     connections: int = 4096  # over HTTP and WebSocket
     connections_address: int = 512  # of one address; those of this machine and of trusted proxies: three quarters
+    strangers_waiting: int = 1024  # requests of who has not signed in that wait for their turn; more are refused
+    strangers_waiting_each: int = 64  # of one address
     sockets_open: int = 512  # of one user, key or address, beside robots' links
     socket_message_bytes: int = 64 * KIB  # of a client on the stream and teleop sockets
     socket_frames_per_s: float = 150.0  # of a client, control frames and fragments too; a robot's link: 60 times

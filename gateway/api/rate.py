@@ -17,6 +17,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from gateway.api.allow import PRINCIPAL_KEY, RATES_KEY
 from gateway.api.guard import AGENTS_ONLY
 from gateway.api.problem import problem
+from gateway.api.turns import Turns
 from gateway.domain.buckets import Buckets
 from gateway.domain.principal import NOBODY, Principal, Role
 from gateway.errors import TooManyRequestsError
@@ -31,7 +32,6 @@ PAUSE_S = 0.5
 POLICY = 1008  # with which http_server.py ends a socket that sends too many frames
 TOO_OFTEN = 4429  # the close code of a socket whose client says too much
 SIGN_INS = ("/api/v1/auth/login", "/api/v1/auth/link")
-MOST_TURN_S = 2.0
 FLOODED, FLOODED_KNOWN = 150.0, 10.0  # sockets that one counts for that had to be ended
 PROBES = ("/healthz", "/readyz")
 MIB = 1024 * 1024
@@ -55,7 +55,7 @@ class Rate:
 RATES: tuple[Rate, ...] = (
     Rate("requests", 500.0, 2500.0, "a user or key", "requests"),
     Rate("anonymous", 200.0, 1000.0, "an address", "requests of who has not signed in, files of the dashboard too"),
-    Rate("strangers", 100.0, 50.0, "an address", "requests of who may do nothing yet, one after the other"),
+    Rate("strangers", 200.0, 100.0, "everybody", "requests of who may do nothing yet; more take turns by address"),
     Rate("refused", 20.0, 200.0, "an address", "keys and sessions that were not good"),
     Rate("sign_in", 5 / 60, 10.0, "an address", "sign-ins that failed, beside the lock-out by name"),
     Rate("enrol", 5.0, 100.0, "an address", "requests for a robot's certificate, failed ones"),
@@ -65,7 +65,7 @@ RATES: tuple[Rate, ...] = (
     Rate("message_bytes", 1.0 * MIB, 4.0 * MIB, "a socket", "bytes of a client's messages"),
 )
 _COUNTED = {"sessions.open": "sign_in", "agent.enrol": "enrol"}  # permissions whose failures count by address
-_FAILED = (401, 403, 429)
+_FAILED_FROM = 400
 
 
 class Rates:
@@ -73,9 +73,15 @@ class Rates:
 
     def __init__(self, *, clock: Clock, table: tuple[Rate, ...] = RATES, **per_s: float | None) -> None:
         """`per_s` has other rates by name, with bursts in proportion; 0 turns one off."""
-        rows = (_scaled(row, per_s.get(row.name)) for row in table)
+        rows = [_scaled(row, per_s.get(row.name)) for row in table]
         self._clock = clock
         self._buckets: dict[str, Buckets] = {row.name: Buckets(per_s=row.per_s, burst=row.burst) for row in rows}
+        self.turns = Turns(
+            lambda: not self._buckets["strangers"].take("", self._clock.monotonic_s()),
+            per_s=next((row.per_s for row in rows if row.name == "strangers"), 0.0),
+            most_each=LIMITS.strangers_waiting_each,
+            most=LIMITS.strangers_waiting,
+        )
         self.open: dict[str, int] = {}  # sockets, by who has them
 
     def take(self, name: str, key: object, amount: float = 1.0) -> None:
@@ -83,17 +89,6 @@ class Rates:
         wait_s = self._buckets[name].take(key, self._clock.monotonic_s(), amount)
         if wait_s:
             raise TooManyRequestsError("too many requests: wait", retry_after_s=wait_s)
-
-    def turn_s(self, address: str) -> float:
-        """After how long it is the turn of a stranger's request: many at a time from one address come one after the
-        other, so that the event loop has time for everybody else in between.
-        """
-        now_s, strangers = self._clock.monotonic_s(), self._buckets["strangers"]
-        wait_s = strangers.wait_s(address, now_s)
-        if wait_s > MOST_TURN_S:
-            raise TooManyRequestsError("too many requests of strangers: wait", retry_after_s=wait_s)
-        strangers.drop(address, now_s)
-        return wait_s
 
     def check(self, name: str, key: object) -> None:
         """TooManyRequestsError when `take` would raise it; takes nothing."""
@@ -142,7 +137,7 @@ class RateLimited:
         try:
             key = self._count(scope)
             if scope.get(PRINCIPAL_KEY, NOBODY).role is Role.NONE:
-                await asyncio.sleep(self._rates.turn_s(address_of(scope)))
+                await self._rates.turns.wait(address_of(scope))
         except TooManyRequestsError as error:
             await asyncio.sleep(self._pause())
             await refuse(scope, receive, send, error)
@@ -182,7 +177,7 @@ class RateLimited:
         async def wrapped(message: Message) -> None:
             if message["type"] == "http.response.start":
                 state = scope.get("state", {})
-                if "taken" in state and message["status"] not in _FAILED:
+                if "taken" in state and message["status"] < _FAILED_FROM:
                     self._rates.give(state["taken"], address_of(scope))
                 elif "refused" in state or ("taken" in state and message["status"] == 429):
                     await asyncio.sleep(self._pause())

@@ -28,6 +28,7 @@ AT_A_TIME = 2
 NICE = 10
 BUSY_S = 5.0
 MIN_CHARS = 12
+LANES = 1  # argon2's parallelism: its default of 4 threads a hash would take every core of a small machine at once
 
 
 def check_password(text: str, *, name: str) -> None:
@@ -40,7 +41,7 @@ def check_password(text: str, *, name: str) -> None:
 
 def hash_password(text: str, *, hasher: PasswordHasher | None = None) -> str:
     """The password's argon2id hash with its salt and parameters; takes its time, and 64 MiB."""
-    return (hasher or PasswordHasher()).hash(_bytes(text))
+    return (hasher or PasswordHasher(parallelism=LANES)).hash(_bytes(text))
 
 
 class Passwords:
@@ -49,7 +50,7 @@ class Passwords:
     def __init__(
         self, *, hasher: PasswordHasher | None = None, waiting: int = LIMITS.password_checks, threads: int | None = None
     ) -> None:
-        self._hasher = hasher or PasswordHasher()
+        self._hasher = hasher or PasswordHasher(parallelism=LANES)
         self._pool = ThreadPoolExecutor(
             max_workers=threads or _at_a_time(), thread_name_prefix="gateway-password", initializer=_give_way
         )
