@@ -11,10 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gateway.store.migrations.audit import AUDIT
+from gateway.store.migrations.commands import COMMANDS
+from gateway.store.migrations.leases import LEASES
 from gateway.store.migrations.recordings import RECORDINGS
 from gateway.store.migrations.robot_identity import ROBOT_IDENTITY
+from gateway.store.migrations.rollouts import ROLLOUTS
 from gateway.store.migrations.segments import SEGMENTS
 from gateway.store.migrations.series import SERIES
+from gateway.store.migrations.twins import TWINS
 from gateway.store.migrations.users import USERS
 
 __all__ = ["CHUNK_SAMPLES", "MIGRATIONS", "ROW_BYTES", "TABLES", "Dialect", "migration"]
@@ -135,6 +139,10 @@ MIGRATIONS: tuple[str, ...] = (
     USERS,
     ROBOT_IDENTITY,
     AUDIT,
+    TWINS,
+    LEASES,
+    COMMANDS,
+    ROLLOUTS,
 )
 
 ROW_BYTES = 100  # what a row of these occupies beside them, with its index entries

@@ -65,6 +65,18 @@ EXPECTED = {
     "robots.enrol": "ssff+bf",
     "robots.revoke": "ssff+bf",
     "audit.read": "ssff+bf",
+    "twin.read": "s++++bf",
+    "twin.write": "ssf++bf",
+    "templates.write": "ssff+bf",
+    "nodes.read": "s++++bf",
+    "nodes.control": "ssf++bf",
+    "nodes.code": "ssff+bf",
+    "commands.read": "s++++bf",
+    "commands.cancel": "ssf++bf",
+    "updates.read": "s++++bf",
+    "updates.publish": "ssff+bf",
+    "updates.fetch": "++fffb+",
+    "rollouts.manage": "ssff+bf",
 }
 CODES = {"s": (401, "sign_in"), "b": (401, "bad_credentials"), "f": (403, "forbidden")}
 GATE = {"sign_in", "bad_credentials", "forbidden", "csrf"}

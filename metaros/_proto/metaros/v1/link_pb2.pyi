@@ -39,7 +39,7 @@ COMPRESSION_NONE: Compression
 COMPRESSION_ZSTD: Compression
 
 class AgentFrame(_message.Message):
-    __slots__ = ("hello", "announce", "batches", "metrics", "gap", "statistics", "result", "heartbeat", "resumed", "recording", "proof")
+    __slots__ = ("hello", "announce", "batches", "metrics", "gap", "statistics", "result", "heartbeat", "resumed", "recording", "proof", "twin")
     HELLO_FIELD_NUMBER: _ClassVar[int]
     ANNOUNCE_FIELD_NUMBER: _ClassVar[int]
     BATCHES_FIELD_NUMBER: _ClassVar[int]
@@ -51,6 +51,7 @@ class AgentFrame(_message.Message):
     RESUMED_FIELD_NUMBER: _ClassVar[int]
     RECORDING_FIELD_NUMBER: _ClassVar[int]
     PROOF_FIELD_NUMBER: _ClassVar[int]
+    TWIN_FIELD_NUMBER: _ClassVar[int]
     hello: Hello
     announce: Announce
     batches: Batches
@@ -62,10 +63,11 @@ class AgentFrame(_message.Message):
     resumed: Resumed
     recording: RecordingPart
     proof: Proof
-    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., announce: _Optional[_Union[Announce, _Mapping]] = ..., batches: _Optional[_Union[Batches, _Mapping]] = ..., metrics: _Optional[_Union[MetricBatch, _Mapping]] = ..., gap: _Optional[_Union[Gap, _Mapping]] = ..., statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ..., result: _Optional[_Union[CommandResult, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., resumed: _Optional[_Union[Resumed, _Mapping]] = ..., recording: _Optional[_Union[RecordingPart, _Mapping]] = ..., proof: _Optional[_Union[Proof, _Mapping]] = ...) -> None: ...
+    twin: TwinReport
+    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., announce: _Optional[_Union[Announce, _Mapping]] = ..., batches: _Optional[_Union[Batches, _Mapping]] = ..., metrics: _Optional[_Union[MetricBatch, _Mapping]] = ..., gap: _Optional[_Union[Gap, _Mapping]] = ..., statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ..., result: _Optional[_Union[CommandResult, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., resumed: _Optional[_Union[Resumed, _Mapping]] = ..., recording: _Optional[_Union[RecordingPart, _Mapping]] = ..., proof: _Optional[_Union[Proof, _Mapping]] = ..., twin: _Optional[_Union[TwinReport, _Mapping]] = ...) -> None: ...
 
 class GatewayFrame(_message.Message):
-    __slots__ = ("welcome", "ack", "demand", "command", "teleop", "heartbeat", "goodbye", "retry_later", "recording_wanted", "challenge")
+    __slots__ = ("welcome", "ack", "demand", "command", "teleop", "heartbeat", "goodbye", "retry_later", "recording_wanted", "challenge", "twin", "twin_confirmed", "node_leases", "result_stored")
     WELCOME_FIELD_NUMBER: _ClassVar[int]
     ACK_FIELD_NUMBER: _ClassVar[int]
     DEMAND_FIELD_NUMBER: _ClassVar[int]
@@ -76,6 +78,10 @@ class GatewayFrame(_message.Message):
     RETRY_LATER_FIELD_NUMBER: _ClassVar[int]
     RECORDING_WANTED_FIELD_NUMBER: _ClassVar[int]
     CHALLENGE_FIELD_NUMBER: _ClassVar[int]
+    TWIN_FIELD_NUMBER: _ClassVar[int]
+    TWIN_CONFIRMED_FIELD_NUMBER: _ClassVar[int]
+    NODE_LEASES_FIELD_NUMBER: _ClassVar[int]
+    RESULT_STORED_FIELD_NUMBER: _ClassVar[int]
     welcome: Welcome
     ack: Ack
     demand: Demand
@@ -86,7 +92,11 @@ class GatewayFrame(_message.Message):
     retry_later: RetryLater
     recording_wanted: RecordingWanted
     challenge: Challenge
-    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ack: _Optional[_Union[Ack, _Mapping]] = ..., demand: _Optional[_Union[Demand, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., teleop: _Optional[_Union[Teleop, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ..., retry_later: _Optional[_Union[RetryLater, _Mapping]] = ..., recording_wanted: _Optional[_Union[RecordingWanted, _Mapping]] = ..., challenge: _Optional[_Union[Challenge, _Mapping]] = ...) -> None: ...
+    twin: TwinDesired
+    twin_confirmed: TwinConfirmed
+    node_leases: NodeLeases
+    result_stored: ResultStored
+    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ack: _Optional[_Union[Ack, _Mapping]] = ..., demand: _Optional[_Union[Demand, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., teleop: _Optional[_Union[Teleop, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ..., retry_later: _Optional[_Union[RetryLater, _Mapping]] = ..., recording_wanted: _Optional[_Union[RecordingWanted, _Mapping]] = ..., challenge: _Optional[_Union[Challenge, _Mapping]] = ..., twin: _Optional[_Union[TwinDesired, _Mapping]] = ..., twin_confirmed: _Optional[_Union[TwinConfirmed, _Mapping]] = ..., node_leases: _Optional[_Union[NodeLeases, _Mapping]] = ..., result_stored: _Optional[_Union[ResultStored, _Mapping]] = ...) -> None: ...
 
 class Hello(_message.Message):
     __slots__ = ("protocol", "robot_id", "session_id", "session_number", "lane", "agent_version", "namespace", "hostname", "labels", "streams", "writers", "epochs", "certificates")
@@ -415,7 +425,7 @@ class DemandEntry(_message.Message):
     def __init__(self, channel_id: _Optional[int] = ..., max_rate_hz: _Optional[float] = ...) -> None: ...
 
 class Command(_message.Message):
-    __slots__ = ("command_id", "timeout_ms", "lease_id", "publish", "call_service", "grant_lease", "release_lease", "set_uplink", "save_recording")
+    __slots__ = ("command_id", "timeout_ms", "lease_id", "publish", "call_service", "grant_lease", "release_lease", "set_uplink", "save_recording", "node_verb", "read_log", "expires_ns", "durable")
     COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
     TIMEOUT_MS_FIELD_NUMBER: _ClassVar[int]
     LEASE_ID_FIELD_NUMBER: _ClassVar[int]
@@ -425,6 +435,10 @@ class Command(_message.Message):
     RELEASE_LEASE_FIELD_NUMBER: _ClassVar[int]
     SET_UPLINK_FIELD_NUMBER: _ClassVar[int]
     SAVE_RECORDING_FIELD_NUMBER: _ClassVar[int]
+    NODE_VERB_FIELD_NUMBER: _ClassVar[int]
+    READ_LOG_FIELD_NUMBER: _ClassVar[int]
+    EXPIRES_NS_FIELD_NUMBER: _ClassVar[int]
+    DURABLE_FIELD_NUMBER: _ClassVar[int]
     command_id: bytes
     timeout_ms: int
     lease_id: str
@@ -434,7 +448,35 @@ class Command(_message.Message):
     release_lease: ReleaseLease
     set_uplink: SetUplink
     save_recording: SaveRecording
-    def __init__(self, command_id: _Optional[bytes] = ..., timeout_ms: _Optional[int] = ..., lease_id: _Optional[str] = ..., publish: _Optional[_Union[PublishMessage, _Mapping]] = ..., call_service: _Optional[_Union[CallService, _Mapping]] = ..., grant_lease: _Optional[_Union[GrantLease, _Mapping]] = ..., release_lease: _Optional[_Union[ReleaseLease, _Mapping]] = ..., set_uplink: _Optional[_Union[SetUplink, _Mapping]] = ..., save_recording: _Optional[_Union[SaveRecording, _Mapping]] = ...) -> None: ...
+    node_verb: NodeVerb
+    read_log: ReadLog
+    expires_ns: int
+    durable: bool
+    def __init__(self, command_id: _Optional[bytes] = ..., timeout_ms: _Optional[int] = ..., lease_id: _Optional[str] = ..., publish: _Optional[_Union[PublishMessage, _Mapping]] = ..., call_service: _Optional[_Union[CallService, _Mapping]] = ..., grant_lease: _Optional[_Union[GrantLease, _Mapping]] = ..., release_lease: _Optional[_Union[ReleaseLease, _Mapping]] = ..., set_uplink: _Optional[_Union[SetUplink, _Mapping]] = ..., save_recording: _Optional[_Union[SaveRecording, _Mapping]] = ..., node_verb: _Optional[_Union[NodeVerb, _Mapping]] = ..., read_log: _Optional[_Union[ReadLog, _Mapping]] = ..., expires_ns: _Optional[int] = ..., durable: _Optional[bool] = ...) -> None: ...
+
+class NodeVerb(_message.Message):
+    __slots__ = ("node", "verb", "signal")
+    NODE_FIELD_NUMBER: _ClassVar[int]
+    VERB_FIELD_NUMBER: _ClassVar[int]
+    SIGNAL_FIELD_NUMBER: _ClassVar[int]
+    node: str
+    verb: str
+    signal: int
+    def __init__(self, node: _Optional[str] = ..., verb: _Optional[str] = ..., signal: _Optional[int] = ...) -> None: ...
+
+class ReadLog(_message.Message):
+    __slots__ = ("node", "cursor", "max_bytes", "query", "backwards")
+    NODE_FIELD_NUMBER: _ClassVar[int]
+    CURSOR_FIELD_NUMBER: _ClassVar[int]
+    MAX_BYTES_FIELD_NUMBER: _ClassVar[int]
+    QUERY_FIELD_NUMBER: _ClassVar[int]
+    BACKWARDS_FIELD_NUMBER: _ClassVar[int]
+    node: str
+    cursor: str
+    max_bytes: int
+    query: str
+    backwards: bool
+    def __init__(self, node: _Optional[str] = ..., cursor: _Optional[str] = ..., max_bytes: _Optional[int] = ..., query: _Optional[str] = ..., backwards: _Optional[bool] = ...) -> None: ...
 
 class PublishMessage(_message.Message):
     __slots__ = ("topic", "type_name", "type_hash", "payload")
@@ -509,6 +551,64 @@ class CommandResult(_message.Message):
     message: str
     payload: bytes
     def __init__(self, command_id: _Optional[bytes] = ..., ok: _Optional[bool] = ..., code: _Optional[str] = ..., message: _Optional[str] = ..., payload: _Optional[bytes] = ...) -> None: ...
+
+class ResultStored(_message.Message):
+    __slots__ = ("command_id",)
+    COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
+    command_id: bytes
+    def __init__(self, command_id: _Optional[bytes] = ...) -> None: ...
+
+class TwinDesired(_message.Message):
+    __slots__ = ("revision", "sha256", "document", "confirm_within_ms")
+    REVISION_FIELD_NUMBER: _ClassVar[int]
+    SHA256_FIELD_NUMBER: _ClassVar[int]
+    DOCUMENT_FIELD_NUMBER: _ClassVar[int]
+    CONFIRM_WITHIN_MS_FIELD_NUMBER: _ClassVar[int]
+    revision: int
+    sha256: bytes
+    document: bytes
+    confirm_within_ms: int
+    def __init__(self, revision: _Optional[int] = ..., sha256: _Optional[bytes] = ..., document: _Optional[bytes] = ..., confirm_within_ms: _Optional[int] = ...) -> None: ...
+
+class TwinConfirmed(_message.Message):
+    __slots__ = ("revision",)
+    REVISION_FIELD_NUMBER: _ClassVar[int]
+    revision: int
+    def __init__(self, revision: _Optional[int] = ...) -> None: ...
+
+class TwinReport(_message.Message):
+    __slots__ = ("revision", "applied", "state", "code", "message", "sha256", "reported")
+    REVISION_FIELD_NUMBER: _ClassVar[int]
+    APPLIED_FIELD_NUMBER: _ClassVar[int]
+    STATE_FIELD_NUMBER: _ClassVar[int]
+    CODE_FIELD_NUMBER: _ClassVar[int]
+    MESSAGE_FIELD_NUMBER: _ClassVar[int]
+    SHA256_FIELD_NUMBER: _ClassVar[int]
+    REPORTED_FIELD_NUMBER: _ClassVar[int]
+    revision: int
+    applied: int
+    state: str
+    code: str
+    message: str
+    sha256: bytes
+    reported: bytes
+    def __init__(self, revision: _Optional[int] = ..., applied: _Optional[int] = ..., state: _Optional[str] = ..., code: _Optional[str] = ..., message: _Optional[str] = ..., sha256: _Optional[bytes] = ..., reported: _Optional[bytes] = ...) -> None: ...
+
+class NodeLeases(_message.Message):
+    __slots__ = ("leases",)
+    LEASES_FIELD_NUMBER: _ClassVar[int]
+    leases: _containers.RepeatedCompositeFieldContainer[NodeLease]
+    def __init__(self, leases: _Optional[_Iterable[_Union[NodeLease, _Mapping]]] = ...) -> None: ...
+
+class NodeLease(_message.Message):
+    __slots__ = ("node", "lease_id", "valid_ms")
+    NODE_FIELD_NUMBER: _ClassVar[int]
+    LEASE_ID_FIELD_NUMBER: _ClassVar[int]
+    VALID_MS_FIELD_NUMBER: _ClassVar[int]
+    node: str
+    lease_id: str
+    valid_ms: int
+    def __init__(self, node: _Optional[str] = ..., lease_id: _Optional[str] = ..., valid_ms: _Optional[int] = ...) -> None: ...
 
 class Teleop(_message.Message):
     __slots__ = ("lease_id", "seq", "sent_ns", "topic", "type_name", "type_hash", "payload")

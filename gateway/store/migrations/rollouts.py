@@ -1,0 +1,7 @@
+"""Migration 12: update targets and rollouts."""
+
+from __future__ import annotations
+
+__all__ = ["ROLLOUTS"]
+
+ROLLOUTS = "SELECT 1;"
