@@ -1,4 +1,4 @@
-"""What a robot is to be and what it is: the twin's document, checked, merged and compared. Shared by agent and gateway."""
+"""What a robot is to be and what it is: the twin's document, checked, merged, compared. For agent and gateway."""
 
 from __future__ import annotations
 
