@@ -164,7 +164,7 @@ class StreamState(_message.Message):
     def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., last_seq: _Optional[int] = ..., base_seq: _Optional[int] = ...) -> None: ...
 
 class Welcome(_message.Message):
-    __slots__ = ("gateway_id", "store_id", "watermarks", "window_bytes", "window_batches", "heartbeat_s", "stored_writers")
+    __slots__ = ("gateway_id", "store_id", "watermarks", "window_bytes", "window_batches", "heartbeat_s", "stored_writers", "twin")
     GATEWAY_ID_FIELD_NUMBER: _ClassVar[int]
     STORE_ID_FIELD_NUMBER: _ClassVar[int]
     WATERMARKS_FIELD_NUMBER: _ClassVar[int]
@@ -172,6 +172,7 @@ class Welcome(_message.Message):
     WINDOW_BATCHES_FIELD_NUMBER: _ClassVar[int]
     HEARTBEAT_S_FIELD_NUMBER: _ClassVar[int]
     STORED_WRITERS_FIELD_NUMBER: _ClassVar[int]
+    TWIN_FIELD_NUMBER: _ClassVar[int]
     gateway_id: str
     store_id: str
     watermarks: _containers.RepeatedCompositeFieldContainer[Watermark]
@@ -179,7 +180,8 @@ class Welcome(_message.Message):
     window_batches: int
     heartbeat_s: float
     stored_writers: _containers.RepeatedCompositeFieldContainer[EpochWriter]
-    def __init__(self, gateway_id: _Optional[str] = ..., store_id: _Optional[str] = ..., watermarks: _Optional[_Iterable[_Union[Watermark, _Mapping]]] = ..., window_bytes: _Optional[int] = ..., window_batches: _Optional[int] = ..., heartbeat_s: _Optional[float] = ..., stored_writers: _Optional[_Iterable[_Union[EpochWriter, _Mapping]]] = ...) -> None: ...
+    twin: bool
+    def __init__(self, gateway_id: _Optional[str] = ..., store_id: _Optional[str] = ..., watermarks: _Optional[_Iterable[_Union[Watermark, _Mapping]]] = ..., window_bytes: _Optional[int] = ..., window_batches: _Optional[int] = ..., heartbeat_s: _Optional[float] = ..., stored_writers: _Optional[_Iterable[_Union[EpochWriter, _Mapping]]] = ..., twin: _Optional[bool] = ...) -> None: ...
 
 class EpochWriter(_message.Message):
     __slots__ = ("epoch", "writer")
@@ -425,7 +427,7 @@ class DemandEntry(_message.Message):
     def __init__(self, channel_id: _Optional[int] = ..., max_rate_hz: _Optional[float] = ...) -> None: ...
 
 class Command(_message.Message):
-    __slots__ = ("command_id", "timeout_ms", "lease_id", "publish", "call_service", "grant_lease", "release_lease", "set_uplink", "save_recording", "node_verb", "read_log", "expires_ns", "durable")
+    __slots__ = ("command_id", "timeout_ms", "lease_id", "publish", "call_service", "grant_lease", "release_lease", "set_uplink", "save_recording", "node_verb", "read_log", "expires_ns", "durable", "sent_ns")
     COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
     TIMEOUT_MS_FIELD_NUMBER: _ClassVar[int]
     LEASE_ID_FIELD_NUMBER: _ClassVar[int]
@@ -439,6 +441,7 @@ class Command(_message.Message):
     READ_LOG_FIELD_NUMBER: _ClassVar[int]
     EXPIRES_NS_FIELD_NUMBER: _ClassVar[int]
     DURABLE_FIELD_NUMBER: _ClassVar[int]
+    SENT_NS_FIELD_NUMBER: _ClassVar[int]
     command_id: bytes
     timeout_ms: int
     lease_id: str
@@ -452,7 +455,8 @@ class Command(_message.Message):
     read_log: ReadLog
     expires_ns: int
     durable: bool
-    def __init__(self, command_id: _Optional[bytes] = ..., timeout_ms: _Optional[int] = ..., lease_id: _Optional[str] = ..., publish: _Optional[_Union[PublishMessage, _Mapping]] = ..., call_service: _Optional[_Union[CallService, _Mapping]] = ..., grant_lease: _Optional[_Union[GrantLease, _Mapping]] = ..., release_lease: _Optional[_Union[ReleaseLease, _Mapping]] = ..., set_uplink: _Optional[_Union[SetUplink, _Mapping]] = ..., save_recording: _Optional[_Union[SaveRecording, _Mapping]] = ..., node_verb: _Optional[_Union[NodeVerb, _Mapping]] = ..., read_log: _Optional[_Union[ReadLog, _Mapping]] = ..., expires_ns: _Optional[int] = ..., durable: _Optional[bool] = ...) -> None: ...
+    sent_ns: int
+    def __init__(self, command_id: _Optional[bytes] = ..., timeout_ms: _Optional[int] = ..., lease_id: _Optional[str] = ..., publish: _Optional[_Union[PublishMessage, _Mapping]] = ..., call_service: _Optional[_Union[CallService, _Mapping]] = ..., grant_lease: _Optional[_Union[GrantLease, _Mapping]] = ..., release_lease: _Optional[_Union[ReleaseLease, _Mapping]] = ..., set_uplink: _Optional[_Union[SetUplink, _Mapping]] = ..., save_recording: _Optional[_Union[SaveRecording, _Mapping]] = ..., node_verb: _Optional[_Union[NodeVerb, _Mapping]] = ..., read_log: _Optional[_Union[ReadLog, _Mapping]] = ..., expires_ns: _Optional[int] = ..., durable: _Optional[bool] = ..., sent_ns: _Optional[int] = ...) -> None: ...
 
 class NodeVerb(_message.Message):
     __slots__ = ("node", "verb", "signal")
@@ -539,18 +543,20 @@ class SaveRecording(_message.Message):
     def __init__(self, recording_id: _Optional[str] = ..., from_ns: _Optional[int] = ..., to_ns: _Optional[int] = ..., topics: _Optional[_Iterable[str]] = ..., last_ns: _Optional[int] = ...) -> None: ...
 
 class CommandResult(_message.Message):
-    __slots__ = ("command_id", "ok", "code", "message", "payload")
+    __slots__ = ("command_id", "ok", "code", "message", "payload", "running")
     COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
     OK_FIELD_NUMBER: _ClassVar[int]
     CODE_FIELD_NUMBER: _ClassVar[int]
     MESSAGE_FIELD_NUMBER: _ClassVar[int]
     PAYLOAD_FIELD_NUMBER: _ClassVar[int]
+    RUNNING_FIELD_NUMBER: _ClassVar[int]
     command_id: bytes
     ok: bool
     code: str
     message: str
     payload: bytes
-    def __init__(self, command_id: _Optional[bytes] = ..., ok: _Optional[bool] = ..., code: _Optional[str] = ..., message: _Optional[str] = ..., payload: _Optional[bytes] = ...) -> None: ...
+    running: bool
+    def __init__(self, command_id: _Optional[bytes] = ..., ok: _Optional[bool] = ..., code: _Optional[str] = ..., message: _Optional[str] = ..., payload: _Optional[bytes] = ..., running: _Optional[bool] = ...) -> None: ...
 
 class ResultStored(_message.Message):
     __slots__ = ("command_id",)
@@ -595,10 +601,12 @@ class TwinReport(_message.Message):
     def __init__(self, revision: _Optional[int] = ..., applied: _Optional[int] = ..., state: _Optional[str] = ..., code: _Optional[str] = ..., message: _Optional[str] = ..., sha256: _Optional[bytes] = ..., reported: _Optional[bytes] = ...) -> None: ...
 
 class NodeLeases(_message.Message):
-    __slots__ = ("leases",)
+    __slots__ = ("leases", "sent_ns")
     LEASES_FIELD_NUMBER: _ClassVar[int]
+    SENT_NS_FIELD_NUMBER: _ClassVar[int]
     leases: _containers.RepeatedCompositeFieldContainer[NodeLease]
-    def __init__(self, leases: _Optional[_Iterable[_Union[NodeLease, _Mapping]]] = ...) -> None: ...
+    sent_ns: int
+    def __init__(self, leases: _Optional[_Iterable[_Union[NodeLease, _Mapping]]] = ..., sent_ns: _Optional[int] = ...) -> None: ...
 
 class NodeLease(_message.Message):
     __slots__ = ("node", "lease_id", "valid_ms")
