@@ -164,7 +164,7 @@ class StreamState(_message.Message):
     def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., last_seq: _Optional[int] = ..., base_seq: _Optional[int] = ...) -> None: ...
 
 class Welcome(_message.Message):
-    __slots__ = ("gateway_id", "store_id", "watermarks", "window_bytes", "window_batches", "heartbeat_s", "stored_writers", "twin")
+    __slots__ = ("gateway_id", "store_id", "watermarks", "window_bytes", "window_batches", "heartbeat_s", "stored_writers", "fetch_token", "twin")
     GATEWAY_ID_FIELD_NUMBER: _ClassVar[int]
     STORE_ID_FIELD_NUMBER: _ClassVar[int]
     WATERMARKS_FIELD_NUMBER: _ClassVar[int]
@@ -172,6 +172,7 @@ class Welcome(_message.Message):
     WINDOW_BATCHES_FIELD_NUMBER: _ClassVar[int]
     HEARTBEAT_S_FIELD_NUMBER: _ClassVar[int]
     STORED_WRITERS_FIELD_NUMBER: _ClassVar[int]
+    FETCH_TOKEN_FIELD_NUMBER: _ClassVar[int]
     TWIN_FIELD_NUMBER: _ClassVar[int]
     gateway_id: str
     store_id: str
@@ -180,8 +181,9 @@ class Welcome(_message.Message):
     window_batches: int
     heartbeat_s: float
     stored_writers: _containers.RepeatedCompositeFieldContainer[EpochWriter]
+    fetch_token: str
     twin: bool
-    def __init__(self, gateway_id: _Optional[str] = ..., store_id: _Optional[str] = ..., watermarks: _Optional[_Iterable[_Union[Watermark, _Mapping]]] = ..., window_bytes: _Optional[int] = ..., window_batches: _Optional[int] = ..., heartbeat_s: _Optional[float] = ..., stored_writers: _Optional[_Iterable[_Union[EpochWriter, _Mapping]]] = ..., twin: _Optional[bool] = ...) -> None: ...
+    def __init__(self, gateway_id: _Optional[str] = ..., store_id: _Optional[str] = ..., watermarks: _Optional[_Iterable[_Union[Watermark, _Mapping]]] = ..., window_bytes: _Optional[int] = ..., window_batches: _Optional[int] = ..., heartbeat_s: _Optional[float] = ..., stored_writers: _Optional[_Iterable[_Union[EpochWriter, _Mapping]]] = ..., fetch_token: _Optional[str] = ..., twin: _Optional[bool] = ...) -> None: ...
 
 class EpochWriter(_message.Message):
     __slots__ = ("epoch", "writer")
