@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from edge_agent.commands import Commands
 from edge_agent.errors import DiskError, RefusedError
 from edge_agent.identity.credentials import Credentials
 from edge_agent.store_id import StoreId
 from edge_agent.teleop import Teleop
+from edge_agent.uplink.desk import LinkDesk, Told
 from edge_agent.uplink.lane import Compression
 from edge_agent.uplink.session import (
     AgentSession,
@@ -47,6 +48,7 @@ class SessionKeeper:
         wake: Callable[[], None],
         credentials: Credentials | None = None,
         expired: Callable[[], None] = lambda: None,
+        desks: Sequence[LinkDesk] = (),
     ) -> None:
         self._who = who
         self._queues = queues
@@ -60,6 +62,7 @@ class SessionKeeper:
         self._compression = compression
         self._credentials = credentials
         self._expired = expired
+        self._desks = desks
         self.facts = LinkFacts()
 
     def new_session(self) -> AgentSession:
@@ -84,6 +87,12 @@ class SessionKeeper:
                 self._store_id.learn(event.store_id)
                 self._queues.outbox.online = True
                 self._queues.budget.new_link(self._clock.monotonic_s())
+                for desk in self._desks:
+                    desk.link_up(lambda frame: self._tell(session, frame), event.welcome)
+            case Told():
+                for desk in self._desks:
+                    if event.frame.WhichOneof("frame") in desk.frames:
+                        desk.take(event)
             case TeleopArrived():
                 self._teleop.drive(event)
             case CommandArrived():
@@ -92,6 +101,8 @@ class SessionKeeper:
     def session_ended(self, error: BaseException | None = None) -> None:
         """Nobody watches or drives any more: stop what moves, drop what was only for viewers."""
         self._queues.outbox.online = False
+        for desk in self._desks:
+            desk.link_down()
         if isinstance(error, RefusedError) and error.reason == "forked":
             LOG.warning("another copy of this outbox has spoken to the gateway: what is held goes under a new epoch")
             try:
@@ -103,6 +114,10 @@ class SessionKeeper:
         self._teleop.link_lost()
         self._queues.channels.demand({})
         self._queues.live.clear()
+
+    def _tell(self, session: AgentSession, frame: link_pb2.AgentFrame) -> None:
+        session.tell(frame)
+        self._wake()
 
     def _answer(self, session: AgentSession, result: link_pb2.CommandResult) -> None:
         session.answer(result)

@@ -8,6 +8,7 @@ ends all lanes and makes a new session with a higher number.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -19,6 +20,7 @@ from edge_agent.identity.credentials import Credentials
 from edge_agent.live import LiveQueue
 from edge_agent.outbox import Outbox
 from edge_agent.uplink.budget import Budget
+from edge_agent.uplink.desk import DESK_FRAMES, Told
 from edge_agent.uplink.lane import BACKFILL, CONTROL, DATA, LANE_LOGS, LANES, Compression, LaneSender
 from edge_agent.uplink.statistics import LinkFacts, statistics
 from metaros._proto import link_pb2
@@ -39,8 +41,10 @@ __all__ = [
     "Identity",
     "Queues",
     "TeleopArrived",
+    "Told",
 ]
 
+LOG = logging.getLogger("metaros.agent.uplink")
 PROTOCOL = 1
 STATISTICS_S = 1.0
 SILENT_BEATS = 3
@@ -77,14 +81,22 @@ class Established:
 
     gateway_id: str
     store_id: str
+    welcome: link_pb2.Welcome = field(default_factory=link_pb2.Welcome, compare=False)  # of the control lane
 
 
 @dataclass(frozen=True, slots=True)
 class CommandArrived:
-    """A command, and when it came: its deadline counts from there."""
+    """A command, when it came (its deadline counts from there), and the gateway's wall clock then, if that is known."""
 
     command: link_pb2.Command
     arrived_s: float
+    peer_ns: int | None = None
+
+    def age_s(self, now_s: float) -> float | None:
+        """How long ago it was sent by the gateway's clock; None when it does not say."""
+        if self.peer_ns is None or not self.command.sent_ns:
+            return None
+        return (self.peer_ns - self.command.sent_ns) / 1e9 + now_s - self.arrived_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +107,7 @@ class TeleopArrived:
     age_s: float
 
 
-Event = Established | CommandArrived | TeleopArrived
+Event = Established | CommandArrived | TeleopArrived | Told
 
 
 class AgentSession:
@@ -129,6 +141,7 @@ class AgentSession:
             lane: LaneSender(lane, queues, clock=clock, limits=limits, compression=compression) for lane in LANES
         }
         self._marks: dict[tuple[int, int], int] = {}
+        self._control_welcome = link_pb2.Welcome()
         self._stored_writers: dict[int, str] = {}
         self._heartbeat_s = limits.heartbeat_s
         self._next_statistics_s = self._heard_s = clock.monotonic_s()
@@ -199,10 +212,16 @@ class AgentSession:
                 entries = frame.demand.entries
                 self._queues.channels.demand({entry.channel_id: entry.max_rate_hz for entry in entries})
             case "command":
-                return [CommandArrived(frame.command, self._heard_s)]
+                if frame.command.sent_ns:
+                    self.offset.saw(frame.command.sent_ns)
+                return [CommandArrived(frame.command, self._heard_s, self.offset.peer_now_ns())]
             case "teleop":
                 self.offset.saw(frame.teleop.sent_ns)
                 return [TeleopArrived(frame.teleop, self.offset.age_s(frame.teleop.sent_ns) or 0.0)]
+            case str() as kind if kind in DESK_FRAMES:
+                return [Told(frame, self._heard_s, self._age_s(frame))]
+            case None:
+                LOG.debug("a frame that this agent does not know")  # of a newer gateway
             case other:
                 raise FrameError(f"unexpected frame {other} on lane {lane}")
         return []
@@ -219,6 +238,14 @@ class AgentSession:
     def answer(self, result: link_pb2.CommandResult) -> None:
         """Queue a command's result."""
         self._lanes[CONTROL].put(link_pb2.AgentFrame(result=result))
+
+    def tell(self, frame: link_pb2.AgentFrame) -> None:
+        """Queue a desk's frame on the control lane."""
+        self._lanes[CONTROL].put(frame)
+
+    def _age_s(self, frame: link_pb2.GatewayFrame) -> float | None:
+        """How long ago a frame was sent, where it says when."""
+        return self.offset.age_s(frame.node_leases.sent_ns) if frame.node_leases.sent_ns else None
 
     def next_frame(self, lane: link_pb2.Lane) -> bytes | None:
         """What to write on the lane now, a serialised AgentFrame; None when there is nothing yet."""
@@ -256,13 +283,15 @@ class AgentSession:
         if welcome.heartbeat_s > 0:
             self._heartbeat_s = min(max(welcome.heartbeat_s, LEAST_BEAT_S), MOST_BEAT_S)
         sender.welcome(welcome)
+        if sender.lane == CONTROL:
+            self._control_welcome = welcome
         self._marks.update({(mark.epoch, mark.stream_id): mark.seq for mark in welcome.watermarks})
         self._stored_writers.update({known.epoch: known.writer for known in welcome.stored_writers})
         if not self.established:
             return []
         self._queues.outbox.resume(self._marks, self._stored_writers)
         self._queues.outbox.writers_stored(self._stored_writers.values())
-        return [Established(self.gateway_id, self.store_id)]
+        return [Established(self.gateway_id, self.store_id, self._control_welcome)]
 
     def _acknowledged(self, ack: link_pb2.Ack) -> None:
         for mark in ack.watermarks:

@@ -104,6 +104,13 @@ class RecordingArrived:
 
 
 @dataclass(frozen=True, slots=True)
+class TwinReported:
+    """What the robot is, and how far it is with what it is to be."""
+
+    report: link_pb2.TwinReport
+
+
+@dataclass(frozen=True, slots=True)
 class Resulted:
     """A command's result."""
 
@@ -144,6 +151,7 @@ Event = (
     | RecordingArrived
     | Reported
     | Resulted
+    | TwinReported
     | OverQuota
     | Measured
     | Closed

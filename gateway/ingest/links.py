@@ -26,6 +26,7 @@ from gateway.ingest.events import (
     Resulted,
     RowsArrived,
     Send,
+    TwinReported,
     WriterKnown,
 )
 from gateway.ingest.gate import Gate, OpenGate
@@ -62,6 +63,8 @@ class LinkHooks:
     on_online: Callable[[str, bool], None]
     on_result: Callable[[str, link_pb2.CommandResult], None]
     on_recording: Callable[[str, link_pb2.RecordingPart], None] = lambda robot, part: None
+    on_twin: Callable[[str, link_pb2.TwinReport], None] = lambda robot, report: None
+    fetch_token: Callable[[str], str] = lambda robot: ""
 
 
 @dataclass(slots=True)
@@ -259,6 +262,7 @@ class Links:
             store_id=self._store.store_id,
             limits=self._limits,
             meter=record.meter,
+            fetch_token=self._hooks.fetch_token(hello.robot_id),
         )
         if record.begin(session.robot, session_id=session.session_id, session_number=session.number):
             self.gate.cloned(hello.robot_id)
@@ -306,6 +310,8 @@ class Links:
             self._hooks.on_recording(robot_id, event.part)
         elif isinstance(event, Resulted):
             self._hooks.on_result(robot_id, event.result)
+        elif isinstance(event, TwinReported):
+            self._hooks.on_twin(robot_id, event.report)
         elif isinstance(event, OverQuota):
             self._over_quota(record, event)
         elif isinstance(event, Measured):

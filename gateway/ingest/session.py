@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gateway.domain.channel import LIVE, METRIC, METRIC_STREAM, Channel, Series
-from gateway.domain.recording import is_recording_id
 from gateway.domain.robot import Robot
 from gateway.domain.sample import Gap, Rows, Run
 from gateway.errors import ForkedError, LinkError, ProtocolError, UnsettledError
@@ -28,13 +27,13 @@ from gateway.ingest.events import (
     Measured,
     Online,
     OverQuota,
-    RecordingArrived,
     Reported,
     Resulted,
     RowsArrived,
     Send,
     WriterKnown,
 )
+from gateway.ingest.forms import read_part, read_twin
 from gateway.ingest.hello import LANES, check_hello, read_channel, read_series
 from gateway.ingest.quota import Meter
 from gateway.ingest.streams import StreamTable
@@ -72,6 +71,7 @@ class Session:
         store_id: str,
         limits: Limits = LIMITS,
         meter: Meter | None = None,
+        fetch_token: str = "",
     ) -> None:
         """Raises ProtocolError when the Hello is not acceptable; `streams` and `meter` outlive the session."""
         self.robot: Robot = check_hello(hello, limits=limits)
@@ -84,6 +84,7 @@ class Session:
         self._store_id = store_id
         self._limits = limits
         self._meter = meter
+        self._fetch_token = fetch_token
         self._lanes: dict[int, _Lane] = {}
         self._closed = False
         self._beat_s = 0.0
@@ -98,7 +99,8 @@ class Session:
             "result": lambda lane, frame, now_s, wall_ns: [Resulted(frame.result)],
             "heartbeat": self._on_heartbeat,
             "resumed": self._on_resumed,
-            "recording": self._on_recording,
+            "recording": lambda lane, frame, now_s, wall_ns: [read_part(lane, frame.recording, limits=limits)],
+            "twin": lambda lane, frame, now_s, wall_ns: [read_twin(lane, frame.twin, limits=limits)],
         }
         self._token = 0
         self._schema_bytes = 0
@@ -228,10 +230,12 @@ class Session:
             window_bytes=self._limits.window_bytes,
             window_batches=self._limits.window_batches,
             heartbeat_s=self._limits.heartbeat_s,
+            fetch_token=self._fetch_token,
             stored_writers=[
                 link_pb2.EpochWriter(epoch=epoch, writer=writer)
                 for epoch, writer in self._streams.stored_writers(hello).items()
             ],
+            twin=True,
         )
         return link_pb2.GatewayFrame(welcome=welcome)
 
@@ -355,17 +359,6 @@ class Session:
         if frame.resumed.token == self._lanes[lane].refusing:
             self._lanes[lane].refusing = 0
         return []
-
-    def _on_recording(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
-        """Its form alone: what it means is the business of whoever asked for the recording."""
-        part = frame.recording
-        if lane != BACKFILL:
-            raise ProtocolError("recordings travel on the back-fill lane")
-        if not is_recording_id(part.recording_id) or len(part.sha256) not in (0, 32):
-            raise ProtocolError("a part of a recording has a bad id or checksum")
-        if len(part.data) > self._limits.recording_part_bytes:
-            raise ProtocolError(f"a part of a recording has at most {self._limits.recording_part_bytes} bytes")
-        return [RecordingArrived(part)]
 
     def _on_heartbeat(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:
         beat = frame.heartbeat

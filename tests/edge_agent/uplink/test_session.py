@@ -18,6 +18,7 @@ from edge_agent.uplink.session import (
     CommandArrived,
     Established,
     TeleopArrived,
+    Told,
 )
 from metaros._proto import link_pb2
 from metaros.errors import FrameError
@@ -336,10 +337,29 @@ def test_another_store_is_refused() -> None:
         rig.connect()
 
 
+def test_a_frame_of_a_newer_gateway_is_passed_over() -> None:
+    rig = Rig()
+    rig.connect()
+    unknown = link_pb2.GatewayFrame.FromString(b"\x9a\x06\x02\x08\x01")  # field 99
+    assert rig.session.receive(CONTROL, unknown) == []
+    assert rig.send() > 0
+
+
+def test_frames_of_the_desks_are_handed_on_with_their_age() -> None:
+    rig = Rig()
+    rig.connect()
+    rig.settle()
+    desired = link_pb2.GatewayFrame(twin=link_pb2.TwinDesired(revision=4))
+    leases = link_pb2.GatewayFrame(node_leases=link_pb2.NodeLeases(sent_ns=rig.clock.wall_ns()))
+    assert rig.session.receive(CONTROL, desired) == [Told(desired, rig.clock.monotonic_s())]
+    (told,) = rig.session.receive(CONTROL, leases)
+    assert isinstance(told, Told)
+    assert (told.frame, told.arrived_s) == (leases, rig.clock.monotonic_s())
+
+
 @pytest.mark.parametrize(
     "frame",
     [
-        link_pb2.GatewayFrame(),
         link_pb2.GatewayFrame(welcome=link_pb2.Welcome(store_id="store")),
         link_pb2.GatewayFrame(ack=link_pb2.Ack(watermarks=[link_pb2.Watermark(stream_id=1, epoch=EPOCH, seq=9)])),
     ],

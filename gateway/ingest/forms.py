@@ -1,0 +1,37 @@
+"""Frames of which a session checks the form alone: what they mean is the business of other features."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gateway.domain.recording import is_recording_id
+from gateway.errors import ProtocolError
+from gateway.ingest.events import RecordingArrived, TwinReported
+from gateway.ingest.hello import LANES
+from metaros._proto import link_pb2
+from metaros.limits import Limits
+
+__all__ = ["read_part", "read_twin"]
+
+CONTROL, _, BACKFILL = LANES
+TWIN_STATES: Final = frozenset({"applied", "applying", "confirming", "reverted", "refused"})
+
+
+def read_part(lane: int, part: link_pb2.RecordingPart, *, limits: Limits) -> RecordingArrived:
+    """A piece of a recording, or the offer of one. Raises ProtocolError."""
+    if lane != BACKFILL:
+        raise ProtocolError("recordings travel on the back-fill lane")
+    if not is_recording_id(part.recording_id) or len(part.sha256) not in (0, 32):
+        raise ProtocolError("a part of a recording has a bad id or checksum")
+    if len(part.data) > limits.recording_part_bytes:
+        raise ProtocolError(f"a part of a recording has at most {limits.recording_part_bytes} bytes")
+    return RecordingArrived(part)
+
+
+def read_twin(lane: int, report: link_pb2.TwinReport, *, limits: Limits) -> TwinReported:
+    """What a robot says of itself. Raises ProtocolError."""
+    if lane != CONTROL or report.state not in TWIN_STATES or len(report.sha256) not in (0, 32):
+        raise ProtocolError("a report of the twin has a bad lane, state or checksum")
+    if report.ByteSize() > limits.twin_report_bytes:
+        raise ProtocolError(f"a report of the twin has at most {limits.twin_report_bytes} bytes")
+    return TwinReported(report)
