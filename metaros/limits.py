@@ -87,6 +87,15 @@ class Limits:
     command_timeout_s: float = 10.0
     commands_remembered: int = 20_000  # ids of executed commands that an agent keeps, also over restarts
     commands_waiting: int = 256  # commands that wait for their ids to be on the robot's disk
+    result_bytes: int = 256 * KIB  # of a durable command's answer, kept by the robot and by the gateway
+    durable_kept: int = 256  # durable commands of one robot that are not at their end; more are refused
+    command_request_bytes: int = 256 * KIB  # of a command's request, as JSON and as it goes to the robot
+    command_expires_s: float = 3_600.0  # a durable command that says nothing is given up after so long
+    command_expires_most_s: float = 30 * 86_400.0  # and the longest that one may wait for its robot
+    command_silence_s: float = 86_400.0  # after its end one that reached its robot waits so long for the result
+    commands_kept_s: float = 30 * 86_400.0  # commands stay in the history for so long after their end
+    commands_kept: int = 1_000_000  # of them in one store, the newest
+    command_wait_s: float = 60.0  # for which a request may wait for a command's end
     counted_keys: int = 16_384  # topics that `metaros top` counts; further ones show no rate
     shared_memory_bytes: int = 32 * MIB  # one session's pool; payloads that find no room take the network
     shared_memory_threshold_bytes: int = 16 * KIB  # smaller payloads are sent as ever
@@ -97,6 +106,14 @@ class Limits:
     offered_qos_chars: int = 64 * KIB  # of one channel of such a file; longer texts are not read
     recording_bytes: int = 1024 * MIB  # one clip of a robot's black box
     recording_part_bytes: int = 256 * KIB  # a piece of it on the link
+    twin_reported_bytes: int = 256 * KIB  # what a robot tells of its nodes, parameters and budget at a time
+    twin_report_bytes: int = 272 * KIB  # the frame that carries it
+    twin_report_s: float = 0.5  # two of them are so far apart
+    twin_settle_s: float = 2.0  # the link has lived so long in a new state before the robot asks to keep it
+    twin_window_s: float = 60.0  # in which a robot must be told to keep a new state, where nobody says
+    twin_window_least_s: float = 1.0
+    twin_window_most_s: float = 3600.0
+    twin_services_at_once: int = 8  # calls of a robot's nodes for parameters and lifecycle that are under way
     recording_window_bytes: int = 1 * MIB  # pieces sent past what the gateway has told to be on its disk
     recordings_at_a_time: int = 4  # of one robot on their way to the gateway; further ones wait
     recordings_unfinished: int = 16  # of one robot, asked for and not yet stored
@@ -133,6 +150,14 @@ class Limits:
     seal_key_s: float = 604_800.0  # and how long it seals
     seal_streams: int = 4096  # data keys that a sealer or an opener keeps
     seal_keys_kept: int = 8  # keys of a keyring before the one that seals
+    update_bytes: int = 1024 * MIB  # a bundle, packed and unpacked
+    update_stall_s: float = 30.0  # in so long at least
+    update_stall_bytes: int = 32 * KIB  # so much of a signed file comes, or it is tried again later
+    update_health_s: float = 120.0  # a new agent is linked for so long before it is kept
+    update_link_s: float = 300.0  # and has so long to get there from its start, the former included
+    update_boots: int = 3  # starts of a new agent that may end before it is kept
+    update_install_s: float = 1800.0  # for the making of a bundle's environment
+    node_bundles: int = 64  # on a robot's disk; the oldest that nobody wants go
     type_cache: int = 4096  # compiled codecs and classes kept
 
 
