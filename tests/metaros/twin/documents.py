@@ -1,0 +1,31 @@
+"""Hypothesis strategies: JSON documents and patches."""
+
+from __future__ import annotations
+
+from hypothesis import strategies as st
+
+__all__ = ["DOCUMENTS", "PATCHES", "PLAIN", "VALUES"]
+
+_KEYS = st.sampled_from(["a", "b", "c", "/lidar", "~x", "a/b", "", "é"]) | st.text(
+    st.characters(codec="utf-8"), max_size=4
+)
+_LEAVES = (
+    st.booleans()
+    | st.integers(-(2**63), 2**63 - 1)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(st.characters(codec="utf-8"), max_size=5)
+)
+
+
+def _trees(leaves: st.SearchStrategy[object]) -> st.SearchStrategy[object]:
+    return st.recursive(
+        leaves,
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(_KEYS, inner, max_size=4),
+        max_leaves=12,
+    )
+
+
+PLAIN = _trees(_LEAVES)  # without null
+VALUES = _trees(_LEAVES | st.none())
+DOCUMENTS = st.dictionaries(_KEYS, PLAIN, max_size=4)
+PATCHES = st.dictionaries(_KEYS, VALUES, max_size=4)
