@@ -71,6 +71,10 @@ class CommandLog:
         self._forget()
         return True
 
+    def knows(self, command_id: bytes) -> bool:
+        """Whether the id was noted before."""
+        return command_id[:_ID_BYTES] in self._ids
+
     def job(self) -> LogJob | None:
         """The job that writes what is new; None when nothing is."""
         if not self._new:

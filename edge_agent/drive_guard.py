@@ -26,7 +26,7 @@ class DriveGuard:
     ) -> None:
         self._clock = clock
         self._actuators = tuple(Glob(pattern) for pattern in actuators)
-        self._fresh_s = fresh_s
+        self.fresh_s = fresh_s
         self._lease_id = ""
         self._valid_s = 0.0
         self._expires_s = 0.0
@@ -34,7 +34,7 @@ class DriveGuard:
         self._driven: dict[str, float] = {}  # topic -> when its last fresh command came
 
     def is_actuator(self, topic: str) -> bool:
-        """Whether publishing on the topic needs the lease."""
+        """Whether publishing on the topic, or calling the service, needs the lease."""
         return any(glob.matches(topic) for glob in self._actuators)
 
     def grant(self, lease_id: str, valid_s: float) -> list[str]:
@@ -57,7 +57,7 @@ class DriveGuard:
         """Judge a drive command: "" = publish it, else why not: no_lease, stale, old."""
         if not self.holds(lease_id):
             return "no_lease"
-        if age_s > self._fresh_s:
+        if age_s > self.fresh_s:
             return "stale"
         if seq <= self._newest_seq:
             return "old"
@@ -76,7 +76,7 @@ class DriveGuard:
         now_s = self._clock.monotonic_s()
         if self._lease_id and now_s >= self._expires_s:
             return self.lost()
-        stop = [topic for topic, last_s in self._driven.items() if now_s >= last_s + self._fresh_s]
+        stop = [topic for topic, last_s in self._driven.items() if now_s >= last_s + self.fresh_s]
         for topic in stop:
             del self._driven[topic]
         return stop
@@ -92,5 +92,5 @@ class DriveGuard:
         """Seconds until `due` may have something, None while nothing moves."""
         if not self._driven:
             return None
-        first_s = min(min(self._driven.values()) + self._fresh_s, self._expires_s)
+        first_s = min(min(self._driven.values()) + self.fresh_s, self._expires_s)
         return max(0.0, first_s - self._clock.monotonic_s())

@@ -6,6 +6,7 @@ MetarosError (metaros.errors)
 │   │   ├── ExpiredError      it came, or would end, after its deadline            expired
 │   │   ├── DuplicateError    its id was executed before                           duplicate
 │   │   ├── LeaseError        an actuator without the current lease                lease_required
+│   │   ├── StaleError        too old to move the robot                            stale
 │   │   ├── BusyError         too many commands at once                            busy
 │   │   ├── BlackBoxOffError  there is no black box to cut from                    black_box_off
 │   │   ├── NothingRecordedError  the black box holds nothing of that time         nothing_there
@@ -57,6 +58,7 @@ __all__ = [
     "PinError",
     "RefusedError",
     "ScopeError",
+    "StaleError",
     "TokenFormatError",
     "UnprovenError",
     "UnsupportedError",
@@ -86,6 +88,12 @@ class LeaseError(CommandError):
     """An actuator topic accepts commands only under the current lease."""
 
     code = "lease_required"
+
+
+class StaleError(CommandError):
+    """The command was sent too long ago, by the gateway's clock, to move the robot."""
+
+    code = "stale"
 
 
 class ScopeError(CommandError):

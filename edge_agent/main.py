@@ -107,7 +107,9 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
     teleop = Teleop(DriveGuard(clock, settings.actuators), publishers, scope)
     limit = UplinkLimit(state.disk, queues.budget, clock)
     saver = Saver(box, queues.shelf, clock, robot_id=settings.name, free=state.disk.free, changed=lambda: uplink.wake())
-    commands = Commands(node, teleop, scope, clock, log=state.command_log, limit=limit, saver=saver)
+    commands = Commands(
+        node, teleop, scope, clock, log=state.command_log, limit=limit, saver=saver, kept=state.kept_results
+    )
     who = identity(settings)
     credentials, addresses = door_of(settings, state.directory)
     renewing = Renewing(credentials, state.directory, clock, system_rng()) if credentials is not None else None
@@ -123,6 +125,7 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
         wake=lambda: uplink.wake(),
         credentials=credentials,
         expired=renewing.now if renewing is not None else lambda: None,
+        desks=[commands.durable],
     )
     uplink = Uplink(addresses, keeper, Backoff(system_rng()), clock, transports=transports_with(credentials))
     writer = OutboxWriter(outbox, state.outbox_disk, on_flushed=uplink.wake)

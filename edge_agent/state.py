@@ -12,6 +12,7 @@ from pathlib import Path
 from edge_agent.command_log import CommandLog
 from edge_agent.config import Settings
 from edge_agent.errors import DiskError
+from edge_agent.kept_results import KeptResults
 from edge_agent.outbox import Disk, OsDisk, Outbox, forget_series
 from edge_agent.state_dir import default_state_dir, locked
 from edge_agent.store_id import StoreId
@@ -34,6 +35,7 @@ class AgentState:
     outbox: Outbox
     store_id: StoreId
     command_log: CommandLog
+    kept_results: KeptResults
     limit_bytes_per_s: int
 
 
@@ -84,6 +86,7 @@ def read_state(settings: Settings, directory: Path, clock: Clock) -> AgentState:
         outbox=outbox,
         store_id=StoreId(disk),
         command_log=CommandLog(disk),
+        kept_results=KeptResults(disk),
         limit_bytes_per_s=stored_limit(disk),
     )
 

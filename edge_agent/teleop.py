@@ -6,7 +6,7 @@ import asyncio
 import logging
 
 from edge_agent.drive_guard import DriveGuard
-from edge_agent.errors import LeaseError, ScopeError
+from edge_agent.errors import LeaseError, ScopeError, StaleError
 from edge_agent.publishers import Publishers, zero_message
 from edge_agent.scope import Scope
 from edge_agent.uplink.session import TeleopArrived
@@ -47,21 +47,39 @@ class Teleop:
             return
         self._moving(teleop.topic, teleop.type_name, teleop.type_hash, zero)
 
-    def publish(self, message: link_pb2.PublishMessage, lease_id: str) -> None:
-        """Publish a command's message; on an actuator only under the lease.
+    def is_actuator(self, name: str) -> bool:
+        """Whether publishing on that topic, or calling that service, moves the robot."""
+        return self._guard.is_actuator(name)
+
+    def check(self, name: str, lease_id: str, *, age_s: float | None) -> None:
+        """Return where the name is no actuator, or lease and age let it be used; `age_s` None is of unknown age.
+
+        Raises:
+            LeaseError: an actuator without the current lease.
+            StaleError: the command is older than what may still move the robot.
+        """
+        if not self._guard.is_actuator(name):
+            return
+        if not self._guard.holds(lease_id):
+            raise LeaseError(f"{name} is an actuator: take the teleop lease first")
+        if age_s is None or age_s > self._guard.fresh_s:
+            told = "of unknown age" if age_s is None else f"{age_s:.3f} s old"
+            raise StaleError(f"{name} is an actuator, and this is {told}: at most {self._guard.fresh_s:g} s may be")
+
+    def publish(self, message: link_pb2.PublishMessage, lease_id: str, *, age_s: float | None = None) -> None:
+        """Publish a command's message; on an actuator only under the lease, and while it is fresh.
 
         Raises:
             ScopeError: the topic is not this robot's.
-            LeaseError: an actuator without the current lease.
+            LeaseError, StaleError: see `check`.
             UsageError: topic, type or hash is not what ROS 2 allows.
         """
         if not self._scope.includes(message.topic):
             raise ScopeError(f"{message.topic} is outside the agent's namespace {self._scope.namespace}")
+        self.check(message.topic, lease_id, age_s=age_s)
         if not self._guard.is_actuator(message.topic):
             self._publishers.publish(message.topic, message.type_name, message.type_hash, message.payload)
             return
-        if not self._guard.holds(lease_id):
-            raise LeaseError(f"{message.topic} is an actuator: take the teleop lease first")
         zero = zero_message(message.type_name)
         self._publishers.publish(message.topic, message.type_name, message.type_hash, message.payload)
         self._guard.drove(message.topic)

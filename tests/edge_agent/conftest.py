@@ -15,6 +15,7 @@ import metaros
 from edge_agent.config import Settings
 from edge_agent.main import run_agent
 from metaros._proto import link_pb2
+from metaros.clock import SystemClock
 from tests.support.fake_gateway import FakeGateway, fake_gateway
 from tests.support.gateway_half import GatewayHalf
 from tests.support.waiting import wait_until_async
@@ -73,7 +74,8 @@ class Rig:
     def command(self, **action: object) -> bytes:
         """Send a command; its id."""
         command_id = next(self.ids).to_bytes(16, "big")
-        command = link_pb2.Command(command_id=command_id, timeout_ms=30_000, **action)  # type: ignore[arg-type]
+        stamped = {"timeout_ms": 30_000, "sent_ns": SystemClock().wall_ns(), **action}
+        command = link_pb2.Command(command_id=command_id, **stamped)  # type: ignore[arg-type]
         self.gateway.say(link_pb2.GatewayFrame(command=command))
         return command_id
 

@@ -545,20 +545,22 @@ class SaveRecording(_message.Message):
     def __init__(self, recording_id: _Optional[str] = ..., from_ns: _Optional[int] = ..., to_ns: _Optional[int] = ..., topics: _Optional[_Iterable[str]] = ..., last_ns: _Optional[int] = ...) -> None: ...
 
 class CommandResult(_message.Message):
-    __slots__ = ("command_id", "ok", "code", "message", "payload", "running")
+    __slots__ = ("command_id", "ok", "code", "message", "payload", "running", "kept")
     COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
     OK_FIELD_NUMBER: _ClassVar[int]
     CODE_FIELD_NUMBER: _ClassVar[int]
     MESSAGE_FIELD_NUMBER: _ClassVar[int]
     PAYLOAD_FIELD_NUMBER: _ClassVar[int]
     RUNNING_FIELD_NUMBER: _ClassVar[int]
+    KEPT_FIELD_NUMBER: _ClassVar[int]
     command_id: bytes
     ok: bool
     code: str
     message: str
     payload: bytes
     running: bool
-    def __init__(self, command_id: _Optional[bytes] = ..., ok: _Optional[bool] = ..., code: _Optional[str] = ..., message: _Optional[str] = ..., payload: _Optional[bytes] = ..., running: _Optional[bool] = ...) -> None: ...
+    kept: bool
+    def __init__(self, command_id: _Optional[bytes] = ..., ok: _Optional[bool] = ..., code: _Optional[str] = ..., message: _Optional[str] = ..., payload: _Optional[bytes] = ..., running: _Optional[bool] = ..., kept: _Optional[bool] = ...) -> None: ...
 
 class ResultStored(_message.Message):
     __slots__ = ("command_id",)
