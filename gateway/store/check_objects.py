@@ -27,7 +27,7 @@ _RUNS = (
 
 
 class Entry(NamedTuple):
-    """A row of the ledger, and whether a segment or a recording refers to it; the mark needs nobody."""
+    """A row of the ledger, and whether a segment, a recording or a bundle refers to it; the mark needs nobody."""
 
     kind: str
     state: str
@@ -50,15 +50,16 @@ Ledger = dict[str, Entry]
 def read_ledger(engine: StoreEngine) -> Ledger:
     """The whole ledger, of one moment."""
     query = (
-        "SELECT o.name, o.kind, o.state, o.size_bytes, o.sha256, s.object IS NOT NULL, r.object IS NOT NULL"
-        " FROM objects o"
+        "SELECT o.name, o.kind, o.state, o.size_bytes, o.sha256,"
+        " s.object IS NOT NULL OR r.object IS NOT NULL OR u.object IS NOT NULL FROM objects o"
         " LEFT JOIN segments s ON s.object = o.name LEFT JOIN recordings r ON r.object = o.name"
+        " LEFT JOIN update_bundles u ON u.object = o.name"
     )
     with engine.transaction(write=False):
         rows = engine.fetch(query)
     return {
-        name: Entry(kind, state, size_bytes, sha256, _needs_nobody(kind, state) or bool(segment or recording))
-        for name, kind, state, size_bytes, sha256, segment, recording in rows
+        name: Entry(kind, state, size_bytes, sha256, _needs_nobody(kind, state) or bool(referred))
+        for name, kind, state, size_bytes, sha256, referred in rows
     }
 
 
@@ -112,19 +113,21 @@ def read_ledger_entry(engine: StoreEngine, name: str) -> Entry | None:
     """One row of the ledger as it is now."""
     query = (
         "SELECT kind, state, size_bytes, sha256, EXISTS (SELECT 1 FROM segments WHERE object = ?)"
-        " OR EXISTS (SELECT 1 FROM recordings WHERE object = ?) FROM objects WHERE name = ?"
+        " OR EXISTS (SELECT 1 FROM recordings WHERE object = ?)"
+        " OR EXISTS (SELECT 1 FROM update_bundles WHERE object = ?) FROM objects WHERE name = ?"
     )
     with engine.transaction(write=False):
-        rows = engine.fetch(query, name, name, name)
+        rows = engine.fetch(query, name, name, name, name)
     for kind, state, size_bytes, sha256, referred in rows:
         return Entry(kind, state, size_bytes, sha256, _needs_nobody(kind, state) or bool(referred))
     return None
 
 
 def _in_use(engine: StoreEngine, name: str) -> bool:
-    used = "SELECT object FROM segments WHERE object = ? UNION ALL SELECT object FROM recordings WHERE object = ?"
+    tables = ("segments", "recordings", "update_bundles")
+    used = " UNION ALL ".join(f"SELECT object FROM {table} WHERE object = ?" for table in tables)
     with engine.transaction(write=False):
-        return bool(engine.fetch(used, name, name))
+        return bool(engine.fetch(used, *[name] * len(tables)))
 
 
 def _needs_nobody(kind: str, state: str) -> bool:
