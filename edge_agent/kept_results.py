@@ -51,7 +51,7 @@ class KeptResults:
         await asyncio.to_thread(self._disk.replace, _name(command_id), b"")
 
     async def keep(self, result: link_pb2.CommandResult) -> link_pb2.CommandResult:
-        """It ended; the result as it is to be sent. Where the disk refuses, the result lives as long as the process, and that is said."""
+        """It ended; the result as it is to be sent. Where the disk refuses it lives as long as the process."""
         kept = bounded(result)
         self._results[kept.command_id] = kept
         body = kept.SerializeToString()
