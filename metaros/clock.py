@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     import random
 
-__all__ = ["Clock", "ManualClock", "SystemClock", "system_rng"]
+__all__ = ["Clock", "ManualClock", "SystemClock", "boot_s", "system_rng"]
 
 
 class Clock(Protocol):
@@ -61,6 +61,14 @@ class ManualClock:
     def jump_wall(self, seconds: float) -> None:
         """Set the calendar forwards or backwards, as NTP or an operator would; the monotonic clock stays."""
         self._wall_ns += round(seconds * 1e9)
+
+
+def boot_s() -> float:
+    """Seconds since the machine's start: the same in all its processes, never decreasing. On Linux it goes on while the
+    machine is suspended, as a lease does.
+    """
+    clock: int | None = getattr(time, "CLOCK_BOOTTIME", None)
+    return time.monotonic() if clock is None else time.clock_gettime(clock)
 
 
 def system_rng() -> random.Random:

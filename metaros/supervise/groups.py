@@ -13,7 +13,7 @@ import subprocess
 import sys
 from typing import Any
 
-__all__ = ["ask_to_end", "kill", "set_nice", "spawn_options", "terminate"]
+__all__ = ["ask_to_end", "kill", "send", "set_nice", "spawn_options", "terminate"]
 
 
 def spawn_options() -> dict[str, Any]:
@@ -40,6 +40,15 @@ def terminate(popen: subprocess.Popen[bytes]) -> None:
             popen.send_signal(signal.CTRL_BREAK_EVENT)
         else:
             os.killpg(popen.pid, signal.SIGTERM)
+
+
+def send(popen: subprocess.Popen[bytes], number: int) -> None:
+    """Any signal to the group; nothing where it is gone, or where the platform has no such signal."""
+    with contextlib.suppress(ProcessLookupError, PermissionError, ValueError):
+        if sys.platform == "win32":
+            popen.send_signal(number)
+        else:
+            os.killpg(popen.pid, number)
 
 
 def set_nice(popen: subprocess.Popen[bytes], nice: int) -> None:

@@ -37,6 +37,7 @@ class Launch:
     cwd: Path | None = None
     policy: RestartPolicy = field(default_factory=RestartPolicy)
     log_bytes: int = 4 * 1024 * 1024
+    log_stamped: bool = False  # each line with its time and place: what `log_reader` pages through
     after: tuple[str, ...] = ()  # it starts when these are ready
     rest_for_one: bool = False  # it is started again when one of these was
     heartbeat_s: float = 0.0  # how often its nodes say that they live; 0: they are not asked
@@ -57,11 +58,17 @@ class Process:
         env: Mapping[str, str] | None = None,
         on_line: Callable[[str], object] | None = None,
         spare: Spare | None = None,
+        stamp: Callable[[], int] | None = None,
     ) -> None:
         self.launch = launch
         self._env = {**_inherited(), **launch.env, **(env or {}), guard.PARENT: str(os.getpid())}
         self._spare = spare
-        self.log = RotatingLog(launch.log_path, size_bytes=launch.log_bytes, on_line=on_line)
+        self.log = RotatingLog(
+            launch.log_path,
+            size_bytes=launch.log_bytes,
+            on_line=on_line,
+            stamp=stamp if launch.log_stamped else None,
+        )
         self._loop = asyncio.get_running_loop()
         self._ended: asyncio.Future[Exit] = self._loop.create_future()
         self._popen = self._spawn()
@@ -90,6 +97,14 @@ class Process:
     def terminate(self) -> None:
         """SIGTERM (Windows: Ctrl-Break) to all of its group that is left."""
         groups.terminate(self._popen)
+
+    def send(self, number: int) -> None:
+        """A signal to all of its group; on Windows those that it has, to the process."""
+        groups.send(self._popen, number)
+
+    def set_nice(self, nice: int) -> None:
+        """Its share of the processor from now on."""
+        groups.set_nice(self._popen, nice)
 
     def kill(self) -> None:
         """End its whole group at once."""

@@ -37,6 +37,7 @@ class Supervisor:
 
     `is_ready(name)` says whether those that come after a running process may start; without it they may at once.
     `on_line(name, text)` gets every line that a process writes. `spare` serves the first restart after a healthy time.
+    `may_run(name)` has the last word before each start.
     """
 
     def __init__(
@@ -48,7 +49,9 @@ class Supervisor:
         on_line: Callable[[str, str], object] | None = None,
         is_ready: Callable[[str], bool] | None = None,
         spare: Spare | None = None,
+        may_run: Callable[[str], bool] = lambda name: True,
     ) -> None:
+        self._may_run = may_run
         self._clock = clock
         self._rng = rng
         self._on_event = on_event
@@ -72,6 +75,14 @@ class Supervisor:
         """All processes, in the order of their start."""
         return [child.status() for child in self._children.values()]
 
+    def knows(self, name: str) -> bool:
+        """Whether there is a process of this name, running or not."""
+        return name in self._children
+
+    def status_of(self, name: str) -> ProcessStatus:
+        """One of them. Raises UnavailableError."""
+        return self._find(name).status()
+
     def tail(self, name: str) -> list[str]:
         """The last lines a process wrote."""
         process = self._children[name].process
@@ -88,11 +99,48 @@ class Supervisor:
         else:
             child.nudge.set()
 
-    async def stop_one(self, name: str) -> None:
-        """End it, and leave it so until `restart`."""
+    def add(self, launch: Launch) -> None:
+        """Know it, and leave it stopped until `restart`."""
+        if launch.name in self._children:
+            raise ConfigError(f"two processes are called {launch.name!r}")
+        self._children[launch.name] = child = Child(launch)
+        child.state = "stopped"
+
+    def change(self, launch: Launch) -> None:
+        """Another row for the process of this name: its nice value counts now, its policy from its next exit on, its
+        program from its next start on.
+        """
+        child = self._find(launch.name)
+        child.launch = launch
+        if child.process is not None and child.running:
+            child.process.set_nice(launch.nice)
+
+    async def remove(self, name: str) -> None:
+        """End it and forget it; nobody waits for it any more."""
+        child = self._find(name)
+        await self.stop_one(name)
+        del self._children[name]
+        child.ready.set()
+
+    def send(self, name: str, number: int) -> bool:
+        """A signal to the process and all that it started; False where it does not run."""
+        child = self._find(name)
+        if child.process is None or not child.running:
+            return False
+        child.process.send(number)
+        return True
+
+    def kill_one(self, name: str) -> None:
+        """Kill it at once, if it runs; what comes then is the policy's."""
+        child = self._find(name)
+        if child.process is not None:
+            child.process.kill_if_running()
+
+    async def stop_one(self, name: str, *, grace_s: float | None = None) -> None:
+        """End it, and leave it so until `restart`, which must not come before this is done."""
         child = self._find(name)
         await self._end_tasks([child])
-        await self._stop_one(child, child.launch.stop_grace_s)
+        await self._stop_one(child, child.launch.stop_grace_s if grace_s is None else grace_s)
 
     async def stop(self, *, grace_s: float = 5.0) -> None:
         """Stop all, last stage first: ask each to end, and kill who still runs when the grace time is over."""
@@ -165,6 +213,9 @@ class Supervisor:
     async def _keep(self, child: Child) -> None:
         while True:
             await self._wait_for_others(child)
+            if not self._may_run(child.launch.name):
+                child.state = "stopped"
+                return
             exit_ = await self._run(child)
             if child.asked:  # our own doing: no fault of its own
                 self._tell(child, EventKind.RESTARTING, child.asked)
@@ -232,7 +283,9 @@ class Supervisor:
             token, env[ENVIRONMENT] = self._port.register(pulse)
         try:
             spare = self._spare if child.history.restarts == 1 else None  # a crash loop has no use for it
-            child.process = Process(child.launch, env=env, on_line=self._line_sink(child), spare=spare)
+            child.process = Process(
+                child.launch, env=env, on_line=self._line_sink(child), spare=spare, stamp=self._clock.wall_ns
+            )
         except OSError as error:  # no memory, no descriptors, no place for the log: the policy tries again
             self._port.forget(token)
             child.last_exit = f"cannot be started: {error.strerror}"

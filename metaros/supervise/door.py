@@ -1,0 +1,133 @@
+"""The door of a supervisor's control: a Unix socket of its user alone; on Windows the loopback and a token in a file.
+
+Everything that may come in here may run programs as this user. So nobody else gets in, whatever a file's mode says: the
+kernel is asked who is at the other end.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hmac
+import json
+import os
+import secrets
+import socket
+import struct
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from metaros.errors import UnavailableError
+from metaros.supervise.table_file import write_whole
+
+__all__ = ["LINE_BYTES", "SOCKET", "TOKEN", "Door", "connect"]
+
+SOCKET: Final = "supervisor.sock"
+TOKEN: Final = "supervisor.token"
+LINE_BYTES: Final = 1024 * 1024  # one request or answer
+_PATH_BYTES: Final = 100  # a socket's path has at most 108 on Linux, 104 on macOS
+_TOKEN_S: Final = 5.0
+Streams = tuple[asyncio.StreamReader, asyncio.StreamWriter]
+
+
+def has_unix() -> bool:
+    """Whether this platform's loop has Unix sockets."""
+    return sys.platform != "win32"
+
+
+class Door:
+    """One directory's door; `open` it under the directory's lock."""
+
+    def __init__(self, directory: Path, *, unix: bool | None = None) -> None:
+        self._directory = directory
+        self._unix = has_unix() if unix is None else unix
+        self._token = ""
+
+    def listen(self) -> socket.socket:
+        """The listening socket, in the place of one that a dead supervisor left."""
+        self.close()
+        return self._listen_unix() if self._unix else self._listen_tcp()
+
+    def close(self) -> None:
+        """Take the door away."""
+        for name in (SOCKET, TOKEN):
+            with contextlib.suppress(OSError):
+                (self._directory / name).unlink(missing_ok=True)
+
+    async def admits(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
+        """Whether who came in is this user."""
+        if self._unix:
+            found: socket.socket = writer.get_extra_info("socket")
+            return peer_uid(found) == os.getuid()  # type: ignore[attr-defined,unused-ignore]
+        try:
+            line = await asyncio.wait_for(reader.readline(), _TOKEN_S)
+            told = json.loads(line)["token"]
+            return isinstance(told, str) and hmac.compare_digest(told.encode(), self._token.encode())
+        except (TimeoutError, ValueError, KeyError, TypeError, OSError):
+            return False
+
+    def _listen_unix(self) -> socket.socket:
+        path = self._directory / SOCKET
+        found = socket.socket(socket.AF_UNIX)
+        try:
+            with reachable(path) as short:
+                found.bind(short)
+            path.chmod(0o600)
+            found.listen(16)
+        except OSError:
+            found.close()
+            raise
+        return found
+
+    def _listen_tcp(self) -> socket.socket:
+        found = socket.create_server(("127.0.0.1", 0))
+        self._token = secrets.token_urlsafe(32)
+        facts = {"port": found.getsockname()[1], "token": self._token}
+        write_whole(self._directory / TOKEN, json.dumps(facts).encode())
+        return found
+
+
+async def connect(directory: Path) -> Streams:
+    """Streams to the supervisor of a state directory. Raises UnavailableError where none runs."""
+    try:
+        if (directory / TOKEN).exists():
+            return await _connect_tcp(directory / TOKEN)
+        with reachable(directory / SOCKET) as short:
+            return await asyncio.open_unix_connection(short, limit=2 * LINE_BYTES)
+    except (OSError, ValueError, KeyError, AttributeError) as error:
+        raise UnavailableError(f"no supervisor runs in {directory}: {error}") from None
+
+
+async def _connect_tcp(path: Path) -> Streams:
+    facts = json.loads(path.read_bytes())  # noqa: ASYNC240  (a few bytes, and not of a network)
+    reader, writer = await asyncio.open_connection("127.0.0.1", int(facts["port"]), limit=2 * LINE_BYTES)
+    writer.write(json.dumps({"token": facts["token"]}).encode() + b"\n")
+    return reader, writer
+
+
+def peer_uid(connection: socket.socket) -> int:
+    """Who is at the other end of a Unix socket; -1 where the platform does not say."""
+    if sys.platform == "linux":
+        _, uid, _ = struct.unpack("3i", connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12))
+        return int(uid)
+    elif sys.platform == "darwin":
+        _, uid = struct.unpack("Ii", connection.getsockopt(0, 1, 76)[:8])  # LOCAL_PEERCRED
+        return int(uid)
+    else:
+        return -1
+
+
+@contextmanager
+def reachable(path: Path) -> Iterator[str]:
+    """A text for the socket's path that the system takes: a long one goes by a descriptor of its directory."""
+    if len(os.fsencode(path)) <= _PATH_BYTES or sys.platform != "linux":
+        yield str(path)
+        return
+    folder = os.open(path.parent, os.O_PATH | os.O_DIRECTORY)
+    try:
+        yield f"/proc/self/fd/{folder}/{path.name}"
+    finally:
+        os.close(folder)
