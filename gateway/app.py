@@ -20,6 +20,7 @@ from gateway.domain.lease import LeaseTable
 from gateway.errors import RobotOfflineError
 from gateway.fleet.commands import CommandDesk
 from gateway.fleet.desk import FleetDesk
+from gateway.fleet.orders import OrderDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.history.desk import HistoryDesk
 from gateway.identity.accounts import Accounts
@@ -90,10 +91,13 @@ class Gateway:
             gate=self.identities.robots,
             limits=limits,
         )
-        self.commands = CommandDesk(self.links.send)
+        self.commands = CommandDesk(self.links.send, clock=clock)
         self.teleop = TeleopDesk(self.registry.get, self.commands, self.leases, self.links.send, clock=clock)
         self.fleet = FleetDesk(
             self.registry.get, self.commands, self.leases, clock=clock, actuator_topics=settings.actuator_topics
+        )
+        self.orders = OrderDesk(
+            self.store, self.commands, self.fleet, self.registry.get, self.links.send, clock=clock, limits=limits
         )
         self.recordings = RecordingDesk(
             self.store, self.objects, settings.data_dir / "incoming", self._robot_side(), clock=clock, limits=limits
@@ -138,6 +142,7 @@ class Gateway:
             recordings=self.recordings,
             hub=self.hub,
             fleet=self.fleet,
+            orders=self.orders,
             teleop=self.teleop,
             leases=self.leases,
             on_subscriptions=self._on_subscriptions,
@@ -189,6 +194,7 @@ class Gateway:
             group.create_task(self._tick())
             group.create_task(self._tell_demand())
             group.create_task(self.recordings.run())
+            group.create_task(self.orders.run())
             group.create_task(self.attendance.run())
             group.create_task(self.audit.run())
             group.create_task(self.identities.run(self.links.recheck))
@@ -199,6 +205,7 @@ class Gateway:
         self.accounts.close()
         self.history.close()
         await self.recordings.close()
+        await self.orders.close()
         await self.audit.close()
         await self.store.close()
         await asyncio.to_thread(self.objects.close)
@@ -219,9 +226,13 @@ class Gateway:
             on_values=lambda robot, values: self.hub.values(robot, values),
             on_channels=self._on_channels,
             on_online=self._on_online,
-            on_result=lambda robot, result: self.commands.on_result(robot, result),
+            on_result=self._on_result,
             on_recording=lambda robot, part: self.recordings.on_part(robot, part),
         )
+
+    def _on_result(self, robot_id: str, result: link_pb2.CommandResult) -> None:
+        if result.running or not self.commands.on_result(robot_id, result):
+            self.orders.delivery.on_result(robot_id, result)
 
     def _robot_side(self) -> RobotSide:
         def tell(robot_id: str, wanted: link_pb2.RecordingWanted) -> None:
@@ -249,6 +260,7 @@ class Gateway:
             self.commands.on_offline(robot_id)
             self.teleop.on_offline(robot_id)
         self.recordings.on_online(robot_id, online)
+        self.orders.delivery.on_online(robot_id, online)
         self._on_channels(robot_id)
 
     def _on_subscriptions(self) -> None:

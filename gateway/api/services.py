@@ -12,6 +12,7 @@ from gateway.api.attendance import Attendance
 from gateway.api.rate import Rates
 from gateway.domain.lease import LeaseTable
 from gateway.fleet.desk import FleetDesk
+from gateway.fleet.orders import OrderDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.history.desk import HistoryDesk
 from gateway.identity.accounts import Accounts
@@ -53,6 +54,7 @@ class Services:
     recordings: RecordingDesk
     hub: Hub
     fleet: FleetDesk
+    orders: OrderDesk
     teleop: TeleopDesk
     leases: LeaseTable
     on_subscriptions: Callable[[], None]

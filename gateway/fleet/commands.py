@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from gateway.errors import CommandRefusedError, CommandTimeoutError, RobotOfflineError, TooManyError
 from gateway.fleet.robots import SendFrame
 from metaros._proto import link_pb2
+from metaros.clock import Clock, SystemClock
 
 __all__ = ["CommandDesk"]
 
@@ -27,13 +28,18 @@ class _Pending:
 class CommandDesk:
     """Sends commands and matches results; lives on the event loop."""
 
-    def __init__(self, send: SendFrame) -> None:
+    def __init__(self, send: SendFrame, *, clock: Clock | None = None) -> None:
         """`send` puts a frame on a robot's control lane or raises RobotOfflineError."""
         self._send = send
+        self._clock = clock or SystemClock()
         self._pending: dict[bytes, _Pending] = {}
 
-    async def run(self, robot: str, command: link_pb2.Command, *, timeout_s: float) -> link_pb2.CommandResult:
-        """Send a command (its id and time are set here) and return its good result.
+    async def run(
+        self, robot: str, command: link_pb2.Command, *, timeout_s: float, command_id: bytes = b""
+    ) -> link_pb2.CommandResult:
+        """Send a command (its id and times are set here) and return its good result.
+
+        A stamp that the command has already stays, as far as it is not ahead: it says when its client made it.
 
         Raises:
             RobotOfflineError: no link, or the link went before the result.
@@ -42,8 +48,9 @@ class CommandDesk:
         """
         if sum(1 for item in self._pending.values() if item.robot == robot) >= PENDING_PER_ROBOT:
             raise TooManyError(f"robot {robot} has {PENDING_PER_ROBOT} commands under way already")
-        command_id = uuid.uuid4().bytes
-        command.command_id = command_id
+        command_id = command_id or uuid.uuid4().bytes
+        now_ns = self._clock.wall_ns()
+        command.command_id, command.sent_ns = command_id, min(command.sent_ns or now_ns, now_ns)
         command.timeout_ms = max(1, round(timeout_s * 1000))
         pending = _Pending(robot, asyncio.get_running_loop().create_future())
         self._pending[command_id] = pending
@@ -60,11 +67,13 @@ class CommandDesk:
             raise CommandRefusedError(text, agent_code=result.code)
         return result
 
-    def on_result(self, robot: str, result: link_pb2.CommandResult) -> None:
-        """A result came; one that nobody waits for any more, or from another robot, is dropped."""
+    def on_result(self, robot: str, result: link_pb2.CommandResult) -> bool:
+        """A result came; False when nobody here waits for it (any more), or it is from another robot."""
         pending = self._pending.get(result.command_id)
-        if pending is not None and pending.robot == robot and not pending.done.done():
-            pending.done.set_result(result)
+        if pending is None or pending.robot != robot or pending.done.done():
+            return False
+        pending.done.set_result(result)
+        return True
 
     def on_offline(self, robot: str) -> None:
         """The robot's link is gone: its commands will have no result."""

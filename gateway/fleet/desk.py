@@ -52,12 +52,40 @@ class FleetDesk:
         cdr: bytes | None = None,
         size_hint_bytes: int = 0,
         lease_id: str = "",
+        sent_ns: int = 0,
     ) -> None:
-        """Publish once on a topic of the robot; `cdr` wins over `message`. Returns after the agent's result."""
-        view = require_online(self._find(robot_id))
+        """Publish once on a topic of the robot; `cdr` wins over `message`. Returns after the agent's result.
+
+        `sent_ns` is when the client made it, 0 = now: on an actuator topic the agent refuses what is too old.
+        """
+        require_online(self._find(robot_id))
+        command = await self.publishing(
+            robot_id,
+            topic,
+            type_name=type_name,
+            message=message,
+            cdr=cdr,
+            size_hint_bytes=size_hint_bytes,
+            lease_id=lease_id,
+        )
+        command.sent_ns = sent_ns
+        await self._commands.run(robot_id, command, timeout_s=LIMITS.command_timeout_s)
+
+    async def publishing(
+        self,
+        robot_id: str,
+        topic: str,
+        *,
+        type_name: str = "",
+        message: Any = None,
+        cdr: bytes | None = None,
+        size_hint_bytes: int = 0,
+        lease_id: str = "",
+    ) -> link_pb2.Command:
+        """The command that publishes; LeaseRequiredError on an actuator topic without its lease."""
+        view = self._find(robot_id)
         full = names.resolve(topic, view.robot.namespace)
-        if any(glob.matches(full) for glob in self._actuators):
-            self._leases.check(robot_id, lease_id, now_s=self._clock.monotonic_s())
+        self._check_lease(robot_id, full, lease_id)
         channel = view.channel_of(full)
         if not type_name and channel is None:
             raise InvalidRequestError(f"type is missing, and robot {robot_id} announces no topic {full}")
@@ -69,8 +97,12 @@ class FleetDesk:
         else:
             payload, type_hash = self._types.encode(name, message, channel)
         publish = link_pb2.PublishMessage(topic=full, type_name=name, type_hash=type_hash, payload=payload)
-        command = link_pb2.Command(publish=publish, lease_id=lease_id)
-        await self._commands.run(robot_id, command, timeout_s=LIMITS.command_timeout_s)
+        return link_pb2.Command(publish=publish, lease_id=lease_id)
+
+    def is_actuator(self, robot_id: str, name: str) -> bool:
+        """Whether a topic or service of the robot moves it, as far as the gateway's own settings say."""
+        full = names.resolve(name, self._find(robot_id).robot.namespace)
+        return any(glob.matches(full) for glob in self._actuators)
 
     async def set_uplink(self, robot_id: str, bytes_per_s: int | None) -> None:
         """Give the robot another byte budget, None for no limit; returns when its agent has taken it."""
@@ -79,15 +111,40 @@ class FleetDesk:
         await self._commands.run(robot_id, command, timeout_s=LIMITS.command_timeout_s)
 
     async def call(
-        self, robot_id: str, service: str, *, type_name: str, request: Any, timeout_s: float = LIMITS.command_timeout_s
+        self,
+        robot_id: str,
+        service: str,
+        *,
+        type_name: str,
+        request: Any,
+        timeout_s: float = LIMITS.command_timeout_s,
+        lease_id: str = "",
+        sent_ns: int = 0,
     ) -> Any:
         """Call a service of the robot and return its response as JSON-able values."""
         if not 0 < timeout_s <= MAX_TIMEOUT_S:
             raise InvalidRequestError(f"timeout_s is more than 0 and at most {MAX_TIMEOUT_S:g}")
-        view = require_online(self._find(robot_id))
-        full = names.resolve(service, view.robot.namespace)
+        require_online(self._find(robot_id))
+        command = self.calling(robot_id, service, type_name=type_name, request=request, lease_id=lease_id)
+        command.sent_ns = sent_ns
+        result = await self._commands.run(robot_id, command, timeout_s=timeout_s)
+        return self.response(command, result.payload)
+
+    def calling(
+        self, robot_id: str, service: str, *, type_name: str, request: Any, lease_id: str = ""
+    ) -> link_pb2.Command:
+        """The command that calls; LeaseRequiredError for a service that moves the robot, without its lease."""
+        full = names.resolve(service, self._find(robot_id).robot.namespace)
+        self._check_lease(robot_id, full, lease_id)
         name = full_type_name(type_name, "srv")
         payload, _ = self._types.encode(f"{name}_Request", request)
         call = link_pb2.CallService(service=full, type_name=name, type_hash=self._types.hash_of(name), request=payload)
-        result = await self._commands.run(robot_id, link_pb2.Command(call_service=call), timeout_s=timeout_s)
-        return self._types.decode(f"{name}_Response", result.payload)
+        return link_pb2.Command(call_service=call, lease_id=lease_id)
+
+    def response(self, command: link_pb2.Command, payload: bytes) -> Any:
+        """What a called service answered, as JSON-able values."""
+        return self._types.decode(f"{command.call_service.type_name}_Response", payload)
+
+    def _check_lease(self, robot_id: str, full: str, lease_id: str) -> None:
+        if any(glob.matches(full) for glob in self._actuators):
+            self._leases.check(robot_id, lease_id, now_s=self._clock.monotonic_s())

@@ -21,6 +21,7 @@ __all__ = [
     "open_commands",
     "overdue_commands",
     "purge_commands",
+    "same_command",
     "waiting_robots",
 ]
 
@@ -46,7 +47,7 @@ def add_command(engine: StoreEngine, command: Command, *, most_open: int) -> Com
     robots = engine.fetch("SELECT robot FROM robots WHERE id = ?" + engine.for_update, command.robot)
     if not robots:
         raise UnknownRobotError.of(command.robot)
-    if command.idempotency is not None and (known := _same(engine, command)) is not None:
+    if command.idempotency is not None and (known := same_command(engine, command)) is not None:
         return known
     if command.durable:
         sql = "SELECT count(*) FROM commands WHERE robot = ? AND ended_ns = 0 AND durable = 1"
@@ -58,7 +59,7 @@ def add_command(engine: StoreEngine, command: Command, *, most_open: int) -> Com
         robots[0][0],
         *_values(command),
     )
-    if not stored and (known := _same(engine, command)) is not None:  # another gateway was faster
+    if not stored and (known := same_command(engine, command)) is not None:  # another gateway was faster
         return known
     return command
 
@@ -143,7 +144,7 @@ def purge_commands(engine: StoreEngine, *, before_ns: int, most: int, limit: int
     return len(going)
 
 
-def _same(engine: StoreEngine, command: Command) -> Command | None:
+def same_command(engine: StoreEngine, command: Command) -> Command | None:
     """The command under this idempotency key; IdempotencyConflictError where it is another request."""
     rows = engine.fetch(f"{_SELECT} WHERE issuer = ? AND idempotency = ?", command.issuer, command.idempotency)
     if not rows:
