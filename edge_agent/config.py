@@ -12,6 +12,7 @@ from typing import Any, Literal, get_args
 
 from edge_agent.blackbox.settings import BlackBoxSettings, black_box_settings
 from edge_agent.drive_guard import DEFAULT_ACTUATORS
+from edge_agent.nodes.allowed import NodeSettings, allowed_entries, node_settings
 from edge_agent.outbox import CLASSES, ClassPolicy
 from edge_agent.topics import DEFAULT_TOPICS, Delivery, Seal, TopicRule
 from edge_agent.uplink.address import GatewayAddress, TransportSetting, parse_address
@@ -96,6 +97,7 @@ class Settings:
     topics: tuple[TopicRule, ...] = DEFAULT_TOPICS
     outbox: OutboxSettings = OutboxSettings()
     black_box: BlackBoxSettings = field(default_factory=BlackBoxSettings)
+    nodes: NodeSettings = field(default_factory=NodeSettings)  # what may run here; [nodes] and [[allowed]]
 
     def addresses(self) -> list[GatewayAddress]:
         """The gateways to try, in order. Raises ConfigError."""
@@ -112,11 +114,15 @@ def load_settings(path: Path | None = None, overrides: Mapping[str, Any] | None 
     """
     where = str(path) if path else "command line"
     table = read_toml(path) if path else {}
-    known = {item.name for item in fields(Settings)} | {"default_topics"}
+    known = {item.name for item in fields(Settings)} | {"default_topics", "allowed"}
     for key in table:
         if key not in known:
             raise ConfigError(f"{where}: unknown key {key!r}; known are {', '.join(sorted(known))}")
     rules = topic_rules(table.pop("topics", []), where)
+    allowed = allowed_entries(table.pop("allowed", []), where)
+    table["nodes"] = NodeSettings(
+        **node_settings(expect(table.get("nodes", {}), dict, "nodes", where), where), allowed=allowed
+    )
     defaults = expect(table.pop("default_topics", True), bool, "default_topics", where)
     values = {key: convert(key, value, where) for key, value in table.items()}
     if {"gateway", "gateways"} <= values.keys():
@@ -184,6 +190,8 @@ def convert(key: str, value: Any, where: str) -> Any:
             return outbox_settings(expect(value, dict, key, where), where)
         case "black_box":
             return black_box_settings(expect(value, dict, key, where), where)
+        case "nodes":
+            return value  # checked above, together with [[allowed]]
         case "status_file" | "state_dir" | "seal_keyring" | "zenoh_credentials":
             return Path(value)
         case _:

@@ -1,0 +1,298 @@
+"""The robot's nodes: what the twin wants becomes the supervisor's table, and what the supervisor runs is reported.
+
+The desk decides nothing about a running process: it finds programs, checks them against the robot's own settings,
+fetches bundles, and hands the table over. What runs goes on without it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import json
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+from edge_agent.nodes.allowed import NodeSettings
+from edge_agent.nodes.bundles import Bundle, Bundles
+from edge_agent.nodes.client import SupervisorLine
+from edge_agent.nodes.errors import NodeRefusedError, NodeTableError
+from edge_agent.nodes.launcher import Launcher
+from edge_agent.nodes.ledger import Ledger
+from edge_agent.nodes.rows import Place, as_json, check_allowed, row_of
+from edge_agent.nodes.trial import Trial
+from metaros.clock import Clock
+from metaros.errors import ConfigError, MetarosError
+from metaros.supervise.table_file import Row, read_rows
+from metaros.twin import parse
+from metaros.twin.document import NodeWanted
+
+__all__ = ["NodeDesk"]
+
+LOG = logging.getLogger("metaros.agent.nodes")
+AGAIN_S: Final = (5.0, 300.0)  # between tries to fetch a bundle
+JUDGE_S: Final = 1.0
+
+
+class NodeDesk:
+    """`run` it beside the uplink. `set_nodes` gives the wanted nodes, `reported` says how they are."""
+
+    def __init__(
+        self,
+        ledger: Ledger,
+        *,
+        settings: NodeSettings,
+        place: Place,
+        clock: Clock,
+        bundles: Bundles | None = None,
+        launcher: Launcher | None = None,
+    ) -> None:
+        self.changed: Callable[[], None] = lambda: None
+        self._ledger = ledger
+        self._settings, self._place, self._clock, self._bundles = settings, place, clock, bundles
+        self._launcher = launcher or Launcher(ledger.directory)
+        self.line = SupervisorLine(ledger.directory, self._launcher, self._on_list)
+        self._wanted: dict[str, NodeWanted] | None = None  # None: nobody has said yet; the table stays as it is
+        self._found: dict[str, Any] | None = None
+        self._problems: dict[str, tuple[str, str]] = {}  # by node: code and message of its bundle
+        self._fetching: set[str] = set()
+        self._work = asyncio.Event()
+        self._rows: dict[str, Row] = {}  # as they were last made: an old one serves until its new bundle is here
+        self._trouble = ""
+
+    # -- the twin's side -------------------------------------------------------------------------------------------
+
+    async def set_nodes(self, nodes: Mapping[str, Any] | None) -> None:
+        """Run these, all of them and no others. Bundles that are not here come later, and the node with them.
+
+        Raises:
+            NodeRefusedError: one of them may not run on this robot; nothing has changed.
+            NodeTableError: together they cannot be run.
+        """
+        wanted = dict(_parsed(nodes))
+        for node in wanted.values():
+            check_allowed(node, self._settings)
+            if node.bundle and self._bundles is None:
+                raise NodeRefusedError(f"{node.name}: this robot takes no bundles: it is not enrolled")
+        _check_order(wanted)
+        self._wanted = wanted
+        for name, node in wanted.items():
+            if node.bundle:
+                self._trial(node).forgive(node.version)
+            self._problems.pop(name, None)
+        self._work.set()
+
+    def reported(self) -> dict[str, Any]:
+        """The nodes as they are, by name: what runs, and what is wanted and does not."""
+        found = {node["name"]: node for node in (self._found or {}).get("nodes", [])}
+        rows = {name: self._reported(found[name]) for name in found}
+        for name, node in (self._wanted or {}).items():
+            row = rows.setdefault(name, self._absent(name))
+            if node.bundle:
+                row["update"] = self._trial(node).update(
+                    node.version, fetching=name in self._fetching, problem=self._problems.get(name, ("", ""))
+                )
+        return rows
+
+    # -- from afar -------------------------------------------------------------------------------------------------
+
+    async def verb(self, node: str, verb: str, signal: int = 0, *, timeout_s: float = 30.0) -> None:
+        """start, stop, restart, signal, retry. Raises SupervisorError, ConfigError."""
+        if verb not in ("start", "stop", "restart", "signal", "retry"):
+            raise ConfigError(f"no verb {verb[:40]!r}: start, stop, restart, signal, retry")
+        request: dict[str, Any] = {"signal": signal} if verb == "signal" else {}
+        await self.line.ask(verb, node=node, timeout_s=timeout_s, start=self._launcher.has_table, **request)
+
+    async def read_log(
+        self, node: str, *, cursor: str = "", max_bytes: int = 0, query: str = "", backwards: bool = False
+    ) -> bytes:
+        """A page of a node's log as JSON. Raises SupervisorError, ConfigError."""
+        found = await self.line.ask(
+            "log",
+            start=self._launcher.has_table,
+            node=node,
+            cursor=cursor,
+            max_bytes=max_bytes,
+            query=query,
+            backwards=backwards,
+        )
+        page = {key: found[key] for key in ("lines", "cursor", "more")}
+        return json.dumps(page, ensure_ascii=False).encode(errors="replace")
+
+    async def leases(self, given: list[tuple[str, str, float]], *, at_s: float) -> None:
+        """The leases of migratable nodes, as they were given at `at_s` of `metaros.clock.boot_s`."""
+        rows = [{"node": node, "lease_id": lease, "valid_s": valid_s} for node, lease, valid_s in given]
+        await self.line.ask("leases", start=self._launcher.has_table, leases=rows, at_s=at_s)
+
+    # -- work ------------------------------------------------------------------------------------------------------
+
+    async def run(self) -> None:
+        """Follow the supervisor and bring it to what is wanted, for ever."""
+        try:
+            async with asyncio.TaskGroup() as group:
+                group.create_task(self.line.run())
+                group.create_task(self._keep())
+                group.create_task(self._judge())
+        finally:
+            await self.line.close()
+
+    async def _keep(self) -> None:
+        again_s = AGAIN_S[0]
+        while True:
+            waiting = bool(self._problems or self._trouble)
+            try:
+                await asyncio.wait_for(self._work.wait(), again_s if waiting else None)
+                again_s = AGAIN_S[0]
+            except TimeoutError:
+                again_s = min(2 * again_s, AGAIN_S[1])
+            self._work.clear()
+            if self._wanted is None:
+                continue
+            try:
+                await self._apply()
+                self._say("")
+                if await self._fetch():
+                    self._work.set()
+            except MetarosError as error:
+                self._say(str(error))
+            self.changed()
+
+    async def _apply(self) -> None:
+        """Give the supervisor what can run now, where it has something else."""
+        assert self._wanted is not None
+        rows = self._rows_now(self._wanted)
+        data = [as_json(row) for row in rows]
+        tag = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+        if not rows and not self._launcher.has_table:
+            return
+        self.line.need()
+        found = await self.line.ask("list")
+        if found["tag"] != tag:
+            self._on_list(await self.line.ask("set_table", rows=data, tag=tag, timeout_s=120.0))
+        for row in rows:
+            if row.version:
+                self._trial(self._wanted[row.name]).begin(row.version)
+        self._ledger.keep()
+
+    def _rows_now(self, wanted: Mapping[str, NodeWanted]) -> list[Row]:
+        rows: dict[str, Row] = {}
+        for name, node in wanted.items():
+            bundle = self._bundle_of(node)
+            if node.bundle and bundle is None:
+                if name in self._rows:
+                    rows[name] = self._rows[name]
+                continue
+            version = self._trial(node).choose(node.version) if node.bundle else ""
+            row = row_of(node, self._settings, self._place, bundle)
+            rows[name] = replace(row, version=version)
+        self._rows = {
+            name: replace(row, after=tuple(one for one in row.after if one in rows)) for name, row in rows.items()
+        }
+        return list(self._rows.values())
+
+    def _bundle_of(self, node: NodeWanted) -> Bundle | None:
+        if not node.bundle or self._bundles is None:
+            return None
+        try:
+            return self._bundles.ready(node.bundle, self._trial(node).choose(node.version))
+        except MetarosError as error:
+            self._problems[node.name] = (error.code, str(error)[:300])
+            return None
+
+    async def _fetch(self) -> bool:
+        """Bundles that are wanted and not here, one after the other; True where one came."""
+        came = False
+        for name, node in list((self._wanted or {}).items()):
+            if not node.bundle or self._bundles is None or self._bundle_of(node) is not None:
+                continue
+            self._fetching.add(name)
+            self.changed()
+            try:
+                await self._bundles.get(node.bundle, self._trial(node).choose(node.version))
+                self._problems.pop(name, None)
+                came = True
+            except MetarosError as error:
+                self._problems[name] = (error.code, str(error)[:300])
+            finally:
+                self._fetching.discard(name)
+            if self._work.is_set():  # something else is wanted by now
+                return True
+        return came
+
+    async def _judge(self) -> None:
+        """New versions of bundles: good, or back to the last good one."""
+        while True:
+            await asyncio.sleep(JUDGE_S)
+            for node in (self._found or {}).get("nodes", []):
+                wanted = (self._wanted or {}).get(node["name"])
+                if wanted is None or not wanted.bundle:
+                    continue
+                trial = self._trial(wanted)
+                settled = trial.judge(
+                    node,
+                    now_s=self._clock.monotonic_s(),
+                    wall_ns=self._clock.wall_ns(),
+                    health_s=self._settings.health_s,
+                    trial_s=self._settings.trial_s,
+                )
+                if settled:
+                    LOG.warning("%s: bundle %s is %s", wanted.name, wanted.bundle, settled)
+                    self._settled(wanted, trial, settled)
+
+    def _settled(self, node: NodeWanted, trial: Trial, how: str) -> None:
+        self._ledger.keep()
+        if how == "healthy" and self._bundles is not None:
+            try:
+                self._bundles.did_well(node.bundle, trial.good)
+            except MetarosError as error:
+                LOG.warning("%s: %s", node.name, error)
+        self._work.set()
+        self.changed()
+
+    # -- parts -----------------------------------------------------------------------------------------------------
+
+    def _trial(self, node: NodeWanted) -> Trial:
+        return self._ledger.trial(node.name, node.bundle)
+
+    def _on_list(self, found: dict[str, Any] | None) -> None:
+        was, self._found = self._found, found
+        if found is None or was is None or was["life"] != found["life"]:
+            self._work.set()  # a new one may have lost what we gave the old one
+        self.changed()
+
+    def _reported(self, node: Mapping[str, Any]) -> dict[str, Any]:
+        keys = ("state", "why", "pid", "restarts", "since_ns", "last_exit", "version", "waits_for", "lease_id", "nice")
+        row = {key: node[key] for key in keys if node[key] not in ("", None)}
+        row["quarantined"] = node["state"] == "quarantined"
+        row["crashes"] = node["crashes_total"]
+        return row
+
+    def _absent(self, name: str) -> dict[str, Any]:
+        if name in self._fetching:
+            return {"state": "fetching"}
+        if name in self._problems:
+            return {"state": "refused", "last_exit": self._problems[name][1]}
+        if self._launcher.stopped_by_hand:
+            return {"state": "stopped", "why": "the supervisor was stopped by hand"}
+        return {"state": "waiting", "why": self._trouble or "the supervisor has not taken it yet"}
+
+    def _say(self, trouble: str) -> None:
+        if trouble and trouble != self._trouble:
+            LOG.warning("nodes: %s", trouble)
+        self._trouble = trouble
+
+
+def _parsed(nodes: Mapping[str, Any] | None) -> Mapping[str, NodeWanted]:
+    """Rows of the twin's document, or what was made of them."""
+    if nodes and all(isinstance(node, NodeWanted) for node in nodes.values()):
+        return nodes
+    return parse({"nodes": dict(nodes or {})}).nodes or {}
+
+
+def _check_order(wanted: Mapping[str, NodeWanted]) -> None:
+    rows = [{"name": node.name, "argv": ["-"], "after": list(node.after)} for node in wanted.values()]
+    try:
+        read_rows(rows)
+    except ConfigError as error:
+        raise NodeTableError(str(error)) from None

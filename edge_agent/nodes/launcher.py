@@ -1,0 +1,92 @@
+"""Starts the robot's supervisor where none runs: detached, in a session of its own, so that it outlives the agent."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from metaros.errors import UnavailableError
+from metaros.supervise import guard
+from metaros.supervise.heartbeats import ENVIRONMENT as HEARTBEAT
+from metaros.supervise.program import STOPPED, running_pid
+from metaros.supervise.service import TABLE
+
+__all__ = ["BASE_PYTHON", "Launcher", "python_of_base"]
+
+BASE_PYTHON: Final = "METAROS_BASE_PYTHON"  # the install that an update never replaces
+_OURS: Final = (guard.PARENT, HEARTBEAT)  # of the agent alone
+
+
+def python_of_base(environ: Mapping[str, str] = os.environ) -> str:
+    """The interpreter that is there after every update of the agent."""
+    return environ.get(BASE_PYTHON) or sys.executable
+
+
+class Launcher:
+    """Of one state directory."""
+
+    def __init__(self, directory: Path, *, environ: Mapping[str, str] = os.environ) -> None:
+        self._directory = directory
+        self._environ = environ
+        self._child: subprocess.Popen[bytes] | None = None
+
+    @property
+    def running(self) -> bool:
+        """Whether a supervisor holds the directory."""
+        if self._child is not None:
+            self._child.poll()  # so that a dead one is buried
+        return running_pid(self._directory) is not None
+
+    @property
+    def starting(self) -> bool:
+        """Whether one that we have started still lives."""
+        return self._child is not None and self._child.poll() is None
+
+    @property
+    def stopped_by_hand(self) -> bool:
+        """Whether somebody asked it to end and has not started it since."""
+        return (self._directory / STOPPED).exists()
+
+    @property
+    def has_table(self) -> bool:
+        """Whether there is a table that it would run."""
+        return (self._directory / TABLE).exists()
+
+    def start(self) -> None:
+        """Start one, unless it runs; when two are started, one of them ends at once.
+
+        Raises:
+            UnavailableError: somebody stopped it on purpose, or the system cannot start it.
+        """
+        if self.running:
+            return
+        if self.stopped_by_hand:
+            raise UnavailableError(
+                f"the supervisor was stopped by hand: metaros supervisor --state-dir {self._directory}"
+            )
+        argv = [python_of_base(self._environ), "-m", "metaros", "supervisor", "--detached"]
+        try:
+            self._child = subprocess.Popen(
+                [*argv, "--state-dir", str(self._directory)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                cwd=self._directory,
+                env={name: value for name, value in self._environ.items() if name not in _OURS},
+                **_apart(),
+            )
+        except OSError as error:
+            raise UnavailableError(f"the supervisor cannot be started: {error.strerror}") from None
+
+
+def _apart() -> dict[str, Any]:
+    """Neither our terminal's signals nor our end reach it."""
+    if sys.platform == "win32":
+        flags = subprocess.DETACHED_PROCESS | subprocess.CREATE_NEW_PROCESS_GROUP | subprocess.CREATE_BREAKAWAY_FROM_JOB
+        return {"creationflags": flags}
+    else:
+        return {"start_new_session": True}

@@ -1,0 +1,116 @@
+"""From a wanted node to a row of the supervisor's table: its program, found or refused. Pure."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from typing import Any, Final
+
+from edge_agent.nodes.allowed import NodeSettings
+from edge_agent.nodes.bundles import Bundle
+from edge_agent.nodes.errors import NodeRefusedError
+from metaros.supervise.policy import Restart
+from metaros.supervise.table_file import Row
+from metaros.twin.document import NodeWanted
+
+__all__ = ["Place", "as_json", "check_allowed", "row_of"]
+
+CHILD: Final = ("-m", "metaros.cli.launch_child")
+HEARTBEAT_S: Final = 2.0
+
+
+class Place:
+    """Where this robot's nodes live: what they need to find its router and its names."""
+
+    def __init__(
+        self,
+        *,
+        namespace: str,
+        zenoh_port: int,
+        domain: int = 0,
+        python: str = "",
+        env: Mapping[str, str] | None = None,
+    ) -> None:
+        self.namespace = namespace
+        self.python = python or sys.executable
+        self.env = {
+            "PYTHONUNBUFFERED": "1",
+            "METAROS_ZENOH_PORT": str(zenoh_port),
+            "ROS_DOMAIN_ID": str(domain),
+            **(env or {}),
+        }
+
+
+def check_allowed(node: NodeWanted, settings: NodeSettings) -> None:
+    """Raise NodeRefusedError where this robot's settings do not let it run."""
+    if node.command and not settings.free_commands:
+        raise NodeRefusedError(
+            f"{node.name}: this robot takes no free commands: name a bundle, or an entry of its own [[allowed]]"
+        )
+    if not node.allowed:
+        return
+    entry = settings.allowed.get(node.allowed)
+    if entry is None:
+        there = ", ".join(sorted(settings.allowed)) or "nothing"
+        raise NodeRefusedError(f"{node.name}: {node.allowed!r} is not in this robot's [[allowed]]; there is: {there}")
+    if node.args and not entry.args:
+        raise NodeRefusedError(f"{node.name}: the robot's [[allowed]] {entry.name!r} takes no arguments from afar")
+    if node.parameters and not entry.parameters:
+        raise NodeRefusedError(f"{node.name}: the robot's [[allowed]] {entry.name!r} takes no parameters from afar")
+
+
+def row_of(node: NodeWanted, settings: NodeSettings, place: Place, bundle: Bundle | None = None) -> Row:
+    """The row; `bundle` is the one that it names. Raises NodeRefusedError."""
+    check_allowed(node, settings)
+    argv, env, cwd, ours, named = _program(node, settings, place, bundle)
+    ros = tuple(_ros_args(node, place, named=named))
+    return Row(
+        name=node.name,
+        argv=(*argv, *node.args, *(("--ros-args", *ros) if ros else ())),
+        cwd=cwd,
+        env={**place.env, **env},
+        version=node.version if bundle is not None else "",
+        restart=Restart(node.restart),
+        critical=node.critical,
+        nice=node.nice,
+        after=node.after,
+        run=node.run,
+        migratable=node.migratable,
+        own_guard=ours,
+        heartbeat_s=HEARTBEAT_S,
+    )
+
+
+def as_json(row: Row) -> dict[str, Any]:
+    """As the control protocol has it."""
+    return asdict(row)
+
+
+Program = tuple[tuple[str, ...], Mapping[str, str], str, bool, bool]
+
+
+def _program(node: NodeWanted, settings: NodeSettings, place: Place, bundle: Bundle | None) -> Program:
+    """argv, environment, directory, whether it dies with the supervisor by itself, whether it takes our name."""
+    if node.command:
+        return node.command, {}, "", False, False
+    if node.bundle:
+        if bundle is None:
+            raise NodeRefusedError(f"{node.name}: bundle {node.bundle} {node.version} is not here")
+        return bundle.argv, {}, str(bundle.folder), False, bundle.argv[1:2] == ("-I",)
+    entry = settings.allowed[node.allowed]
+    if entry.command:
+        return entry.command, entry.env, entry.cwd, False, False
+    what = ("module", entry.module) if entry.module else ("class", entry.class_)
+    return (place.python, *CHILD, *what), entry.env, entry.cwd, True, True
+
+
+def _ros_args(node: NodeWanted, place: Place, *, named: bool) -> Iterator[str]:
+    """Name, namespace and parameters as ROS 2 passes them; a command gets them only where it has parameters."""
+    if named:
+        yield from ("-r", f"__node:={node.name}")
+    if place.namespace != "/" and (named or node.parameters):
+        yield from ("-r", f"__ns:={place.namespace}")
+    for name, value in node.parameters.items():
+        yield from ("-p", f"{name}:={json.dumps(value, ensure_ascii=False)}")
