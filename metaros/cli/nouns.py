@@ -45,6 +45,7 @@ NOUNS = (
     Noun("router", "metaros.cli.router", SYSTEM, "Host the Zenoh router of this machine"),
     Noun("broker", "metaros.cli.broker", SYSTEM, "Bridge ZeroMQ programs, old and new, to ROS topics", "zmq"),
     Noun("agent", "", SYSTEM, "A robot's agent: forward its topics to a gateway", "agent"),
+    Noun("agent-slot", "", SYSTEM, "The same in the version that updates have brought; taken back when bad", "agent"),
     Noun("gateway", "", SYSTEM, "The gateway: agents' link, API, dashboard", "gateway"),
     Noun("signin", "", SYSTEM, "A link that signs a browser in once", "gateway"),
     Noun("user", "", SYSTEM, "add, list, change, password, remove: who may sign in", "gateway"),

@@ -29,13 +29,14 @@ def test_every_limit_is_documented() -> None:
 
 def test_every_error_code_is_documented() -> None:
     import edge_agent.errors
+    import edge_agent.update.errors
     import gateway.errors
     import gateway.identity.errors
     import metaros.errors
 
     codes = {
         value.code
-        for module in (metaros.errors, edge_agent.errors, gateway.errors, gateway.identity.errors)
+        for module in (metaros.errors, edge_agent.errors, edge_agent.update.errors, gateway.errors, gateway.identity.errors)
         for value in vars(module).values()
         if isinstance(value, type) and issubclass(value, Exception) and hasattr(value, "code")
     }

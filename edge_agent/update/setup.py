@@ -1,0 +1,84 @@
+"""Updates of one agent, put together: what it updates itself by, and its nodes' bundles."""
+
+from __future__ import annotations
+
+import os
+import signal
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from edge_agent.config import Settings
+from edge_agent.identity.credentials import Credentials
+from edge_agent.update.handover import Loaded, give_back, loaded
+from edge_agent.update.nodes import NodeBundles
+from edge_agent.update.slots import Slots
+from edge_agent.update.source import Source
+from edge_agent.update.updater import AgentUpdates
+from metaros.bundle import BundleError, check_group
+from metaros.clock import Clock, system_rng
+
+__all__ = ["HANDOVER", "Handover", "Updates", "open_updates"]
+
+
+class Handover:
+    """Whether this program is to become another version once everything of it is closed."""
+
+    def __init__(self) -> None:
+        self._asked: Loaded | None = None
+
+    def ask(self, found: Loaded | None) -> None:
+        """End the program as a signal would, so that nothing that was accepted is lost."""
+        self._asked = found
+        if found is not None:
+            signal.raise_signal(signal.SIGINT if os.name == "nt" else signal.SIGTERM)
+
+    def finish(self) -> None:
+        """The last act of the program: the loader, if it was asked for."""
+        if self._asked is not None:
+            give_back(self._asked)
+
+
+HANDOVER = Handover()
+
+
+@dataclass(frozen=True, slots=True)
+class Updates:
+    """Its parts."""
+
+    agent: AgentUpdates
+    nodes: NodeBundles
+    source: Source | None = field(default=None)
+
+
+def open_updates(
+    settings: Settings, state_dir: Path, credentials: Credentials | None, clock: Clock, *, running: str
+) -> Updates:
+    """Only an enrolled robot takes updates: it knows whom to ask, and the gateway knows whom it gives them to."""
+    source, found = None, loaded()
+    if credentials is not None:
+        group = settings.labels.get("group", "")
+        source = Source(
+            state_dir / "update",
+            credentials.identity.url,
+            credentials.context,
+            clock,
+            groups=_groups(group),
+        )
+    agent = AgentUpdates(
+        Slots(state_dir),
+        source,
+        clock,
+        system_rng(),
+        loaded=found,
+        running=running,
+        restart=lambda: HANDOVER.ask(found),
+    )
+    return Updates(agent, NodeBundles(state_dir, lambda: source), source)
+
+
+def _groups(label: str) -> tuple[str, ...]:
+    """The robot's label `group`, where an update role may have that name."""
+    try:
+        return (check_group(label),)
+    except BundleError:
+        return ()

@@ -1,0 +1,207 @@
+"""The agent's own version: fetched, checked, installed beside the one that runs, tried, kept or taken back.
+
+What state it is in is told by the slots alone, so that no crash can leave two opinions. A version that was taken back
+is not tried again until another one was kept. Everything up to the switch may end at any instruction: what ran still
+runs.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import random  # noqa: TID251 - the type only; the generator is an argument
+from collections.abc import Callable
+from typing import Any
+
+from edge_agent.update.daemon import in_daemon
+from edge_agent.update.environment import make_environment
+from edge_agent.update.errors import SlotError, UpdateError, UpdateFetchError, UpdateUnhealthyError
+from edge_agent.update.handover import Loaded
+from edge_agent.update.health import Health
+from edge_agent.update.slots import Slots
+from edge_agent.update.source import Source
+from edge_agent.uplink.desk import Tell, Told
+from metaros._proto import link_pb2
+from metaros.bundle import AGENT, BundleError
+from metaros.clock import Clock
+
+__all__ = ["AgentUpdates"]
+
+LOG = logging.getLogger("metaros.agent.update")
+FIRST_RETRY_S, LAST_RETRY_S = 15.0, 3600.0
+
+
+class AgentUpdates:
+    """`await want(version)` at any time; `reported()` is what the gateway is told, `changed` is called when it changes.
+
+    `running` is the version of this very program; `restart()` ends it, so that the loader starts what is now wanted.
+    """
+
+    frames: frozenset[str] = frozenset()
+
+    def __init__(
+        self,
+        slots: Slots,
+        source: Source | None,
+        clock: Clock,
+        rng: random.Random,
+        *,
+        loaded: Loaded | None,
+        running: str,
+        restart: Callable[[], None],
+    ) -> None:
+        self.changed: Callable[[], object] = lambda: None
+        self._slots = slots
+        self._source = source
+        self._clock = clock
+        self._rng = rng
+        self._loaded = loaded
+        self._restart = restart
+        self._wanted = ""
+        self._kick = asyncio.Event()
+        self._moved = asyncio.Event()
+        current = slots.read() if loaded is not None else None
+        self._running = (current.version if current is not None else "") or running
+        self._slot = current.slot if current is not None else ""
+        self._failed = current.failed_version if current is not None else ""
+        self._health: Health | None = None
+        if loaded is None:
+            self._told = ("off", "", "", "started without metaros agent-slot: it cannot be updated")
+        elif current is not None and current.probing:
+            self._told = ("trying", current.version, "", "")
+            now_s = clock.monotonic_s()
+            self._health = Health(now_s, window_s=loaded.health_s, within_s=loaded.link_s)
+        elif current is not None and current.failed_version:
+            self._told = ("rolled_back", current.failed_version, UpdateUnhealthyError.code, current.failed_reason)
+        else:
+            self._told = ("healthy", current.version, "", "") if current and current.version else ("idle", "", "", "")
+
+    def reported(self) -> dict[str, Any]:
+        """Section `agent` of the twin's reported document."""
+        update = dict(zip(("state", "version", "code", "message"), self._told, strict=True))
+        return {"version": self._running, "slot": self._slot, "update": update}
+
+    async def want(self, version: str | None) -> None:
+        """Be that version; None or "": whatever runs."""
+        self._wanted = version or ""
+        if self._wanted and self._wanted == self._running and self._told[0] in ("refused", "downloading"):
+            self._tell("healthy" if self._slot != "base" else "idle", self._running)
+        self._kick.set()
+
+    def link_up(self, tell: Tell, welcome: link_pb2.Welcome) -> None:
+        """A desk of the link: the gateway has welcomed all lanes of this robot, which is all that it confirms."""
+        if self._source is not None and welcome.fetch_token:
+            self._source.token = welcome.fetch_token
+            self._kick.set()
+        if self._health is not None:
+            self._health.linked(self._clock.monotonic_s())
+            self._health.confirmed()
+            self._moved.set()
+
+    def take(self, told: Told) -> None:
+        """No frame is meant for it."""
+
+    def link_down(self) -> None:
+        """The link ended."""
+        if self._health is not None:
+            self._health.lost()
+            self._moved.set()
+
+    async def run(self) -> None:
+        """Until cancelled."""
+        if self._health is not None:
+            await self._prove(self._health)
+        retry_s = FIRST_RETRY_S
+        while True:
+            self._kick.clear()
+            version = self._wanted
+            if self._due(version) and not await self.attempt(version):
+                wait_s, retry_s = retry_s * self._rng.uniform(0.8, 1.2), min(2 * retry_s, LAST_RETRY_S)
+            else:
+                wait_s, retry_s = None, FIRST_RETRY_S
+            try:
+                async with asyncio.timeout(wait_s):
+                    await self._kick.wait()
+            except TimeoutError:
+                continue
+            if self._wanted != version:
+                retry_s = FIRST_RETRY_S
+
+    async def attempt(self, version: str) -> bool:
+        """Fetch, install and switch to that version; whether the loader is to start it now."""
+        try:
+            await in_daemon(lambda: self.install(version))
+        except (UpdateError, BundleError) as error:
+            waits = isinstance(error, UpdateFetchError)  # it is tried again, and nothing was wrong with it
+            LOG.warning("version %s is not installed: %s", version, error)
+            self._tell("downloading" if waits else "refused", version, error.code, str(error))
+            return False
+        LOG.info("version %s is installed in slot %s; it starts now", version, self._slots.read().slot)
+        self._restart()
+        return True
+
+    def install(self, version: str, step: Callable[[str], object] = lambda name: None) -> None:
+        """All of it, blocking. Raises UpdateError, and has changed nothing that runs then."""
+        source, what = self._source, {"kind": "agent", "name": AGENT, "version": version}
+        if source is None:
+            raise UpdateFetchError("this robot is not enrolled, and takes no updates")
+        self._tell_soon("downloading", version)
+        step("downloading")
+        with source.bundle(**what) as fetched:
+            self._tell_soon("staged", version)
+            step("verified")
+            folder = self._slots.empty_one()
+            step("emptied")
+            manifest = source.unpack(fetched, folder, **what)
+            step("unpacked")
+            make_environment(folder)
+            step("installed")
+            facts = {"version": version, "min_version": manifest.min_version, "hashes": fetched.target.hashes}
+            self._slots.seal(folder, facts)
+        step("sealed")
+        self._slots.switch(folder, version)
+        step("switched")
+
+    def _due(self, version: str) -> bool:
+        if not version or self._loaded is None or version == self._running:
+            return False
+        return version != self._failed
+
+    async def _prove(self, health: Health) -> None:
+        """Until this version is kept; or is taken back, and the loader asked to start the other one."""
+        while (verdict := health.verdict(self._clock.monotonic_s())) == "waiting":
+            self._moved.clear()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(health.wait_s(self._clock.monotonic_s())):
+                    await self._moved.wait()
+        self._health = None
+        current = self._slots.read()
+        if verdict == "healthy":
+            await asyncio.to_thread(self._keep)
+            self._tell("healthy", self._running)
+            LOG.info("version %s did well, and is kept", self._running)
+            return
+        LOG.error("version %s is taken back: %s", self._running, health.reason)
+        self._tell("rolled_back", self._running, UpdateUnhealthyError.code, health.reason)
+        await asyncio.to_thread(self._slots.back, current, health.reason)
+        self._restart()
+
+    def _keep(self) -> None:
+        """For good, and its floor with it. A disk that refuses leaves it on trial: the next start tries again."""
+        try:
+            self._slots.keep()
+            if self._source is not None:
+                self._source.floor.rise(AGENT, self._slots.floor_of(self._slot))
+        except SlotError as error:
+            LOG.error("%s", error)
+
+    def _tell(self, state: str, version: str, code: str = "", message: str = "") -> None:
+        told = (state, version, code, message[:500])
+        if told != self._told:
+            self._told = told
+            self.changed()
+
+    def _tell_soon(self, state: str, version: str) -> None:
+        """The same, from the thread that installs: the report is a tuple put in place at once, and read by its next."""
+        self._told = (state, version, "", "")
