@@ -242,3 +242,9 @@ def test_the_tables_of_both_are_the_same(tmp_path: Path, engine: StoreEngine) ->
         "users",
         "writers",
     }
+        "templates",
+        "twin_changes",
+        "twin_documents",
+        "twin_history",
+        "twin_reports",
+        "twins",

@@ -1,0 +1,155 @@
+"""Templates: parts of documents for many robots at once. A change reaches every robot that it names, or none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from gateway.domain.selector import Selector
+from gateway.domain.twin import Template, is_template_name
+from gateway.errors import InvalidRequestError, TwinChangedError, UnknownTemplateError
+from gateway.fleet.twin_book import TwinBook
+from gateway.fleet.twin_courier import TwinCourier
+from gateway.fleet.twin_plan import Author, Edit, Outcome, Plan, refusal
+from gateway.fleet.twins import Editor, require_no_code
+from gateway.store import Store
+from gateway.store.engine import StoreEngine
+from gateway.store.templates import read_templates, remove_template, write_template
+from gateway.store.twins import next_change, write_twins
+from metaros.clock import Clock
+from metaros.twin import parse_part
+
+__all__ = ["MAX_PRIORITY", "TemplateDesk"]
+
+MAX_PRIORITY = 1000
+
+
+class TemplateDesk:
+    """All methods on the event loop."""
+
+    def __init__(self, store: Store, book: TwinBook, courier: TwinCourier, *, clock: Clock) -> None:
+        self._store = store
+        self._book = book
+        self._courier = courier
+        self._clock = clock
+
+    async def all(self) -> Sequence[Template]:
+        """Every template, in the order in which they are laid over each other."""
+
+        def job(engine: StoreEngine) -> dict[str, Template]:
+            with engine.transaction(write=False):
+                return read_templates(engine)
+
+        found = await self._store.read(job)
+        return sorted(found.values(), key=lambda item: (item.priority, item.name))
+
+    async def get(self, name: str) -> Template:
+        """One template; UnknownTemplateError when there is none of that name."""
+        for item in await self.all():
+            if item.name == name:
+                return item
+        raise UnknownTemplateError(f"there is no template {name[:64]!r}")
+
+    async def put(
+        self,
+        name: str,
+        *,
+        selector: str,
+        document: Mapping[str, Any],
+        priority: int,
+        editor: Editor,
+        expected: int | None = None,
+        dry_run: bool,
+    ) -> tuple[Template, list[Outcome]]:
+        """Add a template or put another in its place; with what becomes of each robot that it changes.
+
+        Raises:
+            TwinError, SelectorError: it cannot be, or would break a robot's document; nothing is stored.
+            TwinChangedError: its revision is not `expected` any more; 0 is expected of one that is not there.
+        """
+        if not is_template_name(name):
+            raise InvalidRequestError("a template's name is 1 to 64 letters, digits, _ . and -")
+        if not -MAX_PRIORITY <= priority <= MAX_PRIORITY:
+            raise InvalidRequestError(f"priority is -{MAX_PRIORITY} to {MAX_PRIORITY}, not {priority}")
+        wanted, part = Selector.parse(selector), parse_part(document)
+
+        def change(plan: Plan, number: int) -> Template:
+            _check_expected(plan.templates.get(name), name, expected)
+            item = Template(
+                name=name,
+                selector=wanted,
+                document=part,
+                priority=priority,
+                revision=number,
+                author=editor.name,
+                at_ns=self._clock.wall_ns(),
+                reason=editor.reason,
+            )
+            plan.templates[name] = item
+            return item
+
+        return await self._change(change, write_template, editor, f"template {name}", dry_run=dry_run)
+
+    async def remove(
+        self, name: str, *, editor: Editor, expected: int | None = None, dry_run: bool
+    ) -> tuple[Template, list[Outcome]]:
+        """Take a template away; as `put`, and UnknownTemplateError when there is none of that name."""
+
+        def change(plan: Plan, number: int) -> Template:
+            if name not in plan.templates:
+                raise UnknownTemplateError(f"there is no template {name[:64]!r}")
+            _check_expected(plan.templates[name], name, expected)
+            return plan.templates.pop(name)
+
+        def store(engine: StoreEngine, item: Template) -> None:
+            remove_template(engine, item.name)
+
+        return await self._change(change, store, editor, f"template {name} removed", dry_run=dry_run)
+
+    async def _change(
+        self,
+        change: Callable[[Plan, int], Template],
+        store: Callable[[StoreEngine, Template], None],
+        editor: Editor,
+        said: str,
+        *,
+        dry_run: bool,
+    ) -> tuple[Template, list[Outcome]]:
+        reason = f"{said}: {editor.reason}" if editor.reason else said
+        author = Author(
+            name=editor.name, at_ns=self._clock.wall_ns(), reason=reason, confirm_within_s=editor.confirm_within_s
+        )
+        heard = self._book.heard()
+
+        def planned(engine: StoreEngine, number: int) -> tuple[Template, list[Outcome]]:
+            plan = Plan(engine, None, heard)
+            item = change(plan, number)
+            outcomes = [one for one in plan.outcomes(sorted(plan.said), Edit(), author, change=number) if one.changed]
+            if (error := refusal(outcomes)) is not None:
+                raise error
+            if not editor.code:
+                require_no_code(outcomes)
+            return item, outcomes
+
+        def trial(engine: StoreEngine) -> tuple[Template, list[Outcome]]:
+            with engine.transaction(write=False):
+                return planned(engine, 0)
+
+        def job(engine: StoreEngine) -> tuple[Template, list[Outcome]]:
+            item, outcomes = planned(engine, next_change(engine, templates=True))
+            store(engine, item)
+            write_twins(engine, [one.after for one in outcomes])
+            return item, outcomes
+
+        if dry_run:
+            return await self._store.read(trial)
+        item, outcomes = await self._store.run(job)
+        await self._book.refresh()
+        self._courier.tell([one.after.robot for one in outcomes])
+        return item, outcomes
+
+
+def _check_expected(known: Template | None, name: str, expected: int | None) -> None:
+    now = known.revision if known is not None else 0
+    if expected is not None and expected != now:
+        raise TwinChangedError(f"template {name} is at revision {now} by now: read it again")

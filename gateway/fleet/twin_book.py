@@ -1,0 +1,133 @@
+"""What this gateway knows of twins without asking: desired and reported states, templates."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import orjson
+
+from gateway.domain.twin import Desired, Reported, Template
+from gateway.store import Store
+from gateway.store.engine import StoreEngine
+from gateway.store.templates import read_templates
+from gateway.store.twins import changed_twins, newest_change, read_reports, write_reports
+from metaros._proto import link_pb2
+
+__all__ = ["TwinBook", "reported_values"]
+
+log = logging.getLogger(__name__)
+
+TEXT_CHARS = 1024
+STATES = ("applied", "applying", "confirming", "reverted", "refused")
+SAVED_AT_ONCE = 512
+
+Listener = Callable[[str, dict[str, Any]], None]
+
+
+class TwinBook:
+    """All methods on the event loop."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self.desired: dict[str, Desired] = {}
+        self.reported: dict[str, Reported] = {}
+        self.templates: dict[str, Template] = {}
+        self._change = 0
+        self._templates_change = -1
+        self._unsaved: dict[str, Reported] = {}
+        self._listeners: list[Listener] = []
+
+    def listen(self, listener: Listener) -> None:
+        """Call this with each robot's `reported` values as they come."""
+        self._listeners.append(listener)
+
+    async def load(self) -> None:
+        """Know what was stored before this gateway began."""
+        await self.refresh()
+
+        def job(engine: StoreEngine) -> dict[str, Reported]:
+            with engine.transaction(write=False):
+                return read_reports(engine)
+
+        stored = await self._store.read(job)
+        self.reported = {**stored, **self.reported}
+
+    async def refresh(self) -> list[str]:
+        """Learn what changed; the robots whose desired state did. StoreError when the database cannot be asked."""
+
+        def job(engine: StoreEngine) -> tuple[int, int, list[Desired], dict[str, Template] | None]:
+            with engine.transaction(write=False):
+                change, templates = newest_change(engine)
+                changed = changed_twins(engine, self._change) if change > self._change else []
+                return (
+                    change,
+                    templates,
+                    changed,
+                    read_templates(engine) if templates > self._templates_change else None,
+                )
+
+        change, templates_change, changed, templates = await self._store.read(job)
+        if templates is not None and templates_change > self._templates_change:
+            self.templates, self._templates_change = templates, templates_change
+        learnt = self.learn(changed)
+        self._change = max(self._change, change)
+        return learnt
+
+    def learn(self, items: Iterable[Desired]) -> list[str]:
+        """Take over states that were read or stored; the robots for which they are newer than what was known."""
+        learnt = []
+        for item in items:
+            known = self.desired.get(item.robot)
+            if known is None or item.change > known.change:
+                self.desired[item.robot] = item
+                learnt.append(item.robot)
+        return learnt
+
+    def report(self, robot: str, frame: link_pb2.TwinReport, *, wall_ns: int) -> Reported:
+        """A robot says what it is."""
+        item = self.reported[robot] = self._unsaved[robot] = Reported(
+            robot=robot,
+            at_ns=wall_ns,
+            revision=frame.revision,
+            applied=frame.applied,
+            state=frame.state if frame.state in STATES else "applied",
+            code=_plain(frame.code, 64),
+            message=_plain(frame.message, TEXT_CHARS),
+            sha256=frame.sha256[:32],
+            reported=frame.reported,
+        )
+        if self._listeners:
+            values = reported_values(item)
+            for listener in self._listeners:
+                listener(robot, values)
+        return item
+
+    async def save(self) -> None:
+        """Store the reports that came since the last time; they stay to be stored where that fails."""
+        while self._unsaved:
+            some = dict(list(self._unsaved.items())[:SAVED_AT_ONCE])
+            await self._store.run(lambda engine, some=some: write_reports(engine, some.values()))  # type: ignore[misc]
+            for robot, item in some.items():
+                if self._unsaved.get(robot) is item:
+                    del self._unsaved[robot]
+
+    def heard(self, robots: Iterable[str] | None = None) -> Mapping[str, int]:
+        """The newest revision that robots have told they have seen."""
+        if robots is None:
+            return {robot: item.revision for robot, item in self.reported.items()}
+        return {robot: self.reported[robot].revision for robot in robots if robot in self.reported}
+
+
+def reported_values(item: Reported) -> dict[str, Any]:
+    """What a robot reported, as values; nothing where that is no JSON object."""
+    try:
+        found = orjson.loads(item.reported or b"{}")
+    except orjson.JSONDecodeError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _plain(text: str, chars: int) -> str:
+    return text.replace("\0", "")[:chars]

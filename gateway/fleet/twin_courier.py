@@ -1,0 +1,203 @@
+"""Desired states on their way to robots, and what robots answer.
+
+A robot is told once a session, and after each change; it hears nothing before it has reported, as an older agent does
+not know these frames. Sending is spread over time: a change of the whole fleet goes out at `PER_S` robots a second.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Callable, Mapping
+
+from gateway.domain.twin import Desired, Reported, made_of
+from gateway.errors import RobotOfflineError, StoreError
+from gateway.fleet.robots import SendFrame
+from gateway.fleet.twin_book import TwinBook
+from gateway.fleet.twin_plan import MAX_REVISION, Author, Edit, Plan, labels_of
+from gateway.store import Store
+from gateway.store.engine import StoreEngine
+from gateway.store.twins import collect_documents, next_change, write_twins
+from metaros._proto import link_pb2
+from metaros.clock import Clock
+
+__all__ = ["TwinCourier"]
+
+log = logging.getLogger(__name__)
+
+PER_S = 400.0  # robots that are told a second
+STEP_S = 0.025
+LOOK_S = 1.0  # how often it is asked what other gateways changed, and reports are stored
+COLLECT_EVERY_S = 3600.0
+SETTLED_AT_ONCE = 1000
+
+
+class TwinCourier:
+    """Robots of this gateway and their twins; all methods on the event loop."""
+
+    def __init__(
+        self,
+        store: Store,
+        book: TwinBook,
+        send: SendFrame,
+        labels: Callable[[str], Mapping[str, str]],
+        *,
+        clock: Clock,
+    ) -> None:
+        """`labels`: what a robot said of itself in its Hello."""
+        self._store = store
+        self._book = book
+        self._send = send
+        self._labels = labels
+        self._clock = clock
+        self._here: set[str] = set()  # that have reported in this session
+        self._told: dict[str, int] = {}
+        self._due: dict[str, None] = {}
+        self._unsettled: dict[str, None] = {}
+        self._stirred = asyncio.Event()
+        self._failed = False
+
+    def on_online(self, robot: str, online: bool) -> None:
+        """A link is whole or ended: what was said over the one before counts no more.
+
+        The first report may come before the link is whole, on its control lane: it is answered now.
+        """
+        self._told.pop(robot, None)
+        self._due.pop(robot, None)
+        if not online:
+            self._here.discard(robot)
+        elif robot in self._here:
+            self._confirm(self._book.reported[robot])
+            self.tell([robot])
+
+    def on_report(self, robot: str, frame: link_pb2.TwinReport) -> None:
+        """A robot says what it is; `confirming` over this living link is what it waits for."""
+        if max(frame.revision, frame.applied) > MAX_REVISION:
+            log.warning("robot %s reports a revision that nobody ever gave: %d", robot, frame.revision)
+            return
+        item = self._book.report(robot, frame, wall_ns=self._clock.wall_ns())
+        self._here.add(robot)
+        self._confirm(item)
+        desired = self._book.desired.get(robot)
+        if self._unlike(robot, desired) or (desired is not None and _ahead(item, desired)):
+            self._unsettled[robot] = None
+            self._stirred.set()
+        self.tell([robot])
+
+    def _confirm(self, item: Reported) -> None:
+        if item.state == "confirming":
+            self._put(item.robot, link_pb2.GatewayFrame(twin_confirmed=link_pb2.TwinConfirmed(revision=item.revision)))
+
+    def tell(self, robots: list[str]) -> None:
+        """These robots' desired states may be news to them."""
+        for robot in robots:
+            desired, item = self._book.desired.get(robot), self._book.reported.get(robot)
+            if robot not in self._here or desired is None or item is None or not desired.revision:
+                continue
+            if item.revision < desired.revision and self._told.get(robot, 0) < desired.revision:
+                self._due[robot] = None
+                self._stirred.set()
+
+    async def run(self) -> None:
+        """Send, settle, look at what others changed, store reports; until cancelled."""
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._deliver())
+            group.create_task(self._look())
+
+    async def _deliver(self) -> None:
+        while True:
+            await self._stirred.wait()
+            self._stirred.clear()
+            if self._unsettled:
+                await self._settle()
+            while self._due:
+                for robot in list(self._due)[: max(1, round(PER_S * STEP_S))]:
+                    self._deliver_one(robot)
+                await asyncio.sleep(STEP_S)
+
+    def _deliver_one(self, robot: str) -> None:
+        self._due.pop(robot, None)
+        desired = self._book.desired[robot]
+        frame = link_pb2.TwinDesired(
+            revision=desired.revision,
+            sha256=desired.sha256,
+            document=desired.document,
+            confirm_within_ms=round(desired.confirm_within_s * 1000),
+        )
+        if self._put(robot, link_pb2.GatewayFrame(twin=frame)):
+            self._told[robot] = desired.revision
+
+    def _put(self, robot: str, frame: link_pb2.GatewayFrame) -> bool:
+        with contextlib.suppress(RobotOfflineError):
+            self._send(robot, frame)
+            return True
+        return False
+
+    async def _look(self) -> None:
+        """A trouble is told once, until it is over."""
+        collected_s = self._clock.monotonic_s()
+        while True:
+            await asyncio.sleep(LOOK_S)
+            try:
+                if self._store.shared:
+                    self.tell(await self._book.refresh())
+                await self._book.save()
+                if self._unsettled:
+                    self._stirred.set()
+                if self._clock.monotonic_s() - collected_s >= COLLECT_EVERY_S:
+                    collected_s = self._clock.monotonic_s()
+                    await self._store.run(_collect)
+                self._failed = False
+            except StoreError as error:
+                if not self._failed:
+                    log.warning("twins cannot be stored or read now: %s", error)
+                self._failed = True
+
+    async def _settle(self) -> None:
+        """Robots whose templates are others than before, or who know a newer revision than the store does."""
+        robots = list(self._unsettled)[:SETTLED_AT_ONCE]
+        heard = {robot: self._book.reported[robot] for robot in robots}
+        author = Author(name="gateway", at_ns=self._clock.wall_ns(), reason="labels, templates or the store changed")
+
+        def job(engine: StoreEngine) -> list[Desired]:
+            change = next_change(engine)
+            plan = Plan(engine, robots, self._book.heard(robots))
+            known = [robot for robot in robots if robot in plan.said]
+
+            def edit(robot: str) -> Edit:
+                before = plan.require(robot)
+                return Edit(above=heard[robot].revision) if _ahead(heard[robot], before) else Edit()
+
+            after = [item.after for item in plan.outcomes(known, edit, author, change=change) if item.changed]
+            write_twins(engine, after)
+            return [*after, *(plan.twins[robot] for robot in known if robot in plan.twins)]
+
+        try:
+            found = await self._store.run(job)
+        except StoreError:
+            return  # they stay unsettled; the next look tries again
+        for robot in robots:
+            self._unsettled.pop(robot, None)
+        self.tell(self._book.learn(found))
+        if self._unsettled:
+            self._stirred.set()
+
+    def _unlike(self, robot: str, desired: Desired | None) -> bool:
+        """Whether other templates name the robot than those its desired state was made of."""
+        labels = labels_of(self._labels(robot), desired)
+        marks = tuple(item.mark for item in made_of(self._book.templates.values(), robot, labels))
+        return marks != (desired.templates if desired is not None else ())
+
+
+def _ahead(item: Reported, desired: Desired) -> bool:
+    """Whether a robot has seen more than the store has: it was restored. Without a desired state it may stay so."""
+    if not desired.revision:
+        return False
+    other = item.applied == desired.revision and item.state == "applied" and item.sha256 != desired.sha256
+    return item.revision > desired.revision or (item.revision == desired.revision and other)
+
+
+def _collect(engine: StoreEngine) -> None:
+    next_change(engine)
+    collect_documents(engine)

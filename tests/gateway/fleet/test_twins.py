@@ -1,0 +1,304 @@
+"""Twins at one gateway, on both databases: edits, templates, selectors, going back, and what robots are sent."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.domain.robot import Robot
+from gateway.domain.selector import Selector
+from gateway.errors import ForbiddenError, SelectorError, TwinChangedError, UnknownRevisionError, UnknownRobotError
+from gateway.fleet.twin_feature import Twins
+from gateway.fleet.twin_plan import Edit
+from gateway.fleet.twins import Editor
+from gateway.store import RobotWrite, Store
+from gateway.store.retention import Retention
+from metaros._proto import link_pb2
+from metaros.clock import SystemClock
+from metaros.twin import TwinError
+from tests.gateway.fleet.twin_robot import ModelFleet, ModelRobot
+from tests.gateway.store.conftest import store_url  # noqa: F401  (a fixture)
+
+OPERATOR, ADMIN = Editor(name="olga"), Editor(name="ada", code=True)
+LIDAR = {"nodes": {"lidar": {"allowed": "lidar"}}}
+
+
+class Rig:
+    """A store, the twins of one gateway, and model robots linked to it."""
+
+    def __init__(self, store: Store) -> None:
+        self.store, self.fleet = store, ModelFleet()
+        self.twins = Twins(store, self.fleet.send, self.fleet.said, clock=SystemClock())
+
+    async def robot(self, name: str, **labels: str) -> ModelRobot:
+        """One that has connected before, and is linked now."""
+        self.fleet.add(name, **labels)
+        self.store.submit(RobotWrite(Robot(name, labels=labels), 1))
+        await self.store.flush()
+        return self.link(name)
+
+    def link(self, name: str) -> ModelRobot:
+        """A new link, with the report that every agent sends on it."""
+        robot = self.fleet.robots[name]
+        robot.online, robot.inbox = True, []
+        self.twins.on_online(name, True)
+        self.twins.on_report(name, robot.report())
+        return robot
+
+    def cut(self, name: str) -> None:
+        """The link ends."""
+        self.fleet.robots[name].online = False
+        self.twins.on_online(name, False)
+
+    async def work(self, done: Callable[[], bool | Awaitable[bool]]) -> None:
+        """Let robots read what they were sent until `done`."""
+        async with asyncio.timeout(60):
+            while True:
+                for robot in self.fleet.robots.values():
+                    while robot.inbox:
+                        if robot.take(robot.inbox.pop(0)):
+                            self.twins.on_report(robot.name, robot.report())
+                found = done()
+                if found if isinstance(found, bool) else await found:
+                    return
+                await asyncio.sleep(0.01)
+
+
+@asynccontextmanager
+async def rig_on(url: str, folder: Path) -> AsyncIterator[Rig]:
+    store = Store(folder, clock=SystemClock(), retention=Retention(age_s=3600.0, size_bytes=1 << 30), queue_bytes=1 << 20, url=url)
+    store.start()
+    rig = Rig(store)
+    await rig.twins.start()
+    running = asyncio.create_task(rig.twins.run())
+    try:
+        yield rig
+    finally:
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+        await store.close()
+
+
+@pytest.fixture
+async def rig(store_url: str, tmp_path: Path) -> AsyncIterator[Rig]:  # noqa: F811
+    async with rig_on(store_url, tmp_path) as made:
+        yield made
+
+
+async def patch(rig: Rig, robot: str, document: dict[str, Any], editor: Editor = ADMIN, **options: Any) -> Any:
+    return await rig.twins.desk.edit(robot, Edit(patch=document), editor, dry_run=False, **options)
+
+
+async def template(rig: Rig, name: str, selector: str, document: dict[str, Any], **options: Any) -> Any:
+    wanted = {"priority": 0, "dry_run": False, **options}
+    return await rig.twins.templates.put(name, selector=selector, document=document, editor=ADMIN, **wanted)
+
+
+async def test_a_robot_gets_what_is_desired_and_confirms_it(rig: Rig) -> None:
+    robot = await rig.robot("r1")
+    outcome = await patch(rig, "r1", LIDAR)
+    assert (outcome.after.revision, [change.path for change in outcome.changes]) == (1, ["/nodes"])
+    await rig.work(lambda: robot.state == "applied" and robot.applied == 1)
+    state = await rig.twins.desk.state("r1")
+    assert state.in_step
+    assert robot.document == state.desired.document == b'{"nodes":{"lidar":{"allowed":"lidar"}}}'
+    assert state.reported is not None
+    assert (state.reported.applied, rig.twins.desk.reported_of("r1")) == (1, {"documents": 1})
+
+
+async def test_nothing_wrong_is_stored_and_nothing_unchanged_gets_a_revision(rig: Rig) -> None:
+    await rig.robot("r1")
+    await patch(rig, "r1", LIDAR)
+    with pytest.raises(TwinError, match="nodes.lidar.nice: -20 to 19, not 40"):
+        await patch(rig, "r1", {"nodes": {"lidar": {"nice": 40}}})
+    with pytest.raises(TwinError, match="exactly one of bundle, allowed, command"):
+        await patch(rig, "r1", {"nodes": {"lidar": {"allowed": None}}})
+    with pytest.raises(UnknownRobotError):
+        await patch(rig, "r2", {})
+    assert (await patch(rig, "r1", LIDAR)).changed is False
+    assert (await rig.twins.desk.state("r1")).desired.revision == 1
+    tried = await rig.twins.desk.edit("r1", Edit(patch={"nodes": None}), ADMIN, dry_run=True)
+    assert [change.text for change in tried.changes] == ['- /nodes: {"lidar": {"allowed": "lidar"}}']
+    assert (await rig.twins.desk.state("r1")).desired.revision == 1
+
+
+async def test_who_was_slower_is_told(rig: Rig) -> None:
+    await rig.robot("r1")
+    first = await patch(rig, "r1", LIDAR, expected=(0, None))
+    with pytest.raises(TwinChangedError, match=r"at 1\.1 by now"):
+        await patch(rig, "r1", {"budget": {"bytes_per_s": 0}}, expected=(0, None))
+    await patch(rig, "r1", {"budget": {"bytes_per_s": 0}}, expected=(1, first.after.edition))
+    # Of many at once with the same expectation, one is first.
+    tries = [patch(rig, "r1", {"budget": {"bytes_per_s": 1000 + i}}, expected=(2, None)) for i in range(8)]
+    results = await asyncio.gather(*tries, return_exceptions=True)
+    assert sum(isinstance(item, TwinChangedError) for item in results) == 7
+
+
+async def test_what_runs_on_a_robot_is_an_admins_to_change(rig: Rig) -> None:
+    await rig.robot("r1")
+    bundle = {"nodes": {"lidar": {"bundle": "lidar-node", "version": "1.0.0"}}}
+    with pytest.raises(ForbiddenError, match=r"nodes\.lidar\.bundle"):
+        await patch(rig, "r1", bundle, OPERATOR)
+    await patch(rig, "r1", bundle)
+    for change in ({"version": "1.1.0"}, {"args": ["-x"]}):
+        with pytest.raises(ForbiddenError):
+            await patch(rig, "r1", {"nodes": {"lidar": change}}, OPERATOR)
+    await patch(rig, "r1", {"nodes": {"lidar": {"nice": 5, "run": False}}, "budget": {"bytes_per_s": 9000}}, OPERATOR)
+    await patch(rig, "r1", {"nodes": {"lidar": {"version": "1.1.0"}}})
+    with pytest.raises(ForbiddenError):
+        await rig.twins.desk.revert("r1", 1, OPERATOR, dry_run=False)
+    with pytest.raises(ForbiddenError, match="agent.version"):
+        await patch(rig, "r1", {"agent": {"version": "2.0.0"}}, OPERATOR)
+    # A label that brings a template with code is the same change.
+    await template(rig, "tools", "tools", {"nodes": {"tool": {"command": ["sh"]}}})
+    labels = Edit(labels={"tools": "yes"})
+    with pytest.raises(ForbiddenError):
+        await rig.twins.desk.edit("r1", labels, OPERATOR, dry_run=False)
+    await rig.twins.desk.edit("r1", labels, ADMIN, dry_run=False)
+
+
+async def test_templates_reach_whom_they_name_and_the_own_document_wins(rig: Rig) -> None:
+    for name, site in (("a1", "lab"), ("a2", "lab"), ("b1", "hall")):
+        await rig.robot(name, site=site)
+    await patch(rig, "a2", {"topics": {"camera": {"rate_hz": 1.0}}})
+    await template(rig, "all", "", {"topics": {"camera": {"rate_hz": 9.0}}, "budget": {"bytes_per_s": 5000}})
+    _, outcomes = await template(rig, "lab", "site=lab", {"topics": {"camera": {"rate_hz": 5.0}}}, priority=1)
+    assert [item.after.robot for item in outcomes] == ["a1", "a2"]
+    robots = rig.fleet.robots.values()
+    await rig.work(lambda: all(r.state == "applied" and b"5000" in r.document for r in robots))
+    rates = {}
+    for state in await rig.twins.desk.states(Selector.parse(""), lambda robot: True):
+        import orjson
+
+        rates[state.desired.robot] = orjson.loads(state.desired.document)["topics"]["camera"]["rate_hz"]
+    assert rates == {"a1": 5.0, "a2": 1.0, "b1": 9.0}
+    seen = [s.desired.robot for s in await rig.twins.desk.states(Selector.parse("site=lab"), lambda r: r != "a1")]
+    assert seen == ["a2"]
+    await rig.twins.templates.remove("lab", editor=ADMIN, dry_run=False)
+    assert b"9.0" in (await rig.twins.desk.state("a1")).desired.document
+    with pytest.raises(SelectorError):
+        await template(rig, "bad", "site==", {})
+
+
+async def test_a_template_that_would_break_a_robot_changes_none(rig: Rig) -> None:
+    await rig.robot("a1")
+    await rig.robot("a2")
+    await patch(rig, "a2", {"nodes": {"lidar": {"bundle": "x", "version": "1.0"}}})
+    with pytest.raises(TwinError, match=r"nodes.lidar: exactly one of .* \(robot a2\)"):
+        await template(rig, "lidar", "", LIDAR)
+    assert await rig.twins.templates.all() == []
+    assert (await rig.twins.desk.state("a1")).desired.revision == 0
+
+
+async def test_labels_of_a_hello_bring_templates(rig: Rig) -> None:
+    await template(rig, "lab", "site=lab", LIDAR)
+    robot = await rig.robot("r1", site="lab")
+    await rig.work(lambda: robot.applied == 1 and robot.state == "applied")
+    rig.cut("r1")
+    robot.labels = {"site": "hall"}
+    rig.store.submit(RobotWrite(Robot("r1", labels=robot.labels), 2))
+    rig.link("r1")
+    await rig.work(lambda: robot.applied == 2 and robot.document == b"{}")
+    await rig.twins.desk.edit("r1", Edit(labels={"site": "lab"}), ADMIN, dry_run=False)
+    await rig.work(lambda: robot.applied == 3 and robot.state == "applied")
+    assert rig.twins.labels_of("r1") == {"site": "lab"}
+
+
+async def test_many_at_once_or_none(rig: Rig) -> None:
+    for number in range(5):
+        await rig.robot(f"r{number}", site="lab" if number < 3 else "hall")
+    edit = Edit(patch={"budget": {"bytes_per_s": 4000}})
+    every = {"sees": lambda robot: robot != "r0", "dry_run": False}
+    outcomes = await rig.twins.desk.edit_many(Selector.parse("site=lab"), edit, OPERATOR, **every)
+    assert [item.after.robot for item in outcomes if item.changed] == ["r1", "r2"]
+    await patch(rig, "r4", {"nodes": {"x": {"allowed": "x"}}})
+    with pytest.raises(TwinError, match=r"\(robot r1, r2, r3\)"):
+        partial = Edit(patch={"nodes": {"x": {"nice": 3}}})
+        await rig.twins.desk.edit_many(Selector.parse(""), partial, OPERATOR, **every)
+    assert (await rig.twins.desk.state("r4")).desired.revision == 1
+
+
+async def test_going_back_and_the_history(rig: Rig) -> None:
+    await rig.robot("r1")
+    for rate in (1000, 2000, 3000):
+        await patch(rig, "r1", {"budget": {"bytes_per_s": rate}}, Editor(name=f"by {rate}", reason="why not"))
+    outcome = await rig.twins.desk.revert("r1", 1, OPERATOR, dry_run=False)
+    assert (outcome.after.revision, outcome.after.own) == (4, b'{"budget":{"bytes_per_s":1000}}')
+    entries = await rig.twins.desk.history("r1", limit=3)
+    assert [(item.revision, item.author) for item in entries] == [(4, "olga"), (3, "by 3000"), (2, "by 2000")]
+    with pytest.raises(UnknownRevisionError):
+        await rig.twins.desk.revert("r1", 77, OPERATOR, dry_run=False)
+    assert (await rig.twins.desk.revert("r1", 0, OPERATOR, dry_run=False)).after.document == b"{}"
+
+
+async def test_what_a_robot_went_back_from_is_not_sent_again(rig: Rig) -> None:
+    robot = await rig.robot("r1")
+    await patch(rig, "r1", LIDAR)
+    await rig.work(lambda: robot.applied == 1 and robot.state == "applied")
+    await patch(rig, "r1", {"budget": {"bytes_per_s": 1000}})
+    await rig.work(lambda: bool(robot.inbox) or robot.state == "confirming" or robot.applied == 2)
+    rig.cut("r1")  # the new state has killed the link, say
+    robot.state, robot.before = "confirming", (1, b'{"nodes":{"lidar":{"allowed":"lidar"}}}')
+    assert robot.window_over()
+    sent = len(robot.seen)
+    rig.link("r1")
+    state = await rig.twins.desk.state("r1")
+    assert not state.in_step
+    assert [change.path for change in state.behind] == ["/budget"]
+    await patch(rig, "r1", {"budget": {"bytes_per_s": 2000}})
+    await rig.work(lambda: robot.applied == 3 and robot.state == "applied")
+    assert robot.seen[sent:] == [3]
+    again = await rig.twins.desk.edit("r1", Edit(again=True), OPERATOR, dry_run=False)
+    assert again.after.revision == 4
+    await rig.work(lambda: robot.applied == 4 and robot.state == "applied")
+
+
+async def test_a_store_that_went_back_in_time_goes_on_above_what_robots_saw(rig: Rig) -> None:
+    robot = await rig.robot("r1")
+    await patch(rig, "r1", LIDAR)
+    await rig.work(lambda: robot.applied == 1 and robot.state == "applied")
+    rig.cut("r1")
+    robot.newest = robot.applied = 9
+    robot.document = b'{"budget":{"bytes_per_s":5000}}'
+    rig.link("r1")
+    await rig.work(lambda: robot.applied == 10 and robot.state == "applied")
+    assert b"lidar" in robot.document
+    # The same number, another document.
+    rig.cut("r1")
+    robot.document = b"{}"
+    rig.link("r1")
+    await rig.work(lambda: robot.applied == 11 and b"lidar" in robot.document)
+
+
+async def test_a_lying_robot_harms_only_itself(rig: Rig) -> None:
+    robot, other = await rig.robot("r1"), await rig.robot("r2")
+    hostile = [
+        link_pb2.TwinReport(revision=2**64 - 1, applied=2**63, state="applied"),
+        link_pb2.TwinReport(revision=3, state="nonsense\0", code="\0" * 99, message="\0x" * 5000, sha256=b"x" * 99),
+        link_pb2.TwinReport(revision=3, state="applied", reported=b"[1,2"),
+        link_pb2.TwinReport(revision=3, state="confirming", reported=b"[" * 1000),
+    ]
+    for frame in hostile:
+        rig.twins.on_report("r1", frame)
+    assert rig.twins.desk.reported_of("r1") == {}
+    await rig.twins.book.save()
+    await patch(rig, "r1", LIDAR)
+    await patch(rig, "r2", LIDAR)
+    await rig.work(lambda: robot.applied == 4 and other.applied == 1)
+
+
+async def test_reports_are_there_after_a_restart(store_url: str, tmp_path: Path) -> None:  # noqa: F811
+    async with rig_on(store_url, tmp_path / "data") as one:
+        robot = await one.robot("r1")
+        await patch(one, "r1", LIDAR)
+        await one.work(lambda: robot.applied == 1 and robot.state == "applied")
+        await one.twins.close()
+    async with rig_on(store_url, tmp_path / "data") as two:
+        state = await two.twins.desk.state("r1")
+        assert state.in_step
+        assert two.twins.desk.reported_of("r1") == {"documents": 1}
