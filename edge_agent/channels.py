@@ -7,8 +7,9 @@ watches or not. It is for the gateway's store alone; here and there people see o
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
+from edge_agent.channel import CLASS_NUMBERS, Channel
 from edge_agent.outbox import ChannelId, IdLog, SeriesId
 from edge_agent.select import MetricExtractor, SampleDeadband, Selector
 from edge_agent.topics import Delivery, TopicRule, TopicTable, series_name
@@ -17,7 +18,6 @@ from metaros.cdr import field_reader
 from metaros.errors import FieldError, UsageError
 from metaros.idl import Catalogue, catalogue_of, schema_text
 from metaros.limits import LIMITS, Limits
-from metaros.seal.envelope import SEALED_CDR
 
 __all__ = ["METRIC_STREAM", "Channel", "Channels"]
 
@@ -25,81 +25,6 @@ METRIC_STREAM = 0
 ANNOUNCE_BYTES = 1 << 20
 HISTORY = "history"  # the class of a copy in the file of numbers
 Name = tuple[str, str, str]  # topic, type, hash
-CLASS_NUMBERS: dict[Delivery, link_pb2.DeliveryClass] = {
-    "event": link_pb2.DELIVERY_CLASS_EVENT,
-    "bulk": link_pb2.DELIVERY_CLASS_BULK,
-    "live": link_pb2.DELIVERY_CLASS_LIVE,
-}
-
-
-@dataclass(slots=True, kw_only=True)
-class Channel:
-    """A topic of one type: its description, the decision what goes on, and its counters."""
-
-    channel_id: int
-    topic: str
-    type_name: str
-    type_hash: str
-    rule: TopicRule
-    delivery: Delivery
-    max_rate_hz: float
-    selector: Selector
-    metrics: MetricExtractor | None
-    schema: bytes
-    qos: str = ""
-    revision: int = 0
-    messages: int = 0
-    size_bytes: int = 0
-    dropped: int = 0
-    thinned: int = 0  # by the dead-band, or as latest_only has it
-    deadband: SampleDeadband | None = None
-    publishers: int = 0
-    subscribers: int = 0
-    live_seq: int = 0
-    history: bool = False  # it is itself the copy of another
-    sealed: bool = False
-    copy: Channel | None = None
-    _last: tuple[int, int, int] = field(default=(0, 0, 0))  # monotonic ns, messages, bytes at the last statistics
-
-    @property
-    def encoding(self) -> str:
-        """What its payloads are, as MCAP and the gateway call it."""
-        return SEALED_CDR if self.sealed else "cdr"
-
-    def describe(self) -> link_pb2.Channel:
-        """The Channel of an Announce."""
-        return link_pb2.Channel(
-            channel_id=self.channel_id,
-            topic=self.topic,
-            encoding=self.encoding,
-            schema_name=self.type_name,
-            schema_encoding="ros2msg" if self.schema else "",
-            schema=self.schema,
-            type_hash=self.type_hash,
-            qos=self.qos,
-            **{"class": CLASS_NUMBERS[self.delivery]},
-            max_rate_hz=self.max_rate_hz,
-            forward=self.rule.forward,
-            history=self.history,
-            history_rate_hz=self.copy.max_rate_hz if self.copy is not None else 0.0,
-        )
-
-    def rate(self, now_s: float) -> link_pb2.TopicRate:
-        """What it did since the last call, and its totals."""
-        now_ns = round(now_s * 1e9)
-        then_ns, messages, size_bytes = self._last
-        span_s = max((now_ns - then_ns) / 1e9, 1e-9)
-        self._last = (now_ns, self.messages, self.size_bytes)
-        return link_pb2.TopicRate(
-            channel_id=self.channel_id,
-            rate_hz=(self.messages - messages) / span_s if then_ns else 0.0,
-            bytes_per_s=(self.size_bytes - size_bytes) / span_s if then_ns else 0.0,
-            messages=self.messages,
-            dropped=self.dropped,
-            thinned=self.thinned,
-            publishers=self.publishers,
-            subscribers=self.subscribers,
-        )
 
 
 class Channels:
@@ -141,8 +66,9 @@ class Channels:
                 self.refused += 1
                 return None
             channel = self._create(topic, type_name, hash_text, keeps_all=keeps_all)
-        elif keeps_all and channel.rule.delivery == "auto" and channel.delivery == "live":
-            channel = self._lift(channel) or channel
+        channel.keeps_all |= keeps_all
+        if keeps_all and channel.rule.delivery == "auto" and channel.delivery == "live":
+            channel = self._replace(channel) or channel
         if qos and qos != channel.qos:
             for each in (channel, channel.copy):
                 if each is not None:
@@ -157,7 +83,7 @@ class Channels:
             return
         for each in (channel, channel.copy):
             if each is not None:
-                each.schema = schema
+                each.schema, each.catalogue = schema, catalogue
                 self._ids.describe(replace(self._ids.channels[each.channel_id], schema=schema.decode()))
                 self._read_fields(each, catalogue)
                 self._changed(each)
@@ -207,6 +133,8 @@ class Channels:
             metrics=None,
             schema=schema_text(type_name, known).encode() if known else b"",
             sealed=rule.sealed,
+            keeps_all=keeps_all,
+            catalogue=known,
         )
         self._by_name[topic, type_name, hash_text] = self._by_id[channel.channel_id] = channel
         if known:
@@ -221,6 +149,8 @@ class Channels:
         name = (live.topic, live.type_name, live.type_hash)
         if (known := self._copies.get(name)) is not None:
             known.qos = live.qos
+            if known.rule != (rule := copy_rule(live.rule)):
+                self._adapt(known, rule, rule.max_rate_hz)
             return known
         if len(self._by_id) >= self._limits.channels_per_robot:
             self.refused += 1
@@ -233,7 +163,7 @@ class Channels:
 
     def _add_copy(self, known: ChannelId, rule: TopicRule, schema: bytes, catalogue: Catalogue | None) -> Channel:
         """A history channel with that number."""
-        rule = replace(rule, delivery="bulk", max_rate_hz=rule.history_hz, history_hz=0.0, latest_only=False)
+        rule = copy_rule(rule)
         copy = Channel(
             channel_id=known.channel,
             topic=known.topic,
@@ -247,6 +177,7 @@ class Channels:
             schema=schema,
             history=True,
             sealed=known.sealed,
+            catalogue=catalogue,
         )
         self._by_id[copy.channel_id] = copy
         if known.sealed == rule.sealed:  # else it only says what waits of an earlier run
@@ -256,18 +187,53 @@ class Channels:
         self._changed(copy)
         return copy
 
-    def _lift(self, live: Channel) -> Channel | None:
-        """The bulk channel of a topic that was live until now; None when the table of channels is full."""
+    def use(self, table: TopicTable) -> list[str]:
+        """Another table from now on; the topics that stay in their class, because the table of channels is full.
+
+        A topic of another class, or sealed from now on, has another channel, as `observe` would give it: samples on
+        their way keep the one that they were taken for.
+        """
+        self._table, kept = table, []
+        for channel in list(self._by_name.values()):
+            rule = table.rule(channel.topic)
+            delivery, max_rate_hz = decide(rule, keeps_all=channel.keeps_all)
+            if rule == channel.rule and delivery == channel.delivery:
+                continue
+            if (delivery, rule.sealed) == (channel.delivery, channel.sealed):
+                self._adapt(channel, rule, max_rate_hz)
+            elif self._replace(channel) is None:
+                kept.append(channel.topic)
+        return kept
+
+    def _adapt(self, channel: Channel, rule: TopicRule, max_rate_hz: float) -> None:
+        """Another row for a channel that stays what it is."""
+        wanted_hz = channel.selector.wanted_hz
+        channel.rule, channel.max_rate_hz = rule, max_rate_hz
+        channel.selector = Selector(rule, channel.delivery, max_rate_hz=max_rate_hz)
+        channel.selector.demand(wanted_hz)
+        channel.metrics = channel.deadband = None
+        if channel.catalogue is not None:
+            self._read_fields(channel, channel.catalogue)
+        if not channel.history:
+            wants_copy = channel.delivery == "live" and rule.history_hz > 0 and rule.forward
+            channel.copy = self._copy(channel, channel.catalogue) if wants_copy else None
+        self._changed(channel)
+
+    def _replace(self, channel: Channel) -> Channel | None:
+        """The channel of a topic whose class is another from now on; None when the table of channels is full."""
         if len(self._by_id) >= self._limits.channels_per_robot:
             self.refused += 1
             return None
-        channel = self._create(live.topic, live.type_name, live.type_hash, keeps_all=True)
-        channel.schema, channel.metrics, channel.qos = live.schema, live.metrics, live.qos
-        channel.messages, channel.size_bytes, channel.dropped = live.messages, live.size_bytes, live.dropped
-        channel.publishers, channel.subscribers = live.publishers, live.subscribers
-        if live.schema:
-            self._ids.describe(replace(self._ids.channels[channel.channel_id], schema=live.schema.decode()))
-        return channel
+        other = self._create(channel.topic, channel.type_name, channel.type_hash, keeps_all=channel.keeps_all)
+        other.schema, other.qos = channel.schema, channel.qos
+        other.messages, other.size_bytes, other.dropped = channel.messages, channel.size_bytes, channel.dropped
+        other.publishers, other.subscribers = channel.publishers, channel.subscribers
+        if other.catalogue is None and channel.catalogue is not None:
+            other.catalogue = channel.catalogue
+            self._read_fields(other, channel.catalogue)
+        if channel.schema:
+            self._ids.describe(replace(self._ids.channels[other.channel_id], schema=channel.schema.decode()))
+        return other
 
     def _recall(self, known: ChannelId) -> None:
         """A channel of an earlier run, of which samples are held: it is announced, and used again when it is seen."""
@@ -291,6 +257,8 @@ class Channels:
             metrics=None,
             schema=schema,
             sealed=known.sealed,
+            keeps_all=known.delivery == "bulk" and rule.delivery == "auto",
+            catalogue=catalogue,
         )
         self._by_id[channel.channel_id] = channel
         if same and catalogue:
@@ -336,6 +304,11 @@ class Channels:
     def _changed(self, channel: Channel) -> None:
         self.revision += 1
         channel.revision = self.revision
+
+
+def copy_rule(rule: TopicRule) -> TopicRule:
+    """The row of a live topic's history channel."""
+    return replace(rule, delivery="bulk", max_rate_hz=rule.history_hz, history_hz=0.0, latest_only=False)
 
 
 def as_delivery(text: str) -> Delivery:

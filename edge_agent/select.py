@@ -48,7 +48,7 @@ class _Limit:
 class Selector:
     """One channel's decision, sample by sample."""
 
-    __slots__ = ("_demand", "_forward", "_limiter", "_live", "_max_rate_hz")
+    __slots__ = ("_demand", "_forward", "_limiter", "_live", "_max_rate_hz", "wanted_hz")
 
     def __init__(self, rule: TopicRule, delivery: Delivery, *, max_rate_hz: float) -> None:
         self._forward = rule.forward
@@ -56,6 +56,7 @@ class Selector:
         self._max_rate_hz = max_rate_hz
         self._limiter = RateLimiter(max_rate_hz)
         self._demand: _Limit | None = None
+        self.wanted_hz: float | None = None  # what viewers asked for, whatever the limit; 0 every sample, None nothing
 
     @property
     def demand_hz(self) -> float | None:
@@ -64,6 +65,7 @@ class Selector:
 
     def demand(self, rate_hz: float | None) -> None:
         """What viewers want now: None nothing, 0 every sample, else at most so many; the table's limit holds too."""
+        self.wanted_hz = rate_hz
         if rate_hz is None:
             self._demand = None
             return

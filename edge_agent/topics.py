@@ -74,10 +74,11 @@ class TopicTable:
 
     def rule(self, topic: str) -> TopicRule:
         """The first row that matches; a topic that no row names stays on the robot."""
-        for glob, rule in self._rules:
-            if glob.matches(topic):
-                return rule
-        return TopicRule(match=topic, forward=False)
+        return self.find(topic) or TopicRule(match=topic, forward=False)
+
+    def find(self, topic: str) -> TopicRule | None:
+        """The first row that matches."""
+        return next((rule for glob, rule in self._rules if glob.matches(topic)), None)
 
 
 def series_name(topic: str, field: str, *, namespace: str) -> str:

@@ -111,7 +111,7 @@ def test_a_link_that_breaks_is_to_live_again_for_as_long() -> None:
     robot.after(1.9)
     assert robot.confirm.state == "applying"
     robot.after(0.2)
-    assert robot.confirm.state == "confirming"
+    assert robot.told[-1] == (1, "confirming")
 
 
 def test_a_late_confirmation_changes_nothing() -> None:
