@@ -17,12 +17,13 @@ from gateway.api.views import robot_view
 from gateway.binding import can_sign_in, check_binding
 from gateway.domain.channel import LIVE
 from gateway.domain.lease import LeaseTable
-from gateway.errors import RobotOfflineError
+from gateway.errors import RobotOfflineError, StoreError
 from gateway.fleet.commands import CommandDesk
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.orders import OrderDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.history.desk import HistoryDesk
+from gateway.fleet.twin_feature import Twins
 from gateway.identity.accounts import Accounts
 from gateway.identity.audit import AuditLog
 from gateway.identity.desk import IdentityChoices, IdentityDesk
@@ -102,6 +103,7 @@ class Gateway:
         self.recordings = RecordingDesk(
             self.store, self.objects, settings.data_dir / "incoming", self._robot_side(), clock=clock, limits=limits
         )
+        self.twins = Twins(self.store, self.links.send, self._labels_said, clock=clock)
         self.local_key = LocalKey(settings.data_dir)
         stored = StoreDoor(self.store, clock=clock)
         master = MasterKey.load_or_make(settings.data_dir)
@@ -154,6 +156,7 @@ class Gateway:
 
     async def start(self) -> None:
         """Know the robots of earlier days; start the store."""
+            twins=self.twins,
         self.store.start(self.links.committed, self.links.refused)
         await self._check_binding()
         self.local_key.write()
@@ -169,6 +172,7 @@ class Gateway:
 
     async def _check_binding(self) -> None:
         if is_loopback(self.settings.host):
+        await self.twins.start()
             return
         now_ns = self.clock.wall_ns()
         known = self._guests or await self.store.read(lambda engine: can_sign_in(engine, now_ns=now_ns))
@@ -206,6 +210,7 @@ class Gateway:
         self.history.close()
         await self.recordings.close()
         await self.orders.close()
+            group.create_task(self.twins.run())
         await self.audit.close()
         await self.store.close()
         await asyncio.to_thread(self.objects.close)
@@ -219,6 +224,8 @@ class Gateway:
     def checks(self) -> dict[str, str]:
         """What `/readyz` says: "ok" or what is wrong, by part."""
         return {"store": self.store.error or "ok"}
+        with contextlib.suppress(StoreError):
+            await self.twins.close()
 
     def _hooks(self) -> LinkHooks:
         return LinkHooks(
@@ -242,6 +249,7 @@ class Gateway:
 
         def offset_ns(robot_id: str) -> int:
             record = self.registry.find(robot_id)
+            on_twin=lambda robot, report: self.twins.on_report(robot, report),
             return record.statistics.link.clock_offset_ns if record is not None else 0
 
         def online(robot_id: str) -> bool:
@@ -249,6 +257,10 @@ class Gateway:
             return record is not None and record.online
 
         return RobotSide(command=self.commands.run, tell=tell, online=online, clock_offset_ns=offset_ns)
+    def _labels_said(self, robot_id: str) -> dict[str, str]:
+        record = self.registry.find(robot_id)
+        return dict(record.robot.labels) if record is not None else {}
+
 
     def _on_channels(self, robot_id: str) -> None:
         self._stale.add(robot_id)
@@ -275,6 +287,7 @@ class Gateway:
 
     async def _tell_demand(self) -> None:
         """Tell robots what viewers want, robot by robot, so that a large fleet never holds the loop up."""
+        self.twins.on_online(robot_id, online)
         while True:
             await self._stirred.wait()
             self._stirred.clear()

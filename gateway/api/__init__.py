@@ -30,6 +30,8 @@ from gateway.api.rest import (
     robots,
     store,
     uplink,
+    templates,
+    twin,
     users,
 )
 from gateway.api.services import Services
@@ -47,6 +49,8 @@ ROUTERS: tuple[APIRouter, ...] = (
     history.router,
     export.router,
     recordings.router,
+    twin.router,
+    templates.router,
     store.router,
     auth.router,
     users.router,

@@ -14,6 +14,7 @@ from gateway.domain.lease import LeaseTable
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.orders import OrderDesk
 from gateway.fleet.teleop import TeleopDesk
+from gateway.fleet.twin_feature import Twins
 from gateway.history.desk import HistoryDesk
 from gateway.identity.accounts import Accounts
 from gateway.identity.audit import AuditLog
@@ -57,6 +58,7 @@ class Services:
     orders: OrderDesk
     teleop: TeleopDesk
     leases: LeaseTable
+    twins: Twins
     on_subscriptions: Callable[[], None]
     demand_of: Callable[[str], dict[str, float]]
     describe: Callable[[str], dict[str, Any]]

@@ -8,6 +8,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
+import orjson
 import pytest
 
 from gateway.domain.robot import Robot
@@ -71,7 +72,8 @@ class Rig:
 
 @asynccontextmanager
 async def rig_on(url: str, folder: Path) -> AsyncIterator[Rig]:
-    store = Store(folder, clock=SystemClock(), retention=Retention(age_s=3600.0, size_bytes=1 << 30), queue_bytes=1 << 20, url=url)
+    retention = Retention(age_s=3600.0, size_bytes=1 << 30)
+    store = Store(folder, clock=SystemClock(), retention=retention, queue_bytes=1 << 20, url=url)
     store.start()
     rig = Rig(store)
     await rig.twins.start()
@@ -114,7 +116,7 @@ async def test_a_robot_gets_what_is_desired_and_confirms_it(rig: Rig) -> None:
 async def test_nothing_wrong_is_stored_and_nothing_unchanged_gets_a_revision(rig: Rig) -> None:
     await rig.robot("r1")
     await patch(rig, "r1", LIDAR)
-    with pytest.raises(TwinError, match="nodes.lidar.nice: -20 to 19, not 40"):
+    with pytest.raises(TwinError, match=r"nodes\.lidar\.nice: -20 to 19, not 40"):
         await patch(rig, "r1", {"nodes": {"lidar": {"nice": 40}}})
     with pytest.raises(TwinError, match="exactly one of bundle, allowed, command"):
         await patch(rig, "r1", {"nodes": {"lidar": {"allowed": None}}})
@@ -152,7 +154,7 @@ async def test_what_runs_on_a_robot_is_an_admins_to_change(rig: Rig) -> None:
     await patch(rig, "r1", {"nodes": {"lidar": {"version": "1.1.0"}}})
     with pytest.raises(ForbiddenError):
         await rig.twins.desk.revert("r1", 1, OPERATOR, dry_run=False)
-    with pytest.raises(ForbiddenError, match="agent.version"):
+    with pytest.raises(ForbiddenError, match=r"agent\.version"):
         await patch(rig, "r1", {"agent": {"version": "2.0.0"}}, OPERATOR)
     # A label that brings a template with code is the same change.
     await template(rig, "tools", "tools", {"nodes": {"tool": {"command": ["sh"]}}})
@@ -173,8 +175,6 @@ async def test_templates_reach_whom_they_name_and_the_own_document_wins(rig: Rig
     await rig.work(lambda: all(r.state == "applied" and b"5000" in r.document for r in robots))
     rates = {}
     for state in await rig.twins.desk.states(Selector.parse(""), lambda robot: True):
-        import orjson
-
         rates[state.desired.robot] = orjson.loads(state.desired.document)["topics"]["camera"]["rate_hz"]
     assert rates == {"a1": 5.0, "a2": 1.0, "b1": 9.0}
     seen = [s.desired.robot for s in await rig.twins.desk.states(Selector.parse("site=lab"), lambda r: r != "a1")]
@@ -217,8 +217,8 @@ async def test_many_at_once_or_none(rig: Rig) -> None:
     outcomes = await rig.twins.desk.edit_many(Selector.parse("site=lab"), edit, OPERATOR, **every)
     assert [item.after.robot for item in outcomes if item.changed] == ["r1", "r2"]
     await patch(rig, "r4", {"nodes": {"x": {"allowed": "x"}}})
+    partial = Edit(patch={"nodes": {"x": {"nice": 3}}})
     with pytest.raises(TwinError, match=r"\(robot r1, r2, r3\)"):
-        partial = Edit(patch={"nodes": {"x": {"nice": 3}}})
         await rig.twins.desk.edit_many(Selector.parse(""), partial, OPERATOR, **every)
     assert (await rig.twins.desk.state("r4")).desired.revision == 1
 

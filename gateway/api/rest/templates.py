@@ -1,0 +1,109 @@
+"""Templates: parts of twins' documents for all robots that a selector names."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import Response
+
+from gateway.api import models_twin as models
+from gateway.api.allow import allow, principal_of
+from gateway.api.audited import note
+from gateway.api.problem import JsonResponse
+from gateway.api.rest.bodies import body_document, read_body
+from gateway.api.rest.twin import PRECONDITIONS, DryRun, Reason, Window, editor_of
+from gateway.api.services import services_of
+from gateway.api.views_twin import outcomes_view, template_view
+from gateway.domain.twin import Template
+from gateway.errors import ForbiddenError, InvalidRequestError
+from gateway.fleet.twin_plan import Outcome
+from metaros.twin import read
+
+__all__ = ["router"]
+
+_ETAG = re.compile(r'(?:W/)?"(\d{1,16})"')
+
+router = APIRouter(prefix="/api/v1/templates", tags=["twins"], default_response_class=JsonResponse)
+
+
+@router.get("", dependencies=[allow("twin.read")], responses={200: {"model": models.TemplateList}})
+async def list_templates(request: Request) -> Response:
+    """Every template, in the order in which they are laid over each other."""
+    found = await services_of(request).twins.templates.all()
+    return JsonResponse({"templates": [template_view(item) for item in found]})
+
+
+@router.get("/{name}", dependencies=[allow("twin.read")], responses={200: {"model": models.Template}, **PRECONDITIONS})
+async def get_template(request: Request, name: str) -> Response:
+    """One template."""
+    item = await services_of(request).twins.templates.get(name)
+    return JsonResponse(template_view(item), headers={"ETag": f'"{item.revision}"'})
+
+
+@router.put(
+    "/{name}",
+    dependencies=[allow("templates.write")],
+    responses={200: {"model": models.TemplateChange}, **PRECONDITIONS},
+    openapi_extra=body_document(models.TemplateRequest),
+)
+async def put_template(
+    request: Request, name: str, dry_run: DryRun = False, reason: Reason = "", confirm_within_s: Window = None
+) -> Response:
+    """Add a template, or put another in its place; with what becomes of every robot that it changes."""
+    _require_all(request)
+    await asyncio.to_thread(read, await request.body())  # no key twice, no NaN, not too deep
+    body = await read_body(request, models.TemplateRequest)
+    item, outcomes = await services_of(request).twins.templates.put(
+        name,
+        selector=body.selector,
+        document=body.document,
+        priority=body.priority,
+        editor=editor_of(request, reason=reason, window=confirm_within_s),
+        expected=_expected(request),
+        dry_run=dry_run,
+    )
+    return await _answer(request, item, outcomes, dry_run=dry_run)
+
+
+@router.delete(
+    "/{name}",
+    dependencies=[allow("templates.write")],
+    responses={200: {"model": models.TemplateChange}, **PRECONDITIONS},
+)
+async def delete_template(
+    request: Request, name: str, dry_run: DryRun = False, reason: Reason = "", confirm_within_s: Window = None
+) -> Response:
+    """Take a template away; robots go on with what is left."""
+    _require_all(request)
+    item, outcomes = await services_of(request).twins.templates.remove(
+        name,
+        editor=editor_of(request, reason=reason, window=confirm_within_s),
+        expected=_expected(request),
+        dry_run=dry_run,
+    )
+    return await _answer(request, item, outcomes, dry_run=dry_run)
+
+
+async def _answer(request: Request, item: Template, outcomes: list[Outcome], *, dry_run: bool) -> Response:
+    view = await asyncio.to_thread(outcomes_view, outcomes, dry_run=dry_run)
+    note(request, detail=f"{'dry run: ' if dry_run else ''}{view['changed']} robots of {item.selector.text or 'all'}")
+    return JsonResponse({**view, "template": template_view(item)}, headers={"ETag": f'"{item.revision}"'})
+
+
+def _require_all(request: Request) -> None:
+    """A template reaches whatever robot has its labels, now or later."""
+    if not principal_of(request).sees_all:
+        raise ForbiddenError("templates are for every robot: they need somebody whose scope is all of them")
+
+
+def _expected(request: Request) -> int | None:
+    said = request.headers.get("if-match", "").strip()
+    if said in ("", "*"):
+        return None
+    found = _ETAG.fullmatch(said)
+    if found is None:
+        raise InvalidRequestError('If-Match is one ETag, as "7"')
+    return int(found[1])
