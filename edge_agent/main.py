@@ -23,6 +23,7 @@ from edge_agent.identity.files import IdentityFiles
 from edge_agent.identity.renewing import Renewing
 from edge_agent.live import LiveQueue
 from edge_agent.metrics import publish_host
+from edge_agent.nodes.setup import open_nodes
 from edge_agent.outbox import OutboxWriter
 from edge_agent.pipeline import Pipeline
 from edge_agent.publishers import Publishers
@@ -33,6 +34,7 @@ from edge_agent.status import status_file
 from edge_agent.tap import Tap
 from edge_agent.teleop import Teleop
 from edge_agent.topics import TopicTable
+from edge_agent.update.setup import HANDOVER, open_updates
 from edge_agent.uplink.address import GatewayAddress
 from edge_agent.uplink.backoff import Backoff
 from edge_agent.uplink.budget import Budget
@@ -54,6 +56,7 @@ NODE_NAME, HOST_NODE_NAME = "metaros_agent", "host"
 def run(settings: Settings) -> None:
     """Run the agent until SIGINT or SIGTERM."""
     asyncio.run(run_until_signal(settings))
+    HANDOVER.finish()
 
 
 async def run_until_signal(settings: Settings) -> None:
@@ -107,12 +110,23 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
     teleop = Teleop(DriveGuard(clock, settings.actuators), publishers, scope)
     limit = UplinkLimit(state.disk, queues.budget, clock)
     saver = Saver(box, queues.shelf, clock, robot_id=settings.name, free=state.disk.free, changed=lambda: uplink.wake())
-    commands = Commands(
-        node, teleop, scope, clock, log=state.command_log, limit=limit, saver=saver, kept=state.kept_results
-    )
     who = identity(settings)
     credentials, addresses = door_of(settings, state.directory)
     renewing = Renewing(credentials, state.directory, clock, system_rng()) if credentials is not None else None
+    updates = open_updates(settings, state.directory, credentials, clock, running=who.agent_version)
+    bundles = updates.nodes if credentials is not None else None
+    nodes = open_nodes(settings, state.directory, clock, domain=node.context.domain_id, bundles=bundles)
+    commands = Commands(
+        node,
+        teleop,
+        scope,
+        clock,
+        log=state.command_log,
+        limit=limit,
+        saver=saver,
+        kept=state.kept_results,
+        actions=nodes.actions,
+    )
     keeper = SessionKeeper(
         who,
         queues,
@@ -125,7 +139,7 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
         wake=lambda: uplink.wake(),
         credentials=credentials,
         expired=renewing.now if renewing is not None else lambda: None,
-        desks=[commands.durable],
+        desks=[commands.durable, updates.agent, nodes],
     )
     uplink = Uplink(addresses, keeper, Backoff(system_rng()), clock, transports=transports_with(credentials))
     writer = OutboxWriter(outbox, state.outbox_disk, on_flushed=uplink.wake)
@@ -142,6 +156,8 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
                 group.create_task(ended(writing))
                 group.create_task(uplink.run())
                 group.create_task(teleop.run())
+                group.create_task(updates.agent.run())
+                group.create_task(nodes.run())
                 if renewing is not None:
                     group.create_task(renewing.run())
                 if settings.host_metrics:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Mapping
-from typing import Final
 
 from edge_agent.commands import Action
 from edge_agent.nodes.desk import NodeDesk
@@ -22,10 +21,9 @@ LOG = logging.getLogger("metaros.agent.nodes")
 class NodeLink:
     """Takes NodeLeases frames, newest first; `actions` are for the agent's commands."""
 
-    frames: Final = frozenset({"node_leases"})
-
     def __init__(self, desk: NodeDesk, clock: Clock, *, lease_s: Callable[[], float] = boot_s) -> None:
         self.desk = desk
+        self.frames = frozenset({"node_leases"})
         self._clock = clock
         self._lease_s = lease_s
         self._newest: tuple[list[tuple[str, str, float]], float] | None = None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from edge_agent.nodes.bundles import Bundles
 from edge_agent.nodes.desk import NodeDesk
-from edge_agent.nodes.launcher import Launcher, python_of_base
+from edge_agent.nodes.launcher import python_of_base
 from edge_agent.nodes.ledger import Ledger
 from edge_agent.nodes.link import NodeLink
 from edge_agent.nodes.rows import Place
@@ -35,7 +35,6 @@ def open_nodes(settings: Settings, directory: Path, clock: Clock, *, domain: int
         place=place,
         clock=clock,
         bundles=bundles,
-        launcher=Launcher(directory),
     )
     return NodeLink(desk, clock)
 
