@@ -6,10 +6,6 @@
     │   ├── UnknownRobotError        no robot of that id has ever connected             unknown_robot
     │   ├── UnknownTopicError        the robot announces no such topic                  unknown_topic
     │   ├── UnknownRecordingError    there is no such recording                         unknown_recording
-    │   ├── SelectorError            a selector or a label breaks the grammar           selector_invalid
-    │   ├── UnknownTemplateError     there is no such template                          unknown_template
-    │   ├── UnknownRevisionError     the revision of a twin is not kept, or never was   unknown_revision
-    │   ├── TwinChangedError         somebody else was faster than this edit            twin_changed
     │   ├── UnknownCommandError      there is no such command                           unknown_command
     │   ├── IdempotencyConflictError the key was used for another request               idempotency_conflict
     │   ├── CommandDeliveredError    too late to take the command back                  command_delivered
@@ -95,17 +91,13 @@ __all__ = [
     "RequestTimeoutError",
     "RobotError",
     "RobotOfflineError",
-    "SelectorError",
     "SignInError",
     "StoreError",
     "TooManyError",
     "TooManyRequestsError",
-    "TwinChangedError",
     "UnknownCommandError",
     "UnknownRecordingError",
-    "UnknownRevisionError",
     "UnknownRobotError",
-    "UnknownTemplateError",
     "UnknownTopicError",
     "UnprovenError",
     "UnsettledError",
@@ -158,30 +150,6 @@ class UnknownRecordingError(RequestError):
     def of(cls, recording_id: str) -> UnknownRecordingError:
         """In the same words whether there is none or its robot is out of scope."""
         return cls(f"there is no recording {recording_id[:40]!r}")
-
-
-class UnknownTemplateError(RequestError):
-    """There is no such template."""
-
-    code = "unknown_template"
-
-
-class UnknownRevisionError(RequestError):
-    """The revision of a twin is not kept any more, or never was."""
-
-    code = "unknown_revision"
-
-
-class SelectorError(RequestError):
-    """A selector or a label breaks the grammar; the message says where."""
-
-    code = "selector_invalid"
-
-
-class TwinChangedError(RequestError):
-    """The twin or template is not at the revision that If-Match names: somebody else was faster."""
-
-    code = "twin_changed"
 
 
 class RecordingNotStoredError(RequestError):

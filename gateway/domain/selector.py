@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from gateway.errors import SelectorError
+from gateway.domain.errors import SelectorError
 
 __all__ = ["MAX_LABELS", "Selector", "Term", "check_labels"]
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from gateway.domain.errors import TwinChangedError, UnknownTemplateError
 from gateway.domain.selector import Selector
 from gateway.domain.twin import Template, is_template_name
-from gateway.errors import InvalidRequestError, TwinChangedError, UnknownTemplateError
+from gateway.errors import InvalidRequestError
 from gateway.fleet.twin_book import TwinBook
 from gateway.fleet.twin_courier import TwinCourier
 from gateway.fleet.twin_plan import Author, Edit, Outcome, Plan, refusal

@@ -6,9 +6,10 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from gateway.domain.errors import TwinChangedError, UnknownRevisionError
 from gateway.domain.selector import Selector, check_labels
 from gateway.domain.twin import Desired, Reported, TwinEntry
-from gateway.errors import ForbiddenError, TwinChangedError, UnknownRevisionError, UnknownRobotError
+from gateway.errors import ForbiddenError, UnknownRobotError
 from gateway.fleet.twin_book import TwinBook, reported_values
 from gateway.fleet.twin_courier import TwinCourier
 from gateway.fleet.twin_plan import Author, Edit, Outcome, Plan, labels_of, refusal

@@ -11,9 +11,10 @@ from typing import Any
 import orjson
 import pytest
 
+from gateway.domain.errors import SelectorError, TwinChangedError, UnknownRevisionError
 from gateway.domain.robot import Robot
 from gateway.domain.selector import Selector
-from gateway.errors import ForbiddenError, SelectorError, TwinChangedError, UnknownRevisionError, UnknownRobotError
+from gateway.errors import ForbiddenError, UnknownRobotError
 from gateway.fleet.twin_feature import Twins
 from gateway.fleet.twin_plan import Edit
 from gateway.fleet.twins import Editor
