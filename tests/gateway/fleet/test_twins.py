@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
@@ -15,76 +14,16 @@ from gateway.domain.errors import SelectorError, TwinChangedError, UnknownRevisi
 from gateway.domain.robot import Robot
 from gateway.domain.selector import Selector
 from gateway.errors import ForbiddenError, UnknownRobotError
-from gateway.fleet.twin_feature import Twins
 from gateway.fleet.twin_plan import Edit
 from gateway.fleet.twins import Editor
-from gateway.store import RobotWrite, Store
-from gateway.store.retention import Retention
+from gateway.store import RobotWrite
 from metaros._proto import link_pb2
-from metaros.clock import SystemClock
 from metaros.twin import TwinError
-from tests.gateway.fleet.twin_robot import ModelFleet, ModelRobot
+from tests.gateway.fleet.twin_rig import Rig, rig_on
 from tests.gateway.store.conftest import store_url  # noqa: F401  (a fixture)
 
 OPERATOR, ADMIN = Editor(name="olga"), Editor(name="ada", code=True)
 LIDAR = {"nodes": {"lidar": {"allowed": "lidar"}}}
-
-
-class Rig:
-    """A store, the twins of one gateway, and model robots linked to it."""
-
-    def __init__(self, store: Store) -> None:
-        self.store, self.fleet = store, ModelFleet()
-        self.twins = Twins(store, self.fleet.send, self.fleet.said, clock=SystemClock())
-
-    async def robot(self, name: str, **labels: str) -> ModelRobot:
-        """One that has connected before, and is linked now."""
-        self.fleet.add(name, **labels)
-        self.store.submit(RobotWrite(Robot(name, labels=labels), 1))
-        await self.store.flush()
-        return self.link(name)
-
-    def link(self, name: str) -> ModelRobot:
-        """A new link, with the report that every agent sends on it."""
-        robot = self.fleet.robots[name]
-        robot.online, robot.inbox = True, []
-        self.twins.on_online(name, True)
-        self.twins.on_report(name, robot.report())
-        return robot
-
-    def cut(self, name: str) -> None:
-        """The link ends."""
-        self.fleet.robots[name].online = False
-        self.twins.on_online(name, False)
-
-    async def work(self, done: Callable[[], bool | Awaitable[bool]]) -> None:
-        """Let robots read what they were sent until `done`."""
-        async with asyncio.timeout(60):
-            while True:
-                for robot in self.fleet.robots.values():
-                    while robot.inbox:
-                        if robot.take(robot.inbox.pop(0)):
-                            self.twins.on_report(robot.name, robot.report())
-                found = done()
-                if found if isinstance(found, bool) else await found:
-                    return
-                await asyncio.sleep(0.01)
-
-
-@asynccontextmanager
-async def rig_on(url: str, folder: Path) -> AsyncIterator[Rig]:
-    retention = Retention(age_s=3600.0, size_bytes=1 << 30)
-    store = Store(folder, clock=SystemClock(), retention=retention, queue_bytes=1 << 20, url=url)
-    store.start()
-    rig = Rig(store)
-    await rig.twins.start()
-    running = asyncio.create_task(rig.twins.run())
-    try:
-        yield rig
-    finally:
-        running.cancel()
-        await asyncio.gather(running, return_exceptions=True)
-        await store.close()
 
 
 @pytest.fixture
