@@ -58,6 +58,7 @@ class NodeService:
         self._on_the_way: set[str] = set()  # whose lease began or ends: it is being started or stopped
         self._stopping = False
         self._started_ns: dict[str, int] = {}
+        self._exits: dict[str, int] = {}  # that nobody asked for, in this life of the supervisor
         self._applied: dict[str, Row] = {}  # what each process was last told
         self._take_rows()
 
@@ -214,6 +215,7 @@ class NodeService:
             await self._supervisor.remove(name)
             self._crashes.forget(name)
             self._applied.pop(name, None)
+            self._exits.pop(name, None)
             self._started_ns.pop(name, None)
             self._say_changed()
 
@@ -263,6 +265,7 @@ class NodeService:
         if event.kind is EventKind.STARTED:
             self._started_ns[event.name] = self._clock.wall_ns()
         if event.kind in _TOLD_CRASHES:
+            self._exits[event.name] = self._exits.get(event.name, 0) + 1
             row = self._applied.get(event.name)
             now = self._clock.wall_ns()
             self._crashes.add(
@@ -302,6 +305,7 @@ class NodeService:
             "migratable": row.migratable,
             "lease_id": lease.lease_id if lease is not None and held else "",
             "crashes": len(self._crashes.of(row.name)),
+            "crashes_total": self._exits.get(row.name, 0),
         }
 
     def _say_changed(self) -> None:

@@ -208,6 +208,7 @@ class Supervisor:
     # -- keeping ---------------------------------------------------------------------------------------------------
 
     def _keep_task(self, child: Child) -> None:
+        child.state = "waiting"
         child.task = asyncio.get_running_loop().create_task(self._keep(child), name=f"keep {child.launch.name}")
 
     async def _keep(self, child: Child) -> None:

@@ -1,0 +1,140 @@
+"""`metaros supervisor` as a process: killed, ended, started twice, brought back."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from metaros.supervise.client import ask
+from metaros.supervise.program import STOPPED, running_pid
+from metaros.supervise.table_file import TableFile, read_rows
+from tests.support.processes import END_S, started
+from tests.support.waiting import wait_until
+
+SLEEP = "import signal; print('up', flush=True); signal.sigwait([signal.SIGINT])"
+DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); print('up', flush=True); signal.pause()"
+
+
+def put_table(directory: Path, *rows: dict[str, Any]) -> None:
+    TableFile(directory / "supervisor.json").replace(read_rows(list(rows)), frozenset(), tag="")
+
+
+def row(name: str, code: str = SLEEP, **values: Any) -> dict[str, Any]:
+    return {"name": name, "argv": [sys.executable, "-S", "-c", code], **values}
+
+
+@contextmanager
+def supervisor(directory: Path) -> Iterator[subprocess.Popen[str]]:
+    """One that is ready."""
+    ready = directory / "ready.json"
+    ready.unlink(missing_ok=True)
+    argv = [sys.executable, "-m", "metaros", "supervisor", "--state-dir", str(directory), "--status-file", str(ready)]
+    with started(argv, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL) as process:
+        wait_until(lambda: ready.exists() or process.poll() is not None)
+        yield process
+
+
+def pids(directory: Path) -> dict[str, int]:
+    return {node["name"]: node["pid"] for node in ask(directory, "list")["nodes"] if node["pid"]}
+
+
+def wait_up(directory: Path, *names: str) -> dict[str, int]:
+    def up(name: str) -> bool:
+        path = directory / "logs" / f"{name}.log"
+        return path.exists() and b" up\n" in path.read_bytes() and name in pids(directory)
+
+    wait_until(lambda: all(up(name) for name in names))
+    return pids(directory)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the parent-death signal is Linux's")
+def test_killing_it_kills_all_its_nodes_and_it_comes_back_with_them(tmp_path: Path) -> None:
+    put_table(tmp_path, row("a"), row("b", DEAF), row("c", DEAF, after=["a"]))
+    with supervisor(tmp_path) as process:
+        before = wait_up(tmp_path, "a", "b", "c")
+        process.kill()
+        process.wait(END_S)
+        wait_until(lambda: not any(psutil.pid_exists(pid) for pid in before.values()))
+    with supervisor(tmp_path):
+        after = wait_up(tmp_path, "a", "b", "c")
+        assert set(after) == {"a", "b", "c"}
+        assert not set(after.values()) & set(before.values())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM")
+def test_sigterm_stops_the_nodes_in_order(tmp_path: Path) -> None:
+    said = tmp_path / "said"
+    code = f"{SLEEP}; open({str(said)!r}, 'a').write(__import__('sys').argv[1])"
+    rows = [row(name, after=after) for name, after in (("a", []), ("b", ["a"]), ("c", ["b"]))]
+    for one in rows:
+        one["argv"] = [sys.executable, "-S", "-c", code, one["name"]]
+    put_table(tmp_path, *rows)
+    with supervisor(tmp_path) as process:
+        wait_up(tmp_path, "a", "b", "c")
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(END_S) == 0
+    assert said.read_text() == "cba"
+    assert not (tmp_path / STOPPED).exists()
+    assert running_pid(tmp_path) is None
+
+
+def test_only_one_runs_a_directory(tmp_path: Path) -> None:
+    with supervisor(tmp_path) as process:
+        assert running_pid(tmp_path) == process.pid
+        argv = [sys.executable, "-m", "metaros", "supervisor", "--state-dir", str(tmp_path)]
+        second = subprocess.run(argv, capture_output=True, text=True, timeout=END_S)
+        assert second.returncode != 0
+        assert f"process {process.pid}" in second.stderr
+        assert ask(tmp_path, "list")["pid"] == process.pid
+
+
+def test_status_and_stop_from_a_terminal(tmp_path: Path) -> None:
+    put_table(tmp_path, row("a", version="1.2.0"))
+    command = [sys.executable, "-m", "metaros", "supervisor"]
+    with supervisor(tmp_path) as process:
+        pid = wait_up(tmp_path, "a")["a"]
+        shown = subprocess.run([*command, "status", "--state-dir", str(tmp_path)], capture_output=True, text=True)
+        assert "running" in shown.stdout
+        assert str(pid) in shown.stdout
+        assert "1.2.0" in shown.stdout
+        shown = subprocess.run(
+            [*command, "status", "--state-dir", str(tmp_path), "-o", "json"], capture_output=True, text=True
+        )
+        assert json.loads(shown.stdout)[0]["nodes"][0]["pid"] == pid
+        stopped = subprocess.run([*command, "stop", "--state-dir", str(tmp_path)], capture_output=True, text=True)
+        assert stopped.stdout.strip() == "stopped"
+        process.wait(END_S)
+    assert (tmp_path / STOPPED).exists()
+    assert not psutil.pid_exists(pid)
+    shown = subprocess.run([*command, "status", "--state-dir", str(tmp_path)], capture_output=True, text=True)
+    assert shown.returncode == 1
+    assert "no supervisor" in shown.stderr
+
+
+def test_a_damaged_table_is_said_and_starts_nothing(tmp_path: Path) -> None:
+    (tmp_path / "supervisor.json").write_text("{")
+    argv = [sys.executable, "-m", "metaros", "supervisor", "--state-dir", str(tmp_path)]
+    done = subprocess.run(argv, capture_output=True, text=True, timeout=END_S)
+    assert done.returncode != 0
+    assert "supervisor.json" in done.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM")
+def test_a_second_request_kills_who_does_not_end(tmp_path: Path) -> None:
+    put_table(tmp_path, row("a", DEAF))
+    with supervisor(tmp_path) as process:
+        pid = wait_up(tmp_path, "a")["a"]
+        os.kill(process.pid, signal.SIGTERM)
+        os.kill(process.pid, signal.SIGINT)
+        process.wait(END_S)
+    assert not psutil.pid_exists(pid)
