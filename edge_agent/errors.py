@@ -11,6 +11,7 @@ MetarosError (metaros.errors)
 │   │   ├── BlackBoxOffError  there is no black box to cut from                    black_box_off
 │   │   ├── NothingRecordedError  the black box holds nothing of that time         nothing_there
 │   │   ├── ManyRecordingsError   too many of them wait for the gateway            too_many_recordings
+│   │   ├── TwinRulesError    the robot's twin says what it is to be               twin_rules
 │   │   └── UnsupportedError  a command this agent does not know                   unsupported
 │   ├── TokenFormatError      that is no enrolment token                           token_malformed
 │   └── InsecureGatewayError  an identity is not shown without TLS                 insecure_gateway
@@ -60,6 +61,7 @@ __all__ = [
     "ScopeError",
     "StaleError",
     "TokenFormatError",
+    "TwinRulesError",
     "UnprovenError",
     "UnsupportedError",
     "UntrustedError",
@@ -124,6 +126,12 @@ class ManyRecordingsError(CommandError):
     """As many recordings as the robot keeps wait for the gateway already."""
 
     code = "too_many_recordings"
+
+
+class TwinRulesError(CommandError):
+    """What the command would change is what the robot's twin says: it is changed there."""
+
+    code = "twin_rules"
 
 
 class UnsupportedError(CommandError):

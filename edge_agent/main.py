@@ -33,7 +33,6 @@ from edge_agent.state import AgentState, open_state
 from edge_agent.status import status_file
 from edge_agent.tap import Tap
 from edge_agent.teleop import Teleop
-from edge_agent.topics import TopicTable
 from edge_agent.update.setup import HANDOVER, open_updates
 from edge_agent.uplink.address import GatewayAddress
 from edge_agent.uplink.backoff import Backoff
@@ -127,6 +126,16 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
         kept=state.kept_results,
         actions=nodes.actions,
     )
+    twin, values = state.twin.build(
+        node,
+        scope,
+        clock,
+        channels=queues.channels,
+        look_again=lambda: tap.reconcile(),
+        limit=limit,
+        nodes=nodes.desk,
+        agent=updates.agent,
+    )
     keeper = SessionKeeper(
         who,
         queues,
@@ -139,7 +148,7 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
         wake=lambda: uplink.wake(),
         credentials=credentials,
         expired=renewing.now if renewing is not None else lambda: None,
-        desks=[commands.durable, updates.agent, nodes],
+        desks=[commands.durable, updates.agent, nodes, twin],
     )
     uplink = Uplink(addresses, keeper, Backoff(system_rng()), clock, transports=transports_with(credentials))
     writer = OutboxWriter(outbox, state.outbox_disk, on_flushed=uplink.wake)
@@ -152,8 +161,11 @@ async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Cl
             answering(node.context, settings, who, queues, keeper.facts, state.store_id),
             status_file(settings.status_file, name=settings.name, namespace=settings.namespace),
         ):
+            await twin.start(state.twin.actions)  # what was on trial too long is taken back before there is a link
             async with asyncio.TaskGroup() as group:
                 group.create_task(ended(writing))
+                group.create_task(twin.run())
+                group.create_task(values.run())
                 group.create_task(uplink.run())
                 group.create_task(teleop.run())
                 group.create_task(updates.agent.run())
@@ -179,7 +191,7 @@ def open_queues(settings: Settings, state: AgentState, clock: Clock) -> Queues:
         ConfigError: something is to be sealed, and there is no usable keyring.
     """
     outbox, sealing = state.outbox, open_sealing(settings, state.directory, clock)
-    channels = Channels(TopicTable(settings.topics), outbox.ids, namespace=settings.namespace)
+    channels = Channels(state.twin.table, outbox.ids, namespace=settings.namespace)
     live = LiveQueue(max_bytes=settings.outbox.live_bytes)
     if sealing is not None:
         outbox.seal = sealing.accepted(channels.by_id)

@@ -16,6 +16,8 @@ from edge_agent.kept_results import KeptResults
 from edge_agent.outbox import Disk, OsDisk, Outbox, forget_series
 from edge_agent.state_dir import default_state_dir, locked
 from edge_agent.store_id import StoreId
+from edge_agent.topics import TopicTable
+from edge_agent.twin.setup import TwinStart, open_twin
 from edge_agent.uplink_limit import stored_limit
 from metaros.clock import Clock, system_rng
 
@@ -37,6 +39,7 @@ class AgentState:
     command_log: CommandLog
     kept_results: KeptResults
     limit_bytes_per_s: int
+    twin: TwinStart
 
 
 async def open_state(settings: Settings, clock: Clock, stack: contextlib.ExitStack) -> AgentState:
@@ -88,6 +91,7 @@ def read_state(settings: Settings, directory: Path, clock: Clock) -> AgentState:
         command_log=CommandLog(disk),
         kept_results=KeptResults(disk),
         limit_bytes_per_s=stored_limit(disk),
+        twin=open_twin(disk, TopicTable(settings.topics), clock, namespace=settings.namespace, boot_id=boot_id()),
     )
 
 

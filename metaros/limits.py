@@ -82,6 +82,13 @@ class Limits:
     enrolment_tokens: int = 1000  # that wait for their robots; more are refused
     renewal_grace_s: float = 30 * 86_400.0  # how long after its end a robot's certificate can still be renewed
     identities_stale_s: float = 300.0  # a shared database unheard of for so long: then links of robots end
+    bundle_bytes: int = 256 * MIB  # one update bundle, as it is uploaded
+    bundle_uploads: int = 2  # that a gateway takes at a time
+    bundle_downloads: int = 64  # of robots, that a gateway serves at a time
+    bundles: int = 10_000  # that a store keeps
+    fetch_token_s: float = 86_400.0  # how long a robot's token for update files is good; a new one with each Welcome
+    rollout_robots: int = 20_000  # of one rollout
+    rollouts_open: int = 64  # that run, wait or were halted; more are refused
     teleop_fresh_s: float = 0.3  # D13: an actuator without a fresh command for so long is stopped
     lease_s: float = 3.0  # a teleop lease not renewed for so long is free again
     command_timeout_s: float = 10.0
@@ -114,6 +121,7 @@ class Limits:
     twin_window_least_s: float = 1.0
     twin_window_most_s: float = 3600.0
     twin_services_at_once: int = 8  # calls of a robot's nodes for parameters and lifecycle that are under way
+    twin_originals_bytes: int = 1 * MIB  # what nodes had before the twin changed it, on the robot's disk
     recording_window_bytes: int = 1 * MIB  # pieces sent past what the gateway has told to be on its disk
     recordings_at_a_time: int = 4  # of one robot on their way to the gateway; further ones wait
     recordings_unfinished: int = 16  # of one robot, asked for and not yet stored

@@ -51,7 +51,7 @@ class AgentUpdates:
         running: str,
         restart: Callable[[], None],
     ) -> None:
-        self.changed: Callable[[], object] = lambda: None
+        self.changed: Callable[[], None] = lambda: None
         self._slots = slots
         self._source = source
         self._clock = clock
