@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 from starlette.types import ASGIApp
@@ -125,7 +126,12 @@ class Gateway:
     @property
     def api(self) -> ASGIApp:
         """The HTTP and WebSocket application."""
-        services = Services(
+        return create_api(self.services)
+
+    @cached_property
+    def services(self) -> Services:
+        """Every feature behind a route or an RPC."""
+        return Services(
             settings=self.settings,
             door=self.door,
             accounts=self.accounts,

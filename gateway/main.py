@@ -16,6 +16,8 @@ import grpc
 import uvicorn
 
 from gateway.announce import LocalAccess, Ready, ready_line, write_status
+from gateway.api.grpc.authenticate import Gate
+from gateway.api.grpc.fleet import add_fleet
 from gateway.app import Gateway
 from gateway.crowd import Crowd, Guest, open_files
 from gateway.domain.networks import is_within, read_address
@@ -137,7 +139,14 @@ def _robots_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
         port = int(probe.getsockname()[1])
     gateway.grpc_port = port
     credentials = tls_credentials(lambda: _robots_tls(gateway)) if gateway.settings.robots_tls else None
-    return make_server(gateway.links, host=host, port=port, credentials=credentials)
+    gate = Gate(lambda: gateway.services)
+    return make_server(
+        gateway.links,
+        host=host,
+        port=port,
+        credentials=credentials,
+        beside=lambda server: add_fleet(server, gate),
+    )
 
 
 def _robots_tls(gateway: Gateway) -> ServerTls:

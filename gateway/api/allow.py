@@ -34,7 +34,20 @@ SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 
 # What no router of ours serves, and the RPCs: the whole rest of what answers on the gateway's ports.
 BARE: dict[str, str] = {"/api/v1/openapi.json": "api.read", "/": "page.read"}
-RPCS: dict[str, str] = {"/metaros.v1.Link/Connect": "agent.link"}
+RPCS: dict[str, str] = {
+    "/metaros.v1.Link/Connect": "agent.link",
+    "/metaros.v1.Fleet/ListRobots": "robots.read",
+    "/metaros.v1.Fleet/GetRobot": "robots.read",
+    "/metaros.v1.Fleet/Publish": "robots.publish",
+    "/metaros.v1.Fleet/CallService": "robots.call",
+    "/metaros.v1.Fleet/SendCommand": "commands.send",
+    "/metaros.v1.Fleet/GetCommand": "commands.read",
+    "/metaros.v1.Fleet/WatchCommand": "commands.read",
+    "/metaros.v1.Fleet/AcquireLease": "robots.drive",
+    "/metaros.v1.Fleet/RenewLease": "robots.drive",
+    "/metaros.v1.Fleet/ReleaseLease": "robots.drive",
+    "/metaros.v1.Fleet/Drive": "robots.drive",
+}
 
 _ROWS: dict[Callable[..., Any], Permission] = {}
 

@@ -272,6 +272,7 @@ class PublishRequest(_Model):
     type: str = ""
     message: dict[str, Any] = Field(default_factory=dict)
     lease_id: str = ""
+    sent_ns: int = Field(default=0, ge=0, lt=2**63)  # the client's wall clock; 0 = now
 
 
 class CallRequest(_Model):
@@ -281,6 +282,8 @@ class CallRequest(_Model):
     type: str
     request: dict[str, Any] = Field(default_factory=dict)
     timeout_s: float = LIMITS.command_timeout_s
+    lease_id: str = ""  # of services that move the robot
+    sent_ns: int = Field(default=0, ge=0, lt=2**63)
 
 
 class Ok(_Model):

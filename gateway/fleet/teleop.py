@@ -69,8 +69,11 @@ class TeleopDesk:
         await self._grant(drive)
         return drive
 
-    async def drive(self, drive: Drive, *, linear: float, angular: float) -> Lease:
-        """Send one drive command (m/s, rad/s) and renew the lease; a lease that lapsed unclaimed is taken again."""
+    async def drive(self, drive: Drive, *, linear: float, angular: float, sent_ns: int = 0) -> Lease:
+        """Send one drive command (m/s, rad/s) and renew the lease; a lease that lapsed unclaimed is taken again.
+
+        `sent_ns` is the driver's wall clock when it was made, 0 = now: the agent drops what is too old.
+        """
         if not (math.isfinite(linear) and math.isfinite(angular)):
             raise InvalidRequestError("linear and angular are finite numbers")
         if drive.lost:
@@ -79,7 +82,7 @@ class TeleopDesk:
             lease = self._leases.renew(drive.robot, drive.lease_id, now_s=self._clock.monotonic_s())
         except LeaseRequiredError:
             lease = await self._grant(drive)
-        self._command(drive, linear, angular)
+        self._command(drive, linear, angular, sent_ns=sent_ns)
         return lease
 
     def stop(self, drive: Drive) -> None:
@@ -103,6 +106,18 @@ class TeleopDesk:
         except RobotError:
             drive.gone.set()
 
+    async def renew(self, robot_id: str, lease_id: str) -> Lease:
+        """More time for a lease, here and at the agent; LeaseRequiredError when it is not the robot's living one."""
+        lease = self._leases.renew(robot_id, lease_id, now_s=self._clock.monotonic_s())
+        await self._tell_grant(robot_id, lease_id, lease.holder)
+        return lease
+
+    async def end(self, robot_id: str, lease_id: str) -> None:
+        """Stop and give a lease back by its id; nothing happens to one that is over."""
+        drive = self._drives.get(robot_id)
+        if drive is not None and lease_id and drive.lease_id == lease_id:
+            await self.release(drive)
+
     def rtt_ms(self, robot_id: str) -> float | None:
         """The link's last measured round trip."""
         rtt_s = self._find(robot_id).rtt_s
@@ -119,15 +134,19 @@ class TeleopDesk:
         now_s = self._clock.monotonic_s()
         lease = self._leases.take(drive.robot, drive.holder, lease_id=drive.lease_id, now_s=now_s)
         self._drives[drive.robot] = drive
-        grant = link_pb2.GrantLease(lease_id=drive.lease_id, holder=drive.holder, valid_ms=round(LIMITS.lease_s * 1000))
         try:
-            await self._commands.run(drive.robot, link_pb2.Command(grant_lease=grant), timeout_s=GRANT_S)
+            await self._tell_grant(drive.robot, drive.lease_id, drive.holder)
         except BaseException:
             self._leases.release(drive.robot, drive.lease_id)
             raise
         return lease
 
-    def _command(self, drive: Drive, linear: float, angular: float) -> None:
+    async def _tell_grant(self, robot_id: str, lease_id: str, holder: str) -> None:
+        grant = link_pb2.GrantLease(lease_id=lease_id, holder=holder, valid_ms=round(LIMITS.lease_s * 1000))
+        await self._commands.run(robot_id, link_pb2.Command(grant_lease=grant), timeout_s=GRANT_S)
+
+    def _command(self, drive: Drive, linear: float, angular: float, *, sent_ns: int = 0) -> None:
+        now_ns = self._clock.wall_ns()
         view = self._find(drive.robot)
         name, value = self._message(view, drive.topic, linear, angular)
         payload, type_hash = self._types.encode(name, value, view.channel_of(drive.topic))
@@ -135,7 +154,7 @@ class TeleopDesk:
         teleop = link_pb2.Teleop(
             lease_id=drive.lease_id,
             seq=drive.seq,
-            sent_ns=self._clock.wall_ns(),
+            sent_ns=min(sent_ns or now_ns, now_ns),
             topic=drive.topic,
             type_name=name,
             type_hash=type_hash,

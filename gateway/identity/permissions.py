@@ -66,6 +66,7 @@ PERMISSIONS: tuple[Permission, ...] = (
     Permission("nodes.control", _O, "start, stop, restart and signal a robot's nodes", robots=True, mutates=True),
     Permission("nodes.code", _A, "change what a robot's nodes run", robots=True, mutates=True),
     Permission("commands.read", _V, "commands to robots and their results", robots=True),
+    Permission("commands.send", _O, "send commands, each kind by its own permission too", robots=True, mutates=True),
     Permission("commands.cancel", _O, "take back a command that has not reached its robot", robots=True, mutates=True),
     Permission("updates.read", _V, "versions that robots may be given, and rollouts"),
     Permission("updates.publish", _A, "add versions, and sign what is online", mutates=True),

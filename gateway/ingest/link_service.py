@@ -18,7 +18,15 @@ from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["LinkService", "ServerTls", "make_server", "tls_credentials"]
+__all__ = [
+    "LinkService",
+    "ServerTls",
+    "address_of_peer",
+    "forwarded",
+    "is_local_peer",
+    "make_server",
+    "tls_credentials",
+]
 
 FORWARDED = frozenset({"forwarded", "x-forwarded-for", "x-real-ip"})
 STREAMS = 128  # of one connection; an agent has a connection for each of its three lanes
@@ -42,8 +50,8 @@ class LinkService(link_pb2_grpc.LinkServicer):
             frames = frames or aiter(request_iterator)
             return await anext(frames, None)
 
-        name, local = context.peer(), _is_local(context.peer()) and not _forwarded(context)
-        peer = Peer(_certificate(context), local, _address(name))
+        name, local = context.peer(), is_local_peer(context.peer()) and not forwarded(context)
+        peer = Peer(_certificate(context), local, address_of_peer(name))
         await serve_lane(self._links, read, context.write, peer=peer)
 
 
@@ -77,11 +85,13 @@ def make_server(
     host: str,
     port: int,
     credentials: grpc.ServerCredentials | None = None,
+    beside: Callable[[grpc.aio.Server], None] = lambda server: None,
     limits: Limits = LIMITS,
 ) -> tuple[grpc.aio.Server, int]:
     """A gRPC server bound to a port (0: any) that no other process shares; ConfigError when it is taken.
 
-    With `credentials` it speaks TLS, and who a robot is says its certificate.
+    `beside` adds the services that are not robots'. With `credentials` it speaks TLS, and who a robot is says its
+    certificate.
     """
     server = grpc.aio.server(
         options=[
@@ -101,6 +111,7 @@ def make_server(
         ]
     )
     link_pb2_grpc.add_LinkServicer_to_server(LinkService(links), server)
+    beside(server)
     try:
         address = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
         if credentials is None:
@@ -121,12 +132,12 @@ def _certificate(context: Context) -> bytes | None:
     return next(iter(context.auth_context().get("x509_pem_cert", ())), None)
 
 
-def _forwarded(context: Context) -> bool:
+def forwarded(context: grpc.aio.ServicerContext[Any, Any]) -> bool:
     """Whether a proxy says that somebody else sent this: then the address of its connection says nothing."""
     return any(key in FORWARDED for key, _ in context.invocation_metadata() or ())
 
 
-def _is_local(peer: str) -> bool:
+def is_local_peer(peer: str) -> bool:
     """Whether gRPC's name of a peer, such as ipv4:127.0.0.1:5000 or ipv6:%5B::1%5D:5000, is on this machine."""
     kind, _, address = peer.partition(":")
     if kind == "unix":
@@ -134,7 +145,7 @@ def _is_local(peer: str) -> bool:
     return is_loopback_address(_host(address))
 
 
-def _address(peer: str) -> str:
+def address_of_peer(peer: str) -> str:
     """Whom an address counts for; an IPv6 host by its /64 network."""
     found = read_address(_host(peer.partition(":")[2]))
     if found is None:

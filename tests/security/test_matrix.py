@@ -72,6 +72,7 @@ EXPECTED = {
     "nodes.control": "ssf++bf",
     "nodes.code": "ssff+bf",
     "commands.read": "s++++bf",
+    "commands.send": "ssf++bf",
     "commands.cancel": "ssf++bf",
     "updates.read": "s++++bf",
     "updates.publish": "ssff+bf",

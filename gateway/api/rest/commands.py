@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models
-from gateway.api.allow import allow
+from gateway.api.allow import allow, principal_of
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.services import services_of
 from gateway.errors import InvalidRequestError
+from gateway.fleet.orders import Order
 
 __all__ = ["router"]
 
@@ -24,24 +27,38 @@ router = APIRouter(prefix="/api/v1/robots", tags=["commands"], default_response_
     responses={200: {"model": models.Ok}, **PROBLEMS},
     openapi_extra=body_document(models.PublishRequest, cdr=True),
 )
-async def publish(request: Request, robot_id: str, topic: str = "", type: str = "", lease_id: str = "") -> Response:  # noqa: A002
-    """Publish once; JSON, or CDR with topic, type and lease_id in the query. Answers after the agent's result."""
-    fleet = services_of(request).fleet
+async def publish(
+    request: Request,
+    robot_id: str,
+    topic: str = "",
+    type: str = "",  # noqa: A002
+    lease_id: str = "",
+    sent_ns: Annotated[int, Query(ge=0, lt=2**63)] = 0,
+) -> Response:
+    """Publish once; JSON, or CDR with topic, type, lease_id and sent_ns in the query. Answers after the agent's result.
+
+    `sent_ns` is the client's wall clock, 0 = now: what moves the robot is refused (`stale`) when it is too old.
+    """
+    services, raw = services_of(request), await request.body()
     if "json" in request.headers["content-type"]:
-        body = await read_body(request, models.PublishRequest)
-        size = len(await request.body())
-        await fleet.publish(
+        body, cdr = await read_body(request, models.PublishRequest), None
+    else:
+        if not topic:
+            raise InvalidRequestError("a CDR body needs the query parameter topic")
+        body, cdr = models.PublishRequest(topic=topic, type=type, lease_id=lease_id, sent_ns=sent_ns), raw
+    asked: dict[str, Any] = {"topic": body.topic, "type": body.type}
+    asked |= {"message": body.message} if cdr is None else {"cdr_bytes": len(raw)}
+    with services.orders.noted(Order(robot=robot_id, kind="publish", request=asked), principal_of(request)):
+        await services.fleet.publish(
             robot_id,
             body.topic,
             type_name=body.type,
             message=body.message,
-            size_hint_bytes=size,
+            cdr=cdr,
+            size_hint_bytes=len(raw),
             lease_id=body.lease_id,
+            sent_ns=body.sent_ns,
         )
-    else:
-        if not topic:
-            raise InvalidRequestError("a CDR body needs the query parameter topic")
-        await fleet.publish(robot_id, topic, type_name=type, cdr=await request.body(), lease_id=lease_id)
     return JsonResponse({"ok": True})
 
 
@@ -53,9 +70,17 @@ async def publish(request: Request, robot_id: str, topic: str = "", type: str = 
 )
 async def call_service(request: Request, robot_id: str) -> Response:
     """Call a service of the robot and wait for its response."""
-    body = await read_body(request, models.CallRequest)
-    fleet = services_of(request).fleet
-    response = await fleet.call(
-        robot_id, body.service, type_name=body.type, request=body.request, timeout_s=body.timeout_s
-    )
+    body, services = await read_body(request, models.CallRequest), services_of(request)
+    asked = {"service": body.service, "type": body.type, "request": body.request}
+    order = Order(robot=robot_id, kind="call_service", request=asked, timeout_s=body.timeout_s)
+    with services.orders.noted(order, principal_of(request)) as noted:
+        response = noted.result = await services.fleet.call(
+            robot_id,
+            body.service,
+            type_name=body.type,
+            request=body.request,
+            timeout_s=body.timeout_s,
+            lease_id=body.lease_id,
+            sent_ns=body.sent_ns,
+        )
     return JsonResponse({"response": response})

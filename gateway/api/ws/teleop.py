@@ -25,6 +25,7 @@ __all__ = ["router"]
 
 MAX_SPEED = 100.0  # m/s and rad/s; what a robot can really do is its base's business
 MAX_SEQ = 2.0**53
+MAX_STAMP = 2.0**62
 
 router = APIRouter()
 
@@ -105,7 +106,8 @@ class _Wheel:
         linear = number_field(request, "linear", None, low=-MAX_SPEED, high=MAX_SPEED)
         angular = number_field(request, "angular", None, low=-MAX_SPEED, high=MAX_SPEED)
         seq = number_field(request, "seq", 0.0, low=0.0, high=MAX_SEQ)
-        await self._desk.drive(self._held(), linear=linear, angular=angular)
+        sent_ns = number_field(request, "sent_ns", 0.0, low=0.0, high=MAX_STAMP)
+        await self._desk.drive(self._held(), linear=linear, angular=angular, sent_ns=int(sent_ns))
         await self._say({"op": "ack", "seq": int(seq), "rtt_ms": self._desk.rtt_ms(self._robot)})
 
     def _held(self) -> Drive:

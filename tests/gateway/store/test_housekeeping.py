@@ -224,6 +224,7 @@ def test_the_tables_of_both_are_the_same(tmp_path: Path, engine: StoreEngine) ->
         "identity_changes",
         "robot_identities",
         "channels",
+        "commands",
         "gaps",
         "login_failures",
         "meta",

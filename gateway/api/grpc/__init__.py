@@ -1,0 +1,1 @@
+"""The fleet for people and programs over gRPC."""

@@ -1,0 +1,278 @@
+"""The service Fleet: what REST does, for programs; every method passes the gate first."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+from collections.abc import AsyncIterator
+from typing import Any
+
+import grpc
+import orjson
+
+from gateway.api.grpc.authenticate import Call, Context, Gate
+from gateway.api.rest.orders import check_kind, seen_command
+from gateway.domain.command import Command
+from gateway.domain.lease import Lease
+from gateway.errors import InvalidRequestError
+from gateway.fleet.orders import Order
+from gateway.fleet.teleop import Drive
+from gateway.ingest.registry import RobotRecord
+from metaros._proto import fleet_pb2, fleet_pb2_grpc
+from metaros.limits import LIMITS
+
+__all__ = ["FleetService", "add_fleet"]
+
+MAX_SPEED = 100.0  # m/s and rad/s, as on the teleop socket
+MAX_STAMP = 2**62
+STILL_S = LIMITS.attendance_s
+_SERVICE = "/metaros.v1.Fleet/"
+
+
+def add_fleet(server: grpc.aio.Server, gate: Gate) -> None:
+    """Serve it on the robots' port."""
+    fleet_pb2_grpc.add_FleetServicer_to_server(FleetService(gate), server)
+
+
+class FleetService(fleet_pb2_grpc.FleetServicer):
+    """Made once; each method is one call."""
+
+    def __init__(self, gate: Gate) -> None:
+        self._gate = gate
+
+    async def ListRobots(self, request: fleet_pb2.ListRobotsRequest, context: Context) -> Any:
+        """Every robot in scope, by id."""
+        async with self._gate.call(f"{_SERVICE}ListRobots", context) as call:
+            records = [item for item in call.services.registry.all() if call.principal.sees(item.robot.id)]
+            return fleet_pb2.ListRobotsResponse(robots=[robot_view(call, item) for item in records])
+
+    async def GetRobot(self, request: fleet_pb2.GetRobotRequest, context: Context) -> Any:
+        """One robot."""
+        async with self._gate.call(f"{_SERVICE}GetRobot", context) as call:
+            call.require(request.robot)
+            return robot_view(call, call.services.registry.get(request.robot))
+
+    async def Publish(self, request: fleet_pb2.FleetPublishRequest, context: Context) -> Any:
+        """Publish once; ends after the agent's result."""
+        async with self._gate.call(f"{_SERVICE}Publish", context) as call:
+            call.require(request.robot)
+            cdr = request.cdr if request.WhichOneof("message") == "cdr" else None
+            message = document(request.json, "json") if cdr is None else None
+            asked: dict[str, Any] = {"topic": request.topic, "type": request.type_name}
+            asked |= {"message": message} if cdr is None else {"cdr_bytes": len(cdr)}
+            order = Order(robot=request.robot, kind="publish", request=asked)
+            with call.services.orders.noted(order, call.principal):
+                await call.services.fleet.publish(
+                    request.robot,
+                    request.topic,
+                    type_name=request.type_name,
+                    message=message,
+                    cdr=cdr,
+                    size_hint_bytes=len(request.json),
+                    lease_id=request.lease_id,
+                    sent_ns=stamp(request.sent_ns),
+                )
+            return fleet_pb2.FleetPublishResponse()
+
+    async def CallService(self, request: fleet_pb2.FleetCallRequest, context: Context) -> Any:
+        """Call a service of the robot."""
+        async with self._gate.call(f"{_SERVICE}CallService", context) as call:
+            call.require(request.robot)
+            timeout_s = request.timeout_s or LIMITS.command_timeout_s
+            value = document(request.json, "json")
+            asked = {"service": request.service, "type": request.type_name, "request": value}
+            order = Order(robot=request.robot, kind="call_service", request=asked, timeout_s=timeout_s)
+            with call.services.orders.noted(order, call.principal) as noted:
+                noted.result = await call.services.fleet.call(
+                    request.robot,
+                    request.service,
+                    type_name=request.type_name,
+                    request=value,
+                    timeout_s=timeout_s,
+                    lease_id=request.lease_id,
+                    sent_ns=stamp(request.sent_ns),
+                )
+            return fleet_pb2.FleetCallResponse(json=text_of(noted.result))
+
+    async def SendCommand(self, request: fleet_pb2.SendCommandRequest, context: Context) -> Any:
+        """As POST /api/v1/robots/ROBOT/commands."""
+        async with self._gate.call(f"{_SERVICE}SendCommand", context) as call:
+            call.require(request.robot)
+            check_kind(request.kind, call.principal)
+            order = Order(
+                robot=request.robot,
+                kind=request.kind,
+                request=document(request.request_json, "request_json"),
+                durable=request.durable,
+                expires_s=request.expires_s or LIMITS.command_expires_s,
+                timeout_s=request.timeout_s or LIMITS.command_timeout_s,
+                idempotency=request.idempotency_key or None,
+            )
+            command = await call.services.orders.send(order, call.principal)
+            call.detail = f"{command.id} {command.kind} {command.state}"
+            if request.wait_s > 0 and not command.over:
+                command = await call.services.orders.wait(command.id, request.wait_s)
+            return command_view(command)
+
+    async def GetCommand(self, request: fleet_pb2.GetCommandRequest, context: Context) -> Any:
+        """One command."""
+        async with self._gate.call(f"{_SERVICE}GetCommand", context) as call:
+            return command_view(await seen_command(call.services, call.principal, request.command))
+
+    async def WatchCommand(self, request: fleet_pb2.GetCommandRequest, context: Context) -> AsyncIterator[Any]:
+        """The command as it is, then at each change, until it is over."""
+        async with self._gate.call(f"{_SERVICE}WatchCommand", context) as call:
+            await seen_command(call.services, call.principal, request.command)
+            async with attended(call):
+                async for command in call.services.orders.watch(request.command):
+                    yield command_view(command)
+
+    async def AcquireLease(self, request: fleet_pb2.AcquireLeaseRequest, context: Context) -> Any:
+        """Take the robot's lease; it ends by itself unless it is renewed."""
+        async with self._gate.call(f"{_SERVICE}AcquireLease", context) as call:
+            call.require(request.robot)
+            drive = await call.services.teleop.take(request.robot, request.holder)
+            return lease_view(drive.robot, drive.lease_id, drive.topic)
+
+    async def RenewLease(self, request: fleet_pb2.RenewLeaseRequest, context: Context) -> Any:
+        """More time for the lease."""
+        async with self._gate.call(f"{_SERVICE}RenewLease", context) as call:
+            call.require(request.robot)
+            lease: Lease = await call.services.teleop.renew(request.robot, request.lease_id)
+            return lease_view(lease.robot, lease.lease_id, "")
+
+    async def ReleaseLease(self, request: fleet_pb2.ReleaseLeaseRequest, context: Context) -> Any:
+        """Stop the robot and give the lease back."""
+        async with self._gate.call(f"{_SERVICE}ReleaseLease", context) as call:
+            call.require(request.robot)
+            await call.services.teleop.end(request.robot, request.lease_id)
+            return fleet_pb2.ReleaseLeaseResponse()
+
+    async def Drive(
+        self, request_iterator: AsyncIterator[fleet_pb2.DriveRequest], context: Context
+    ) -> AsyncIterator[Any]:
+        """Drive while messages come; whatever the end, the robot is stopped and the lease given back."""
+        async with self._gate.call(f"{_SERVICE}Drive", context) as call, attended(call):
+            drive: Drive | None = None
+            me = object()  # a bucket of its own
+            try:
+                async for request in request_iterator:
+                    call.services.rates.take("messages", me)
+                    if drive is None:
+                        call.require(request.robot)
+                        drive = await call.services.teleop.take(request.robot, request.holder)
+                    await call.services.teleop.drive(
+                        drive,
+                        linear=speed(request.linear),
+                        angular=speed(request.angular),
+                        sent_ns=stamp(request.sent_ns),
+                    )
+                    rtt_ms = call.services.teleop.rtt_ms(drive.robot) or 0.0
+                    yield fleet_pb2.DriveReply(
+                        lease_id=drive.lease_id, valid_ms=round(LIMITS.lease_s * 1000), rtt_ms=rtt_ms
+                    )
+            finally:
+                if drive is not None:
+                    await asyncio.shield(call.services.teleop.release(drive))
+
+
+@contextlib.asynccontextmanager
+async def attended(call: Call) -> AsyncIterator[None]:
+    """While a stream is open its credential is asked again and again; CredentialsError ends it."""
+    own, ended = asyncio.current_task(), list[Exception]()
+
+    async def ask() -> None:
+        while not ended:
+            await asyncio.sleep(STILL_S)
+            try:
+                await call.still()
+            except Exception as error:
+                ended.append(error)
+                if own is not None:
+                    own.cancel()
+
+    asking = asyncio.create_task(ask())
+    try:
+        yield
+    except asyncio.CancelledError:
+        if ended and own is not None:
+            own.uncancel()
+            raise ended[0] from None
+        raise
+    finally:
+        asking.cancel()
+
+
+def robot_view(call: Call, record: RobotRecord) -> fleet_pb2.FleetRobot:
+    """A robot as this API shows it."""
+    lease = call.services.leases.holder_of(record.robot.id, now_s=call.services.clock.monotonic_s())
+    return fleet_pb2.FleetRobot(
+        robot=record.robot.id,
+        namespace=record.robot.namespace,
+        hostname=record.robot.hostname,
+        agent_version=record.robot.agent_version,
+        online=record.online,
+        labels=dict(record.robot.labels),
+        lease_holder=lease.holder if lease is not None else "",
+    )
+
+
+def command_view(item: Command) -> fleet_pb2.FleetCommand:
+    """A command as this API shows it."""
+    return fleet_pb2.FleetCommand(
+        command=item.id,
+        robot=item.robot,
+        kind=item.kind,
+        state=item.state,
+        durable=item.durable,
+        issued_by=item.issued_by,
+        request_json=item.request,
+        result_json=item.result,
+        code=item.code,
+        message=item.message,
+        issued_ns=item.issued_ns,
+        expires_ns=item.expires_ns,
+        delivered_ns=item.delivered_ns,
+        running_ns=item.running_ns,
+        ended_ns=item.ended_ns,
+    )
+
+
+def lease_view(robot: str, lease_id: str, topic: str) -> fleet_pb2.FleetLease:
+    """A lease for who took it."""
+    return fleet_pb2.FleetLease(robot=robot, lease_id=lease_id, topic=topic, valid_ms=round(LIMITS.lease_s * 1000))
+
+
+def document(text: str, name: str) -> dict[str, Any]:
+    """A JSON object; "" is an empty one. InvalidRequestError names the field."""
+    if not text:
+        return {}
+    if len(text) > LIMITS.json_bytes:
+        raise InvalidRequestError(f"{name} has at most {LIMITS.json_bytes} bytes")
+    try:
+        value = orjson.loads(text)
+    except orjson.JSONDecodeError as error:
+        raise InvalidRequestError(f"{name} is no JSON: {error}") from error
+    if not isinstance(value, dict):
+        raise InvalidRequestError(f"{name} is a JSON object")
+    return value
+
+
+def text_of(value: Any) -> str:
+    """JSON as REST writes it."""
+    return orjson.dumps(value, option=orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS).decode()
+
+
+def speed(value: float) -> float:
+    """A speed that may be sent on."""
+    if not (math.isfinite(value) and abs(value) <= MAX_SPEED):
+        raise InvalidRequestError(f"linear and angular are numbers from -{MAX_SPEED:g} to {MAX_SPEED:g}")
+    return value
+
+
+def stamp(sent_ns: int) -> int:
+    """A client's wall clock."""
+    if not 0 <= sent_ns < MAX_STAMP:
+        raise InvalidRequestError("sent_ns is in nanoseconds since 1970; 0 is now")
+    return sent_ns

@@ -1,0 +1,212 @@
+"""Commands that are kept: send one, or one to each robot of a selector; the history; taking one back."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import orjson
+from fastapi import APIRouter, Query
+from starlette.requests import Request
+from starlette.responses import Response
+
+from gateway.api import models
+from gateway.api.allow import allow, principal_of
+from gateway.api.audited import note
+from gateway.api.models_commands import Command, CommandList, CommandRequest, FleetCommandRequest, FleetCommands, State
+from gateway.api.problem import JsonResponse, error_code
+from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.services import Services, services_of
+from gateway.api.views import rfc3339
+from gateway.domain import command as domain
+from gateway.domain.principal import Principal
+from gateway.domain.selector import Selector
+from gateway.errors import ForbiddenError, StoreError, UnknownCommandError
+from gateway.fleet.kinds import kind_of
+from gateway.fleet.orders import Order
+from gateway.identity.permissions import permission
+from metaros.errors import MetarosError
+from metaros.limits import LIMITS
+
+__all__ = ["check_kind", "command_view", "router", "seen_command"]
+
+MAX_LISTED = 1000
+MAX_FLEET = 10_000
+Wait = Annotated[float, Query(ge=0, le=LIMITS.command_wait_s, description="for the command's end")]
+
+router = APIRouter(prefix="/api/v1", tags=["commands"], default_response_class=JsonResponse)
+
+
+@router.post(
+    "/robots/{robot_id}/commands",
+    dependencies=[allow("commands.send")],
+    responses={200: {"model": Command}, 202: {"model": Command}, **PROBLEMS},
+    openapi_extra=body_document(CommandRequest),
+)
+async def send_command(request: Request, robot_id: str, wait_s: Wait = 0.0) -> Response:
+    """Have a robot do something. 200 when the command is over, however it ended; 202 while it is not.
+
+    With the header `Idempotency-Key` the same request is the same command, however often it is sent.
+    """
+    body = await read_body(request, CommandRequest)
+    services, principal = services_of(request), principal_of(request)
+    check_kind(body.kind, principal)
+    order = _order(robot_id, body, request.headers.get("idempotency-key"))
+    command = await services.orders.send(order, principal)
+    note(request, detail=f"{command.id} {command.kind} {command.state}")
+    if wait_s and not command.over:
+        command = await services.orders.wait(command.id, wait_s)
+    headers = {"location": f"/api/v1/commands/{command.id}"}
+    return JsonResponse(command_view(command), status_code=200 if command.over else 202, headers=headers)
+
+
+@router.post(
+    "/commands",
+    dependencies=[allow("commands.send")],
+    responses={200: {"model": FleetCommands}, **PROBLEMS},
+    openapi_extra=body_document(FleetCommandRequest),
+)
+async def send_fleet_command(request: Request) -> Response:
+    """Have every robot that a selector names do something: one command each, durable or not."""
+    body = await read_body(request, FleetCommandRequest)
+    services, principal = services_of(request), principal_of(request)
+    check_kind(body.kind, principal)
+    robots = named(services, principal, body.selector)
+    note(request, detail=f"{body.kind} to {len(robots)} robots: {body.selector[:100]}")
+    found: list[domain.Command] = []
+    refused: dict[str, dict[str, str]] = {}
+    key = request.headers.get("idempotency-key")
+    for robot in [] if body.dry_run else robots:
+        order = _order(robot, body, None if key is None else f"{key} {robot}")
+        try:
+            services.rates.take("robot", robot)
+            found.append(await services.orders.send(order, principal))
+        except StoreError:
+            raise
+        except MetarosError as error:
+            refused[robot] = {"code": error_code(error), "message": str(error)}
+    return JsonResponse({"commands": [command_view(item) for item in found], "refused": refused, "robots": robots})
+
+
+@router.get(
+    "/commands",
+    dependencies=[allow("commands.read")],
+    responses={200: {"model": CommandList}},
+)
+async def list_commands(
+    request: Request,
+    robot: Annotated[str, Query(description="only this robot's", max_length=64)] = "",
+    state: Annotated[State | None, Query(description="only those in it")] = None,
+    issuer: Annotated[str, Query(description="only those that this user or key sent", max_length=200)] = "",
+    limit: Annotated[int, Query(ge=1, le=MAX_LISTED)] = 100,
+    before: Annotated[str, Query(description="the `next` of the page before", max_length=64)] = "",
+) -> Response:
+    """The newest commands, newest first."""
+    filters = {"robot": robot, "state": state or "", "issuer": issuer}
+    page, following = await _seen(request, filters, limit=limit, before=before)
+    return JsonResponse({"commands": [command_view(item) for item in page], "next": following})
+
+
+@router.get(
+    "/commands/{command_id}",
+    dependencies=[allow("commands.read")],
+    responses={200: {"model": Command}, 404: {"model": models.Problem}},
+)
+async def get_command(request: Request, command_id: str, wait_s: Wait = 0.0) -> Response:
+    """One command, and how far it is."""
+    services = services_of(request)
+    command = await seen_command(services, principal_of(request), command_id)
+    if wait_s and not command.over:
+        command = await services.orders.wait(command_id, wait_s)
+    return JsonResponse(command_view(command))
+
+
+@router.delete(
+    "/commands/{command_id}",
+    dependencies=[allow("commands.cancel")],
+    responses={200: {"model": Command}, **PROBLEMS},
+)
+async def cancel_command(request: Request, command_id: str) -> Response:
+    """Take back a durable command that has not left for its robot."""
+    services = services_of(request)
+    await seen_command(services, principal_of(request), command_id)
+    return JsonResponse(command_view(await services.orders.cancel(command_id)))
+
+
+def check_kind(kind: str, principal: Principal) -> None:
+    """ForbiddenError unless the principal may do what that kind of command does."""
+    row = permission(kind_of(kind).permission)
+    if not row.granted(principal):
+        raise ForbiddenError(f"{row.name} needs the role {row.least.word} or more; this has {principal.role.word}")
+
+
+async def seen_command(services: Services, principal: Principal, command_id: str) -> domain.Command:
+    """One command; UnknownCommandError also where its robot is out of scope."""
+    found = await services.orders.get(command_id)
+    if not principal.sees(found.robot):
+        raise UnknownCommandError.of(command_id)
+    return found
+
+
+def named(services: Services, principal: Principal, text: str) -> list[str]:
+    """The robots in scope that a selector names, by id; SelectorError for a text that is none."""
+    selector = Selector.parse(text)
+    robots = [record.robot for record in services.registry.all()]
+    return [r.id for r in robots if principal.sees(r.id) and selector.matches(r.id, r.labels)][:MAX_FLEET]
+
+
+def command_view(item: domain.Command) -> dict[str, Any]:
+    """A command as the API shows it."""
+
+    def moment(stamp_ns: int) -> str | None:
+        return rfc3339(stamp_ns) if stamp_ns else None
+
+    return {
+        "id": item.id,
+        "robot": item.robot,
+        "kind": item.kind,
+        "request": orjson.loads(item.request),
+        "state": item.state,
+        "durable": item.durable,
+        "issued_by": item.issued_by,
+        "idempotency_key": item.idempotency,
+        "timeout_s": item.timeout_ms / 1000,
+        "issued": rfc3339(item.issued_ns),
+        "expires": moment(item.expires_ns),
+        "delivered": moment(item.delivered_ns),
+        "running": moment(item.running_ns),
+        "ended": moment(item.ended_ns),
+        "code": item.code,
+        "message": item.message,
+        "result": orjson.loads(item.result) if item.result else None,
+    }
+
+
+def _order(robot: str, body: CommandRequest, key: str | None) -> Order:
+    return Order(
+        robot=robot,
+        kind=body.kind,
+        request=body.request,
+        durable=body.durable,
+        expires_s=body.expires_s,
+        timeout_s=body.timeout_s,
+        idempotency=key,
+        sent_ns=body.sent_ns,
+    )
+
+
+async def _seen(
+    request: Request, filters: dict[str, str], *, limit: int, before: str
+) -> tuple[list[domain.Command], str | None]:
+    """A page of commands to robots in scope; of many others, only as many are read at a time as may be listed."""
+    desk, principal = services_of(request).orders, principal_of(request)
+    if any("\0" in value for value in (*filters.values(), before)):
+        return [], None
+    kept: list[domain.Command] = []
+    while len(kept) <= limit:
+        page = await desk.list(**filters, before=before, limit=limit + 1 if principal.sees_all else MAX_LISTED)
+        kept += [item for item in page if principal.sees(item.robot)]
+        if principal.sees_all or len(page) < MAX_LISTED:
+            break
+        before = page[-1].id
+    page = kept[:limit]
+    return page, page[-1].id if len(kept) > limit else None

@@ -1,0 +1,290 @@
+"""Every door to an actuator, in every state of the lease: refused unless lease and stamp are good.
+
+A real gateway and a real agent in this process; what counts is what the robot's base hears. Each case is run twice:
+with a gateway that checks the lease itself, and with one that lets everything through, so that only the agent stands
+in the way. A new door is a new row of DOORS.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import json
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import grpc
+import httpx
+import pytest
+
+from edge_agent.config import Settings as AgentSettings
+from edge_agent.main import run_agent
+from gateway.main import Ready
+from metaros._proto import fleet_pb2, fleet_pb2_grpc
+from metaros.cdr import codec
+from metaros.clock import SystemClock
+from metaros.interfaces.geometry_msgs.msg import Twist
+from tests.edge_agent.conftest import Robot
+from tests.edge_agent.conftest import robot as robot
+from tests.gateway.harness import OPERATOR_KEY, client, open_socket, running_gateway
+from tests.support.key_ring import bearer
+
+TWIST = "geometry_msgs/msg/Twist"
+BASE = "/api/v1/robots/sim_1"
+OLD_NS = 2 * 10**9
+METADATA = tuple((name.lower(), value) for name, value in bearer(OPERATOR_KEY).items())
+
+
+@dataclass
+class World:
+    """Gateway, agent, and what the base heard."""
+
+    ready: Ready
+    http: httpx.AsyncClient
+    fleet: fleet_pb2_grpc.FleetStub
+    heard: list[float]
+    speeds: Iterator[int] = field(default_factory=lambda: itertools.count(1))
+
+    async def take(self, holder: str = "me") -> str:
+        """A living lease's id, whoever held it before: that one has run out by then."""
+        while True:
+            try:
+                lease = await self.fleet.AcquireLease(
+                    fleet_pb2.AcquireLeaseRequest(robot="sim_1", holder=holder), metadata=METADATA
+                )
+            except grpc.aio.AioRpcError as error:
+                if code_of(error) not in ("lease_taken", "robot_offline"):
+                    raise
+                await asyncio.sleep(0.1)
+            else:
+                return str(lease.lease_id)
+
+    async def release(self, lease_id: str) -> None:
+        """Give it back."""
+        await self.fleet.ReleaseLease(
+            fleet_pb2.ReleaseLeaseRequest(robot="sim_1", lease_id=lease_id), metadata=METADATA
+        )
+
+
+Door = Callable[[World, float, str, int], Awaitable[str]]
+
+
+def code_of(error: grpc.aio.AioRpcError) -> str:
+    """The stable code of a refused call."""
+    return str(dict(error.trailing_metadata() or ()).get("metaros-code", ""))
+
+
+def cdr(speed: float) -> bytes:
+    message = Twist()
+    message.linear.x = speed
+    return codec(TWIST).encode(message)
+
+
+def code(answer: httpx.Response) -> str:
+    document = answer.json()
+    return str(document.get("code", "")) if answer.status_code != 202 else "accepted"
+
+
+async def rest_json(world: World, speed: float, lease: str, sent_ns: int) -> str:
+    message = {"linear": {"x": speed}}
+    body = {"topic": "cmd_vel", "type": TWIST, "message": message, "lease_id": lease, "sent_ns": sent_ns}
+    return code(await world.http.post(f"{BASE}/publish", json=body))
+
+
+async def rest_full_name(world: World, speed: float, lease: str, sent_ns: int) -> str:
+    body = {"topic": "/sim_1/cmd_vel", "type": TWIST, "message": {"linear": {"x": speed}}, "lease_id": lease}
+    return code(await world.http.post(f"{BASE}/publish", json={**body, "sent_ns": sent_ns}))
+
+
+async def rest_cdr(world: World, speed: float, lease: str, sent_ns: int) -> str:
+    query = {"topic": "cmd_vel", "type": TWIST, "lease_id": lease, "sent_ns": str(sent_ns)}
+    headers = {"Content-Type": "application/cdr"}
+    return code(await world.http.post(f"{BASE}/publish", content=cdr(speed), params=query, headers=headers))
+
+
+def order(speed: float, lease: str, sent_ns: int) -> dict[str, Any]:
+    request = {"topic": "cmd_vel", "type": TWIST, "message": {"linear": {"x": speed}}, "lease_id": lease}
+    return {"kind": "publish", "request": request, "sent_ns": sent_ns}
+
+
+async def rest_command(world: World, speed: float, lease: str, sent_ns: int) -> str:
+    return code(await world.http.post(f"{BASE}/commands", json=order(speed, lease, sent_ns)))
+
+
+async def rest_fleet_command(world: World, speed: float, lease: str, sent_ns: int) -> str:
+    body = {**order(speed, lease, sent_ns), "selector": "robot=sim_1"}
+    answer = (await world.http.post("/api/v1/commands", json=body)).json()
+    return str((answer["commands"] or list(answer["refused"].values()))[0]["code"])
+
+
+async def grpc_publish(world: World, speed: float, lease: str, sent_ns: int) -> str:
+    request = fleet_pb2.FleetPublishRequest(
+        robot="sim_1", topic="cmd_vel", type_name=TWIST, cdr=cdr(speed), lease_id=lease, sent_ns=sent_ns
+    )
+    try:
+        await world.fleet.Publish(request, metadata=METADATA)
+    except grpc.aio.AioRpcError as error:
+        return code_of(error)
+    return ""
+
+
+DOORS: dict[str, Door] = {
+    "REST publish": rest_json,
+    "REST publish, full name": rest_full_name,
+    "REST publish, CDR": rest_cdr,
+    "REST command": rest_command,
+    "REST command by selector": rest_fleet_command,
+    "gRPC publish": grpc_publish,
+}
+
+
+@pytest.fixture
+def heard(robot: Robot) -> list[float]:
+    """linear.x of what reaches the robot's base, zeros left out: they stop it."""
+    speeds: list[float] = []
+    robot.node.create_subscription(Twist, "cmd_vel", lambda m: speeds.append(m.linear.x) if m.linear.x else None, 10)
+    return speeds
+
+
+@asynccontextmanager
+async def world(folder: Path, router: str, heard: list[float], *, checks: bool) -> AsyncIterator[World]:
+    async with AsyncExitStack() as stack:
+        topics = {} if checks else {"actuator_topics": ()}
+        ready = await stack.enter_async_context(running_gateway(folder, **topics))
+        agent = AgentSettings(
+            name="sim_1",
+            namespace="/sim_1",
+            gateway=f"grpc://127.0.0.1:{ready.grpc_port}",
+            zenoh_port=int(router.rpartition(":")[2]),
+            host_metrics=False,
+            state_dir=folder / "agent",
+        )
+        task = asyncio.create_task(run_agent(agent))
+
+        async def end() -> None:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+
+        stack.push_async_callback(end)
+        http = await stack.enter_async_context(client(ready))
+        channel = await stack.enter_async_context(grpc.aio.insecure_channel(f"127.0.0.1:{ready.grpc_port}"))
+        made = World(ready, http, fleet_pb2_grpc.FleetStub(channel), heard)
+        await until_online(made)
+        yield made
+
+
+async def until_online(made: World) -> None:
+    """The agent has its link, and the base hears what is published."""
+    while True:
+        answer = await made.http.get(BASE)
+        if answer.status_code == 200 and answer.json()["state"] == "online":
+            return
+        await asyncio.sleep(0.05)
+
+
+async def until_driven(made: World, door: Door) -> None:
+    """The good case: a fresh stamp gets through; on a busy machine one may come too late, or unheard."""
+    speed, lease = float(next(made.speeds)), await made.take()
+    for _ in range(200):
+        said = await door(made, speed, lease, SystemClock().wall_ns())
+        if said == "lease_required":
+            lease = await made.take()
+        else:
+            assert said in ("", "stale"), said
+        await asyncio.sleep(0.05)
+        if speed in made.heard:
+            break
+    await made.release(lease)
+    assert speed in made.heard
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("checks", [True, False], ids=["gateway checks", "agent alone"])
+async def test_every_door_in_every_state_of_the_lease(
+    tmp_path: Path, zenoh_router: str, heard: list[float], checks: bool
+) -> None:
+    async with world(tmp_path, zenoh_router, heard, checks=checks) as made:
+        for name, door in DOORS.items():
+            await until_driven(made, door)
+            allowed = len(heard)
+            assert await door(made, -1.0, "", 0) == "lease_required", f"{name} without a lease"
+            lease = await made.take()
+            assert await door(made, -2.0, "guess", 0) == "lease_required", f"{name}, somebody else's lease"
+            assert await door(made, -3.0, lease, SystemClock().wall_ns() - OLD_NS) == "stale", name
+            assert len(heard) == allowed
+            await made.release(lease)
+            assert await door(made, -4.0, lease, 0) == "lease_required", f"{name} after the lease was given back"
+        gone = await made.take("sleeper")
+        other = await made.take("other")  # which is to be had once the first has run out
+        for name, door in DOORS.items():
+            assert await door(made, -5.0, gone, 0) == "lease_required", f"{name} with an expired lease"
+        await made.release(other)
+        for name, door in DOORS.items():
+            assert await door(made, -6.0, gone, 0) == "lease_required", f"{name} with an expired lease, nobody drives"
+        await until_driven(made, rest_json)  # whatever was let through before this would be heard by now
+        assert min(heard) > 0, heard
+
+
+@pytest.mark.slow
+async def test_the_wheels(tmp_path: Path, zenoh_router: str, heard: list[float]) -> None:
+    """The two doors that take the lease themselves: a teleop socket, and a stream over gRPC."""
+    async with world(tmp_path, zenoh_router, heard, checks=True) as made:
+        async with open_socket(made.ready, f"{BASE}/teleop") as socket:
+
+            async def say(**request: Any) -> dict[str, Any]:
+                await socket.send(json.dumps(request))
+                return dict(json.loads(await socket.recv()))
+
+            assert (await say(op="drive", linear=-1.0, angular=0.0))["op"] == "error", "without a lease"
+            lease = await made.take("other")
+            assert (await say(op="take", holder="me"))["code"] == "lease_taken"
+            await made.release(lease)
+            assert (await say(op="take", holder="me"))["op"] == "granted"
+            old_ns = SystemClock().wall_ns() - OLD_NS
+            assert (await say(op="drive", linear=-2.0, angular=0.0, sent_ns=old_ns))["op"] == "ack"
+            await made.take("other")  # once ours has run out
+            lost = await say(op="drive", linear=-3.0, angular=0.0)
+            assert (lost["op"], lost["code"]) == ("lost", "lease_taken")
+
+        async def driving(*requests: fleet_pb2.DriveRequest) -> str:
+            async def each() -> AsyncIterator[fleet_pb2.DriveRequest]:
+                for request in requests:
+                    yield request
+
+            try:
+                async for _ in made.fleet.Drive(each(), metadata=METADATA):
+                    pass
+            except grpc.aio.AioRpcError as error:
+                return code_of(error)
+            return ""
+
+        first = fleet_pb2.DriveRequest(robot="sim_1", holder="me", linear=-4.0)
+        lease = await made.take("other")
+        assert await driving(first) == "lease_taken"
+        await made.release(lease)
+        first.sent_ns = SystemClock().wall_ns() - OLD_NS
+        assert await driving(first) == ""
+        while not any(speed > 0 for speed in heard):
+            good = fleet_pb2.DriveRequest(robot="sim_1", holder="me", linear=0.5)
+            assert await driving(good, good) == ""
+        assert min(heard) > 0, heard
+
+
+@pytest.mark.slow
+async def test_what_drives_is_never_durable(tmp_path: Path, zenoh_router: str, heard: list[float]) -> None:
+    for checks in (True, False):
+        async with world(tmp_path / str(checks), zenoh_router, heard, checks=checks) as made:
+            body = {**order(-1.0, await made.take(), 0), "durable": True}
+            answer = await made.http.post(f"{BASE}/commands", json=body)
+            if checks:
+                assert (answer.status_code, code(answer)) == (400, "invalid_request")
+            else:
+                found = (await made.http.get(f"{answer.headers['location']}?wait_s=30")).json()
+                assert (found["state"], found["code"]) == ("failed", "lease_required")
+            call = {"service": "cmd_vel", "type": "std_srvs/srv/Trigger", "request": {}}
+            answer = await made.http.post(f"{BASE}/services/call", json=call)
+            assert code(answer) == "lease_required", "a service of an actuator's name"
+    assert heard == []
