@@ -158,7 +158,6 @@ class Gateway:
             describe=self.describe,
             checks=self.checks,
         )
-        return create_api(services)
 
     async def start(self) -> None:
         """Know the robots of earlier days; start the store."""
