@@ -23,8 +23,8 @@ from gateway.fleet.commands import CommandDesk
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.orders import OrderDesk
 from gateway.fleet.teleop import TeleopDesk
-from gateway.history.desk import HistoryDesk
 from gateway.fleet.twin_feature import Twins
+from gateway.history.desk import HistoryDesk
 from gateway.identity.accounts import Accounts
 from gateway.identity.audit import AuditLog
 from gateway.identity.desk import IdentityChoices, IdentityDesk
@@ -101,10 +101,10 @@ class Gateway:
         self.orders = OrderDesk(
             self.store, self.commands, self.fleet, self.registry.get, self.links.send, clock=clock, limits=limits
         )
+        self.twins = Twins(self.store, self.links.send, self._labels_said, clock=clock)
         self.recordings = RecordingDesk(
             self.store, self.objects, settings.data_dir / "incoming", self._robot_side(), clock=clock, limits=limits
         )
-        self.twins = Twins(self.store, self.links.send, self._labels_said, clock=clock)
         self.local_key = LocalKey(settings.data_dir)
         stored = StoreDoor(self.store, clock=clock)
         master = MasterKey.load_or_make(settings.data_dir)
@@ -152,6 +152,7 @@ class Gateway:
             fleet=self.fleet,
             orders=self.orders,
             teleop=self.teleop,
+            twins=self.twins,
             leases=self.leases,
             on_subscriptions=self._on_subscriptions,
             demand_of=self._demand.told,
@@ -161,12 +162,12 @@ class Gateway:
 
     async def start(self) -> None:
         """Know the robots of earlier days; start the store."""
-            twins=self.twins,
         self.store.start(self.links.committed, self.links.refused)
         await self._check_binding()
         self.local_key.write()
         await self.identities.start()
         await self._start_tls()
+        await self.twins.start()
         stored = sorted(await self.store.robots(), key=lambda item: -item.last_seen_ns)
         for position, item in enumerate(stored):
             record = self.registry.add(RobotRecord(item.robot, seen_ns=item.last_seen_ns))
@@ -177,7 +178,6 @@ class Gateway:
 
     async def _check_binding(self) -> None:
         if is_loopback(self.settings.host):
-        await self.twins.start()
             return
         now_ns = self.clock.wall_ns()
         known = self._guests or await self.store.read(lambda engine: can_sign_in(engine, now_ns=now_ns))
@@ -203,6 +203,7 @@ class Gateway:
             group.create_task(self._tick())
             group.create_task(self._tell_demand())
             group.create_task(self.recordings.run())
+            group.create_task(self.twins.run())
             group.create_task(self.orders.run())
             group.create_task(self.attendance.run())
             group.create_task(self.audit.run())
@@ -214,8 +215,9 @@ class Gateway:
         self.accounts.close()
         self.history.close()
         await self.recordings.close()
+        with contextlib.suppress(StoreError):
+            await self.twins.close()
         await self.orders.close()
-            group.create_task(self.twins.run())
         await self.audit.close()
         await self.store.close()
         await asyncio.to_thread(self.objects.close)
@@ -229,8 +231,6 @@ class Gateway:
     def checks(self) -> dict[str, str]:
         """What `/readyz` says: "ok" or what is wrong, by part."""
         return {"store": self.store.error or "ok"}
-        with contextlib.suppress(StoreError):
-            await self.twins.close()
 
     def _hooks(self) -> LinkHooks:
         return LinkHooks(
@@ -240,11 +240,16 @@ class Gateway:
             on_online=self._on_online,
             on_result=self._on_result,
             on_recording=lambda robot, part: self.recordings.on_part(robot, part),
+            on_twin=lambda robot, report: self.twins.on_report(robot, report),
         )
 
     def _on_result(self, robot_id: str, result: link_pb2.CommandResult) -> None:
         if result.running or not self.commands.on_result(robot_id, result):
             self.orders.delivery.on_result(robot_id, result)
+
+    def _labels_said(self, robot_id: str) -> dict[str, str]:
+        record = self.registry.find(robot_id)
+        return dict(record.robot.labels) if record is not None else {}
 
     def _robot_side(self) -> RobotSide:
         def tell(robot_id: str, wanted: link_pb2.RecordingWanted) -> None:
@@ -254,7 +259,6 @@ class Gateway:
 
         def offset_ns(robot_id: str) -> int:
             record = self.registry.find(robot_id)
-            on_twin=lambda robot, report: self.twins.on_report(robot, report),
             return record.statistics.link.clock_offset_ns if record is not None else 0
 
         def online(robot_id: str) -> bool:
@@ -262,10 +266,6 @@ class Gateway:
             return record is not None and record.online
 
         return RobotSide(command=self.commands.run, tell=tell, online=online, clock_offset_ns=offset_ns)
-    def _labels_said(self, robot_id: str) -> dict[str, str]:
-        record = self.registry.find(robot_id)
-        return dict(record.robot.labels) if record is not None else {}
-
 
     def _on_channels(self, robot_id: str) -> None:
         self._stale.add(robot_id)
@@ -277,6 +277,7 @@ class Gateway:
             self.commands.on_offline(robot_id)
             self.teleop.on_offline(robot_id)
         self.recordings.on_online(robot_id, online)
+        self.twins.on_online(robot_id, online)
         self.orders.delivery.on_online(robot_id, online)
         self._on_channels(robot_id)
 
@@ -292,7 +293,6 @@ class Gateway:
 
     async def _tell_demand(self) -> None:
         """Tell robots what viewers want, robot by robot, so that a large fleet never holds the loop up."""
-        self.twins.on_online(robot_id, online)
         while True:
             await self._stirred.wait()
             self._stirred.clear()
