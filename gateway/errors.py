@@ -6,9 +6,6 @@
     │   ├── UnknownRobotError        no robot of that id has ever connected             unknown_robot
     │   ├── UnknownTopicError        the robot announces no such topic                  unknown_topic
     │   ├── UnknownRecordingError    there is no such recording                         unknown_recording
-    │   ├── UnknownCommandError      there is no such command                           unknown_command
-    │   ├── IdempotencyConflictError the key was used for another request               idempotency_conflict
-    │   ├── CommandDeliveredError    too late to take the command back                  command_delivered
     │   ├── RecordingNotStoredError  its file is not here, or not yet                   recording_not_stored
     │   ├── HostError                the Host header is not one of ours                 host_not_allowed
     │   ├── OriginError              a page of another origin asked                     origin_not_allowed
@@ -57,7 +54,6 @@ __all__ = [
     "ERRORS",
     "AuthorityError",
     "BodyTooLargeError",
-    "CommandDeliveredError",
     "CommandRefusedError",
     "CommandTimeoutError",
     "CorruptObjectError",
@@ -70,7 +66,6 @@ __all__ = [
     "ForkedError",
     "GatewayError",
     "HostError",
-    "IdempotencyConflictError",
     "IdentityError",
     "InvalidRequestError",
     "LeaseRequiredError",
@@ -95,7 +90,6 @@ __all__ = [
     "StoreError",
     "TooManyError",
     "TooManyRequestsError",
-    "UnknownCommandError",
     "UnknownRecordingError",
     "UnknownRobotError",
     "UnknownTopicError",
@@ -156,29 +150,6 @@ class RecordingNotStoredError(RequestError):
     """The recording has no file here: it is still on its way, or it failed."""
 
     code = "recording_not_stored"
-
-
-class UnknownCommandError(RequestError):
-    """There is no such command, as far as who asks may know."""
-
-    code = "unknown_command"
-
-    @classmethod
-    def of(cls, command_id: str) -> UnknownCommandError:
-        """In the same words whether there is none or its robot is out of scope."""
-        return cls(f"there is no command {command_id[:40]!r}")
-
-
-class IdempotencyConflictError(RequestError):
-    """An idempotency key that was used for another request."""
-
-    code = "idempotency_conflict"
-
-
-class CommandDeliveredError(RequestError):
-    """A command that has left for its robot, or is over, cannot be taken back."""
-
-    code = "command_delivered"
 
 
 class HostError(RequestError):

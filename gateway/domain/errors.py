@@ -1,17 +1,28 @@
-"""The errors of twins, templates and selectors; `gateway.errors` has the tree they belong to.
+"""The errors of twins, templates, selectors and commands; `gateway.errors` has the tree they belong to.
 
     RequestError
     ├── SelectorError           a selector or a label breaks the grammar            selector_invalid
     ├── UnknownTemplateError    there is no such template                           unknown_template
     ├── UnknownRevisionError    the revision of a twin is not kept, or never was    unknown_revision
-    └── TwinChangedError        somebody else was faster than this edit             twin_changed
+    ├── TwinChangedError        somebody else was faster than this edit             twin_changed
+    ├── UnknownCommandError     there is no such command                            unknown_command
+    ├── IdempotencyConflictError  the key was used for another request              idempotency_conflict
+    └── CommandDeliveredError   too late to take the command back                   command_delivered
 """
 
 from __future__ import annotations
 
 from gateway.errors import RequestError
 
-__all__ = ["SelectorError", "TwinChangedError", "UnknownRevisionError", "UnknownTemplateError"]
+__all__ = [
+    "CommandDeliveredError",
+    "IdempotencyConflictError",
+    "SelectorError",
+    "TwinChangedError",
+    "UnknownCommandError",
+    "UnknownRevisionError",
+    "UnknownTemplateError",
+]
 
 
 class UnknownTemplateError(RequestError):
@@ -36,3 +47,26 @@ class TwinChangedError(RequestError):
     """The twin or template is not at the revision that If-Match names: somebody else was faster."""
 
     code = "twin_changed"
+
+
+class UnknownCommandError(RequestError):
+    """There is no such command, as far as who asks may know."""
+
+    code = "unknown_command"
+
+    @classmethod
+    def of(cls, command_id: str) -> UnknownCommandError:
+        """In the same words whether there is none or its robot is out of scope."""
+        return cls(f"there is no command {command_id[:40]!r}")
+
+
+class IdempotencyConflictError(RequestError):
+    """An idempotency key that was used for another request."""
+
+    code = "idempotency_conflict"
+
+
+class CommandDeliveredError(RequestError):
+    """A command that has left for its robot, or is over, cannot be taken back."""
+
+    code = "command_delivered"

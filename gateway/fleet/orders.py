@@ -23,16 +23,15 @@ from gateway.domain.command import (
     new_command_id,
     wire_id,
 )
+from gateway.domain.errors import CommandDeliveredError, UnknownCommandError
 from gateway.domain.principal import Principal
 from gateway.errors import (
     BodyTooLargeError,
-    CommandDeliveredError,
     CommandRefusedError,
     InvalidRequestError,
     RobotError,
     StoreError,
     TooManyError,
-    UnknownCommandError,
     UnknownRobotError,
 )
 from gateway.fleet.command_rows import CommandRows, Database

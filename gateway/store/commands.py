@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from gateway.domain.command import OPEN, Command
-from gateway.errors import IdempotencyConflictError, TooManyError, UnknownRobotError
+from gateway.domain.errors import IdempotencyConflictError
+from gateway.errors import TooManyError, UnknownRobotError
 from gateway.store.engine import Row, StoreEngine, placeholders
 
 __all__ = [

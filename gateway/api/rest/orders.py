@@ -18,9 +18,10 @@ from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.services import Services, services_of
 from gateway.api.views import rfc3339
 from gateway.domain import command as domain
+from gateway.domain.errors import UnknownCommandError
 from gateway.domain.principal import Principal
 from gateway.domain.selector import Selector
-from gateway.errors import ForbiddenError, StoreError, UnknownCommandError
+from gateway.errors import ForbiddenError, StoreError
 from gateway.fleet.kinds import kind_of
 from gateway.fleet.orders import Order
 from gateway.identity.permissions import permission
