@@ -1,7 +1,7 @@
-"""Every RPC, asked by everybody: what is registered declares a permission; a robot's certificate alone is one there.
+"""Every RPC, asked by everybody: what is registered declares a permission, and answers exactly as the table says.
 
-People's keys open no RPC: over TLS nobody without a robot's certificate is heard at all, and on the plain port of this
-machine a key counts as nothing: who shows one is whom the link's own rules make of them.
+Link is robots': a key counts as nothing there. Fleet is people's: only a key counts. Over TLS nobody is heard at all
+without a certificate of the fleet.
 """
 
 from __future__ import annotations
@@ -13,12 +13,14 @@ import grpc
 import pytest
 
 from gateway.api.allow import RPCS
+from gateway.api.grpc.errors import CODE_KEY
+from gateway.api.grpc.fleet import FleetService
 from gateway.domain.principal import Principal, Role
 from gateway.identity.permissions import permission
 from gateway.ingest.link_service import LinkService
 from gateway.main import Ready
-from metaros._proto import link_pb2, link_pb2_grpc
-from tests.gateway.harness import client, running_gateway
+from metaros._proto import fleet_pb2, fleet_pb2_grpc, link_pb2, link_pb2_grpc
+from tests.gateway.harness import ScriptedAgent, client, running_gateway
 from tests.gateway.identity.desks import Held
 from tests.gateway.test_robot_links import (
     ADMIN,
@@ -88,7 +90,8 @@ async def test_every_registered_rpc_declares_a_permission(tmp_path: Path, regist
         assert registered.methods, "the gateway has a server, and it has methods"
     assert undeclared(registered.methods) == set()
     assert registered.methods == set(RPCS), "and the table names none that is not there"
-    assert {permission(name).who for name in RPCS.values()} == {"robots"}
+    assert {permission(name).who for path, name in RPCS.items() if "Link" in path} == {"robots"}
+    assert {permission(name).who for path, name in RPCS.items() if "Fleet" in path} == {"people"}
     handlers = {"Shutdown": grpc.unary_unary_rpc_method_handler(lambda request, context: request)}
     registered.add_registered_method_handlers("metaros.v1.Link", handlers)
     assert undeclared(registered.methods) == {"/metaros.v1.Link/Shutdown"}, "one without a row is seen"
@@ -97,7 +100,9 @@ async def test_every_registered_rpc_declares_a_permission(tmp_path: Path, regist
 def test_the_handlers_are_those_of_the_description() -> None:
     seen = Registered()
     link_pb2_grpc.add_LinkServicer_to_server(LinkService.__new__(LinkService), seen)
-    services = link_pb2.DESCRIPTOR.services_by_name.values()
+    fleet_pb2_grpc.add_FleetServicer_to_server(FleetService.__new__(FleetService), seen)
+    files = (link_pb2.DESCRIPTOR, fleet_pb2.DESCRIPTOR)
+    services = [service for file in files for service in file.services_by_name.values()]
     assert seen.methods == {f"/{one.full_name}/{method.name}" for one in services for method in one.methods}
 
 
@@ -120,6 +125,80 @@ async def test_everybody_on_the_plain_port_of_this_machine(tmp_path: Path) -> No
     async with running_gateway(tmp_path / "b", door=RING, require_enrolment=True) as ready:
         for who, key in KEYS.items():
             assert await plain(ready, bare("sim_1"), key=key) == "not_enrolled", who
+
+
+FLEET = sorted(path.rpartition("/")[2] for path in RPCS if "Fleet" in path)
+GATE = {"sign_in", "bad_credentials", "forbidden", "unknown_robot", "unknown_command"}
+
+
+async def knock(stub: fleet_pb2_grpc.FleetStub, method: str, key: str) -> tuple[grpc.StatusCode, str]:
+    """The status and code of a call that could do nothing if it were let in: the robot is another one, or offline."""
+    description = fleet_pb2.DESCRIPTOR.services_by_name["Fleet"].methods_by_name[method]
+    request = getattr(fleet_pb2, description.input_type.name)()
+    fields = {field.name for field in description.input_type.fields}
+    for name, value in (("robot", "sim_1"), ("kind", "set_uplink"), ("topic", "x"), ("holder", "h")):
+        if name in fields:
+            setattr(request, name, value)
+    metadata = tuple((name.lower(), value) for name, value in bearer(key).items())
+    call = getattr(stub, method)
+    try:
+        if method == "Drive":
+            call = call(iter([request]), metadata=metadata)
+        elif method == "WatchCommand":
+            call = call(request, metadata=metadata)
+        else:
+            await call(request, metadata=metadata, timeout=60)
+            return grpc.StatusCode.OK, ""
+        async for _ in call:
+            pass
+    except grpc.aio.AioRpcError as error:
+        return error.code(), str(dict(error.trailing_metadata() or ()).get(CODE_KEY, "?"))
+    return grpc.StatusCode.OK, ""
+
+
+@pytest.mark.parametrize("anonymous", [True, False])
+async def test_everybody_at_every_method_of_the_fleet(tmp_path: Path, anonymous: bool) -> None:
+    async with running_gateway(tmp_path, door=RING, anonymous=anonymous) as ready:
+        async with ScriptedAgent(ready):
+            pass  # known, and offline by now
+        async with grpc.aio.insecure_channel(f"127.0.0.1:{ready.grpc_port}") as channel:
+            stub = fleet_pb2_grpc.FleetStub(channel)
+            for method in FLEET:
+                row = permission(RPCS[f"/metaros.v1.Fleet/{method}"])
+                for who, key in KEYS.items():
+                    status, code = await knock(stub, method, key)
+                    if who == "unknown":
+                        expected = code == "bad_credentials" and status is grpc.StatusCode.UNAUTHENTICATED
+                    elif who == "anonymous" and (row.mutates or not anonymous):
+                        expected = code == "sign_in" and status is grpc.StatusCode.UNAUTHENTICATED
+                    elif who == "viewer" and row.least > Role.VIEWER:
+                        expected = code == "forbidden" and status is grpc.StatusCode.PERMISSION_DENIED
+                    elif who == "other scope" and method != "ListRobots":
+                        expected = code in ("unknown_robot", "unknown_command")
+                    elif method in ("GetCommand", "WatchCommand"):
+                        expected = code == "unknown_command"
+                    else:
+                        expected = code not in GATE and code != "?"
+                    assert expected, f"{who} at {method}: {status} {code}"
+
+
+async def test_a_key_s_robots_and_what_people_did_are_as_in_rest(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path, door=RING) as ready:
+        async with ScriptedAgent(ready), grpc.aio.insecure_channel(f"127.0.0.1:{ready.grpc_port}") as channel:
+            stub = fleet_pb2_grpc.FleetStub(channel)
+
+            async def robots(key: str) -> list[str]:
+                metadata = tuple((name.lower(), value) for name, value in bearer(key).items())
+                answer = await stub.ListRobots(fleet_pb2.ListRobotsRequest(), metadata=metadata)
+                return [robot.robot for robot in answer.robots]
+
+            assert await robots(KEYS["viewer"]) == ["sim_1"]
+            assert await robots(KEYS["other scope"]) == []
+            assert (await knock(stub, "RenewLease", KEYS["operator"]))[1] == "lease_required"
+            async with client(ready, key=ADMIN) as http:
+                rows = (await http.get("/api/v1/audit")).json()["rows"]
+            told = [(row["method"], row["action"], row["code"]) for row in rows if row["method"] == "GRPC"]
+            assert told[0] == ("GRPC", "robots.drive", "lease_required")
 
 
 async def test_everybody_over_tls(tmp_path: Path) -> None:
