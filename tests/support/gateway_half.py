@@ -43,6 +43,7 @@ class GatewayHalf:
         self.heartbeats: list[tuple[int, link_pb2.Heartbeat]] = []
         self.offers: list[link_pb2.RecordingPart] = []
         self.parts: list[link_pb2.RecordingPart] = []
+        self.twins: list[link_pb2.TwinReport] = []
         self.frames = 0
         self.connect()
 
@@ -140,6 +141,11 @@ class GatewayHalf:
     def on_statistics(self, lane: int, statistics: link_pb2.TopicStatistics) -> None:
         assert lane == CONTROL
         self.statistics.append(statistics)
+
+    def on_twin(self, lane: int, report: link_pb2.TwinReport) -> None:
+        assert lane == CONTROL
+        assert self.welcome.twin, "a report to a gateway that does not know twins"
+        self.twins.append(report)
 
     def on_result(self, lane: int, result: link_pb2.CommandResult) -> None:
         assert lane == CONTROL
