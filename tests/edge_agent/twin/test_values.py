@@ -1,0 +1,215 @@
+"""Parameters and lifecycle of nodes that come, go, refuse and do not answer, without a wire."""
+
+from __future__ import annotations
+
+import asyncio
+import random  # noqa: TID251 - seeded
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from contextlib import asynccontextmanager
+from typing import Any
+
+import pytest
+
+from edge_agent.errors import DiskError
+from edge_agent.scope import Scope
+from edge_agent.twin import values as module
+from edge_agent.twin.lifecycle import next_step
+from edge_agent.twin.originals import Originals
+from edge_agent.twin.values import NodeValues
+from metaros.errors import UnavailableError
+from metaros.node.parameters import SetResult
+from tests.support.sim_disk import SimDisk
+from tests.support.waiting import wait_until_async
+
+STEPS = {1: "inactive", 2: "unconfigured", 3: "active", 4: "inactive", 5: "finalized", 6: "finalized", 7: "finalized"}
+
+
+class Nodes:
+    """Nodes with parameters; `refuses` names those that they do not take."""
+
+    def __init__(self, **nodes: dict[str, Any]) -> None:
+        self.nodes = {f"/r/{name}": dict(values) for name, values in nodes.items()}
+        self.life = dict.fromkeys(self.nodes, "1")
+        self.refuses: set[str] = set()
+        self.silent: set[str] = set()
+        self.states = dict.fromkeys(self.nodes, "unconfigured")
+        self.stuck: set[int] = set()
+        self.sets: list[tuple[str, dict[str, Any]]] = []
+        self.told: list[Callable[[], None]] = []
+
+    def lives(self) -> dict[str, str]:
+        return dict(self.life)
+
+    def on_change(self, callback: Callable[[], None]) -> Callable[[], None]:
+        self.told.append(callback)
+        return lambda: self.told.remove(callback)
+
+    def changed(self) -> None:
+        for callback in self.told:
+            callback()
+
+    def start(self, name: str, life: str, **values: Any) -> None:
+        self.nodes[name], self.life[name], self.states[name] = values, life, "unconfigured"
+        self.changed()
+
+    async def get(self, node: str, names: Sequence[str]) -> dict[str, Any]:
+        self.answer(node)
+        return {name: self.nodes[node].get(name) for name in names}
+
+    async def set(self, node: str, values: Mapping[str, Any]) -> Mapping[str, SetResult]:
+        self.answer(node)
+        self.sets.append((node, dict(values)))
+        taken = {name: value for name, value in values.items() if name not in self.refuses}
+        self.nodes[node].update(taken)
+        return {name: SetResult(name in taken, "" if name in taken else "too much") for name in values}
+
+    async def state(self, node: str) -> str:
+        self.answer(node)
+        return self.states[node]
+
+    async def change(self, node: str, transition: int) -> bool:
+        if transition in self.stuck:
+            return False
+        self.states[node] = STEPS[transition]
+        return True
+
+    def answer(self, node: str) -> None:
+        if node in self.silent:
+            raise UnavailableError(f"{node} does not answer")
+
+
+@asynccontextmanager
+async def seeing_to(nodes: Nodes, disk: SimDisk | None = None) -> AsyncIterator[NodeValues]:
+    values = NodeValues(nodes, Scope("/r"), Originals(disk or SimDisk(random.Random(1))))
+    task = asyncio.create_task(values.run())
+    try:
+        yield values
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+    assert not nodes.told
+
+
+def parameters(values: NodeValues, node: str = "/r/a") -> dict[str, Any]:
+    return dict(values.reported()["parameters"][node])
+
+
+async def test_values_are_fitted_to_the_kind_that_the_node_has() -> None:
+    nodes = Nodes(a={"rate": 1.0, "on": True, "sizes": [1.0, 2.0]})
+    async with seeing_to(nodes) as values:
+        values.want({"a": {"rate": 2, "on": "yes", "sizes": [3, 4], "new": 1}}, None)
+        await wait_until_async(lambda: parameters(values)["state"] == "refused")
+    assert nodes.nodes["/r/a"] == {"rate": 2.0, "on": True, "sizes": [3.0, 4.0], "new": 1}
+    assert set(parameters(values)["refused"]) == {"on"}
+
+
+async def test_a_node_is_seen_to_again_after_each_of_its_starts() -> None:
+    nodes = Nodes(a={"rate": 1.0})
+    async with seeing_to(nodes) as values:
+        values.want({"/r/a": {"rate": 2.0}, "/r/late": {"x": 1}}, None)
+        await wait_until_async(lambda: parameters(values)["state"] == "applied")
+        assert parameters(values, "/r/late")["state"] == "waiting"
+        nodes.start("/r/a", "2", rate=7.0)
+        await wait_until_async(lambda: nodes.nodes["/r/a"]["rate"] == 2.0)
+        nodes.start("/r/late", "1", x=0)
+        await wait_until_async(lambda: nodes.nodes["/r/late"]["x"] == 1)
+        values.want(None, None)
+        await wait_until_async(lambda: nodes.nodes["/r/a"]["rate"] == 7.0)
+        await wait_until_async(lambda: nodes.nodes["/r/late"]["x"] == 0)
+
+
+async def test_a_refused_value_is_named_and_not_asked_again() -> None:
+    nodes = Nodes(a={"rate": 1.0, "name": "x"})
+    nodes.refuses = {"rate"}
+    async with seeing_to(nodes) as values:
+        values.want({"a": {"rate": 9.0, "name": "y"}}, None)
+        await wait_until_async(lambda: parameters(values)["state"] == "refused")
+        assert parameters(values)["refused"] == {"rate": "too much"}
+        assert parameters(values)["values"] == {"name": "y"}
+        nodes.changed()
+        values.want({"a": {"rate": 9.0, "name": "y"}}, None)
+        values.want({"a": {"name": "y"}, "b": {}}, None)
+        await wait_until_async(lambda: parameters(values)["state"] == "applied")
+    assert len(nodes.sets) == 1
+
+
+async def test_a_node_that_does_not_answer_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "RETRY_S", 0.02)
+    nodes = Nodes(a={"rate": 1.0})
+    nodes.silent = {"/r/a"}
+    async with seeing_to(nodes) as values:
+        values.want({"a": {"rate": 2.0}}, None)
+        await wait_until_async(lambda: "does not answer" in parameters(values).get("message", ""))
+        nodes.silent.clear()
+        await wait_until_async(lambda: parameters(values)["state"] == "applied")
+    assert "message" not in parameters(values)
+
+
+async def test_what_a_node_had_before_is_known_after_a_crash_of_the_agent() -> None:
+    nodes, disk = Nodes(a={"rate": 1.0}), SimDisk(random.Random(1))
+    async with seeing_to(nodes, disk) as values:
+        values.want({"a": {"rate": 2.0}}, {"a": "active"})
+        await wait_until_async(lambda: nodes.states["/r/a"] == "active" and parameters(values)["state"] == "applied")
+        values.want({"a": {"rate": 3.0}}, {"a": "active"})
+        await wait_until_async(lambda: parameters(values)["values"] == {"rate": 3.0})
+    async with seeing_to(nodes, disk) as values:
+        values.want(None, None)
+        await wait_until_async(lambda: nodes.nodes["/r/a"]["rate"] == 1.0 and nodes.states["/r/a"] == "unconfigured")
+
+
+async def test_nothing_is_changed_where_what_was_before_cannot_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "RETRY_S", 0.02)
+    nodes, disk = Nodes(a={"rate": 1.0}), SimDisk(random.Random(1), size_bytes=10)
+    async with seeing_to(nodes, disk) as values:
+        values.want({"a": {"rate": 2.0}}, None)
+        await wait_until_async(lambda: "message" in parameters(values))
+        assert nodes.nodes["/r/a"]["rate"] == 1.0
+        disk.repair()
+        await wait_until_async(lambda: nodes.nodes["/r/a"]["rate"] == 2.0)
+
+
+async def test_a_transition_that_a_node_refuses_is_reported_with_where_it_stays() -> None:
+    nodes = Nodes(a={})
+    nodes.stuck = {3}
+    async with seeing_to(nodes) as values:
+        values.want(None, {"a": "active"})
+        await wait_until_async(lambda: "message" in values.reported()["lifecycle"]["/r/a"])
+        found = values.reported()["lifecycle"]["/r/a"]
+    assert (found["state"], found["wanted"]) == ("inactive", "active")
+    assert "stays inactive" in found["message"]
+
+
+async def test_nodes_outside_the_robots_namespace_are_never_asked() -> None:
+    nodes = Nodes()
+    nodes.nodes["/other/n"], nodes.life["/other/n"] = {"x": 1}, "1"
+    async with seeing_to(nodes) as values:
+        values.want({"/other/n": {"x": 2}}, None)
+        await wait_until_async(lambda: "outside" in parameters(values, "/other/n").get("message", ""))
+    assert not nodes.sets
+
+
+def test_the_way_through_the_states() -> None:
+    for start in ("unconfigured", "inactive", "active"):
+        for goal in ("unconfigured", "inactive", "active", "finalized"):
+            state, steps = start, 0
+            while (step := next_step(state, goal)) is not None:
+                state, steps = STEPS[step], steps + 1
+            assert state == goal
+            assert steps <= 2
+    assert next_step("finalized", "active") is None
+    assert next_step("activating", "active") is None
+    assert next_step("unknown", "active") is None
+
+
+def test_a_damaged_file_of_what_was_before_is_as_none() -> None:
+    disk = SimDisk(random.Random(1))
+    for data in (b"[1]", b"{", b'{"/a": 3}', b'{"/a": {"life": "1"}}'):
+        disk.files["twin/originals.json"] = data
+        assert Originals(disk).nodes == {}
+
+
+async def test_too_much_of_it_is_refused() -> None:
+    originals = Originals(SimDisk(random.Random(1)))
+    originals.of("/r/a", "1").parameters = {"text": "x" * (1 << 20)}
+    with pytest.raises(DiskError):
+        await originals.keep()
