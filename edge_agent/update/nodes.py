@@ -146,6 +146,8 @@ def _describe(folder: Path, manifest: Manifest) -> None:
         "argv": argv,
     }
     try:
+        if manifest.command:
+            (folder / manifest.command[0]).chmod(0o700)  # a zip need not say that it is a program
         (folder / FACTS).write_text(json.dumps(facts, indent=1))
         sync_all(folder)
     except (OSError, BundleError) as error:

@@ -130,8 +130,14 @@ class AgentUpdates:
 
     async def attempt(self, version: str) -> bool:
         """Fetch, install and switch to that version; whether the loader is to start it now."""
+        loop = asyncio.get_running_loop()
+
+        def tell(state: str) -> None:
+            if not loop.is_closed():
+                loop.call_soon_threadsafe(self._tell, state, version)
+
         try:
-            await in_daemon(lambda: self.install(version))
+            await in_daemon(lambda: self.install(version, tell=tell))
         except (UpdateError, BundleError) as error:
             waits = isinstance(error, UpdateFetchError)  # it is tried again, and nothing was wrong with it
             LOG.warning("version %s is not installed: %s", version, error)
@@ -141,15 +147,21 @@ class AgentUpdates:
         self._restart()
         return True
 
-    def install(self, version: str, step: Callable[[str], object] = lambda name: None) -> None:
-        """All of it, blocking. Raises UpdateError, and has changed nothing that runs then."""
+    def install(
+        self,
+        version: str,
+        step: Callable[[str], object] = lambda name: None,
+        *,
+        tell: Callable[[str], None] = lambda state: None,
+    ) -> None:
+        """All of it, blocking, on any thread. Raises UpdateError, and has changed nothing that runs then."""
         source, what = self._source, {"kind": "agent", "name": AGENT, "version": version}
         if source is None:
             raise UpdateFetchError("this robot is not enrolled, and takes no updates")
-        self._tell_soon("downloading", version)
+        tell("downloading")
         step("downloading")
         with source.bundle(**what) as fetched:
-            self._tell_soon("staged", version)
+            tell("staged")
             step("verified")
             folder = self._slots.empty_one()
             step("emptied")
@@ -201,7 +213,3 @@ class AgentUpdates:
         if told != self._told:
             self._told = told
             self.changed()
-
-    def _tell_soon(self, state: str, version: str) -> None:
-        """The same, from the thread that installs: the report is a tuple put in place at once, and read by its next."""
-        self._told = (state, version, "", "")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import io
+import ssl
 import threading
 import zipfile
 from collections.abc import Callable, Iterator
@@ -263,7 +264,7 @@ def plain(
 
 
 @contextmanager
-def serve(repository: TufRepository) -> Iterator[Served]:
+def serve(repository: TufRepository, *, tls: ssl.SSLContext | None = None) -> Iterator[Served]:
     """The repository on this machine."""
     served = Served(repository)
 
@@ -283,7 +284,9 @@ def serve(repository: TufRepository) -> Iterator[Served]:
             pass
 
     server = Server(("127.0.0.1", 0), Handler)
-    served.url = f"http://127.0.0.1:{server.server_address[1]}"
+    served.url = f"{'http' if tls is None else 'https'}://127.0.0.1:{server.server_address[1]}"
+    if tls is not None:
+        server.socket = tls.wrap_socket(server.socket, server_side=True, do_handshake_on_connect=False)
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
     thread.start()
     try:
