@@ -22,6 +22,8 @@ from gateway.errors import RobotOfflineError, StoreError
 from gateway.fleet.commands import CommandDesk
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.orders import OrderDesk
+from gateway.fleet.rollout_side import TwinSide
+from gateway.fleet.rollouts import RolloutDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.fleet.twin_feature import Twins
 from gateway.history.desk import HistoryDesk
@@ -47,6 +49,8 @@ from gateway.store import Store
 from gateway.store.retention import retention_of
 from gateway.store.storage import Storage, StorageDesk
 from gateway.tls import HttpTls, http_tls
+from gateway.updates.repository import Repository
+from gateway.updates.tokens import FetchTokens
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS
@@ -112,7 +116,11 @@ class Gateway:
         self.audit = AuditLog(self.store, self.objects, clock=clock, seal=master)
         provider = OidcSettings.load(settings.oidc) if settings.oidc is not None else None
         self.oidc = OidcClient(provider, master, clock=clock) if provider is not None else None
-        self.door = Doors(self.local_key, stored, *([door] if door is not None else []))
+        self.updates = Repository(self.store, self.objects, master, settings.data_dir / "updates", clock=clock)
+        self.fetch_tokens = FetchTokens(self.store, clock=clock, revoked=self.identities.robots.revoked)
+        side = TwinSide(self.twins, self._every_robot, self._presence, self.updates.available)
+        self.rollouts = RolloutDesk(self.store, side, clock=clock)
+        self.door = Doors(self.local_key, self.fetch_tokens, stored, *([door] if door is not None else []))
         self.attendance = Attendance(self.door)
         self.rates = _rates(settings, clock)
         self._demand = DemandBook()
@@ -153,6 +161,8 @@ class Gateway:
             orders=self.orders,
             teleop=self.teleop,
             twins=self.twins,
+            updates=self.updates,
+            rollouts=self.rollouts,
             leases=self.leases,
             on_subscriptions=self._on_subscriptions,
             demand_of=self._demand.told,
@@ -168,6 +178,8 @@ class Gateway:
         await self.identities.start()
         await self._start_tls()
         await self.twins.start()
+        self.updates.shelf.clean()
+        await self.fetch_tokens.load()
         stored = sorted(await self.store.robots(), key=lambda item: -item.last_seen_ns)
         for position, item in enumerate(stored):
             record = self.registry.add(RobotRecord(item.robot, seen_ns=item.last_seen_ns))
@@ -204,6 +216,8 @@ class Gateway:
             group.create_task(self._tell_demand())
             group.create_task(self.recordings.run())
             group.create_task(self.twins.run())
+            group.create_task(self.updates.run())
+            group.create_task(self.rollouts.run())
             group.create_task(self.orders.run())
             group.create_task(self.attendance.run())
             group.create_task(self.audit.run())
@@ -214,6 +228,7 @@ class Gateway:
         self.local_key.remove()
         self.accounts.close()
         self.history.close()
+        self.updates.close()
         await self.recordings.close()
         with contextlib.suppress(StoreError):
             await self.twins.close()
@@ -241,11 +256,19 @@ class Gateway:
             on_result=self._on_result,
             on_recording=lambda robot, part: self.recordings.on_part(robot, part),
             on_twin=lambda robot, report: self.twins.on_report(robot, report),
+            fetch_token=lambda robot: self.fetch_tokens.make(robot),
         )
 
     def _on_result(self, robot_id: str, result: link_pb2.CommandResult) -> None:
         if result.running or not self.commands.on_result(robot_id, result):
             self.orders.delivery.on_result(robot_id, result)
+
+    def _every_robot(self) -> list[str]:
+        return [record.robot.id for record in self.registry.all()]
+
+    def _presence(self, robot_id: str) -> tuple[bool, int]:
+        record = self.registry.find(robot_id)
+        return (record.online, record.since_ns) if record is not None else (False, 0)
 
     def _labels_said(self, robot_id: str) -> dict[str, str]:
         record = self.registry.find(robot_id)

@@ -7,6 +7,7 @@ import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any
 from urllib.parse import quote, urlencode, urlsplit
 
@@ -90,6 +91,11 @@ class GatewayClient:
         with self.open("POST", path, body=body) as answer:
             return _document(answer)
 
+    def send(self, path: str, file: Path, *, kind: str, **query: Any) -> Any:
+        """The JSON that answers a POST of a file."""
+        with self.open("POST", path, query=query, headers={"Content-Type": kind}, file=file) as answer:
+            return _document(answer)
+
     def patch(self, path: str, body: Mapping[str, Any]) -> Any:
         """The JSON that answers a PATCH."""
         with self.open("PATCH", path, body=body) as answer:
@@ -109,8 +115,9 @@ class GatewayClient:
         query: Mapping[str, Any] | None = None,
         body: Mapping[str, Any] | None = None,
         headers: Mapping[str, str] | None = None,
+        file: Path | None = None,
     ) -> Iterator[Answer]:
-        """One request and its good answer.
+        """One request and its good answer; `file` is sent as it is, piece by piece, under a type in `headers`.
 
         Raises:
             UnavailableError: nobody answers at the address.
@@ -120,12 +127,15 @@ class GatewayClient:
         asked = urlencode({k: v for k, v in (query or {}).items() if v is not None}, doseq=True)
         kind = {} if body is None else {"Content-Type": "application/json"}
         connection = open_connection(self.url, timeout_s=self._timeout_s)
+        content: Any = None if body is None else json.dumps(body).encode()
+        if file is not None:
+            content, kind = file.open("rb"), {"Content-Length": str(file.stat().st_size)}
         try:
             try:
                 connection.request(
                     method,
                     f"{path}?{asked}" if asked else path,
-                    body=None if body is None else json.dumps(body).encode(),
+                    body=content,
                     headers={**self._identity, **kind, **(headers or {})},
                 )
                 response = connection.getresponse()
@@ -137,6 +147,8 @@ class GatewayClient:
             yield answer
         finally:
             connection.close()
+            if file is not None:
+                content.close()
 
 
 def _silence(url: str, error: Exception) -> str:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from gateway.api.allow import PRINCIPAL_KEY, SAFE_METHODS
-from gateway.api.guard import body_limit, drain
+from gateway.api.guard import UPLOADS, body_limit, drain
 from gateway.api.rate import PAUSE_S, address_of
 from gateway.domain.principal import NOBODY, Principal
 from gateway.errors import BodyTooLargeError, OverloadedError, RequestTimeoutError, TooManyRequestsError
@@ -95,9 +95,12 @@ class _Body:
         self._failed = False
         self.address = address_of(scope)
         self.counted = 0
+        self.streamed = 0
 
     async def receive(self) -> Message:
         """The whole body first, then what else the connection says."""
+        if self._scope["path"] == UPLOADS and self._scope["method"] == "POST":
+            return await self._piece()
         if self._read:
             return await self._receive()
         self._read = True
@@ -112,6 +115,23 @@ class _Body:
         if self._failed and message["type"] == "http.response.start":
             message = {**message, "headers": [*message.get("headers", []), (b"connection", b"close")]}
         await self._send(message)
+
+    async def _piece(self) -> Message:
+        """One piece of a large file, which its route takes as it comes and never keeps in memory."""
+        limit, limits = self._desk.limit(self._scope), self._desk.limits
+        try:
+            async with asyncio.timeout(limits.body_idle_s):
+                message = await self._receive()
+        except TimeoutError:
+            self._failed = True
+            raise RequestTimeoutError(f"the body did not come: {limits.body_idle_s:g} s for a piece") from None
+        if message["type"] != "http.request":
+            raise RequestTimeoutError("the connection ended within the body")
+        self.streamed += len(message.get("body", b""))
+        if self.streamed > limit or _said_bytes(self._scope) > limit:
+            self._failed = True
+            raise BodyTooLargeError(f"the body is over {limit} bytes")
+        return message
 
     async def _whole(self) -> Message:
         limit, limits = self._desk.limit(self._scope), self._desk.limits

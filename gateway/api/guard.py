@@ -20,7 +20,7 @@ from gateway.api.problem import PROBLEM_TYPE, problem_bytes
 from gateway.errors import BodyTooLargeError, HostError, MediaTypeError, OriginError, RequestError
 from metaros.limits import LIMITS
 
-__all__ = ["PROTOCOL_KEY", "Guard", "body_limit", "drain"]
+__all__ = ["PROTOCOL_KEY", "UPLOADS", "Guard", "body_limit", "drain"]
 
 PROTOCOL_KEY = "metaros.protocol"  # where a socket's scope keeps uvicorn's protocol object, see ws/cut.py
 REFUSED = 4403
@@ -29,6 +29,8 @@ MOST_DIGITS = 15  # of a Content-Length
 AGENTS_ONLY = "/api/v1/link"  # no page of anybody's has business there, ours included
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 DRAINED_BYTES, DRAIN_S = 8 * 1024 * 1024, 10.0
+UPLOADS = "/api/v1/updates/bundles"  # the one path that takes a zip file, see bodies.py
+UPLOAD_TYPE = "application/zip"
 BODY_LIMITS = {"application/json": LIMITS.json_bytes, "application/cdr": LIMITS.frame_bytes - 64 * 1024}
 
 _HOST = re.compile(rb"(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(?::([0-9]{1,5}))?")
@@ -118,9 +120,14 @@ def body_limit(scope: Scope) -> int:
     # No form and no page of another origin can send DELETE without being asked first, so it needs no body to prove it.
     if not types and scope["method"] == "DELETE" and not _has_body(scope):
         return 0
+    if types == [UPLOAD_TYPE] and scope["path"] == UPLOADS:
+        return _checked_length(scope, LIMITS.bundle_bytes)
     if len(types) != 1 or types[0] not in BODY_LIMITS:
         raise MediaTypeError("a request that changes something has Content-Type application/json or application/cdr")
-    limit = BODY_LIMITS[types[0]]
+    return _checked_length(scope, BODY_LIMITS[types[0]])
+
+
+def _checked_length(scope: Scope, limit: int) -> int:
     for length in _all(scope, b"content-length"):
         if not length.isdigit() or len(length) > MOST_DIGITS:
             raise BodyTooLargeError(f"the body has {length[:20].decode('latin-1')} bytes, at most {limit} may come")

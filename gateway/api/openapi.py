@@ -68,7 +68,7 @@ def _describe(operation: dict[str, Any], path: str, method: str, rows: list[Perm
     answers = dict(WALLS)
     for row in rows:
         operation["x-metaros-permission"] = row.name
-        if row.who == "people":
+        if row.who in ("people", "enrolled"):
             operation["security"] = [{name: []} for name in SCHEMES]
             answers |= PEOPLE
     if method not in SAFE_METHODS:

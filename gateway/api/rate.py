@@ -136,7 +136,8 @@ class RateLimited:
         scope[RATES_KEY] = self._rates
         try:
             key = self._count(scope)
-            if scope.get(PRINCIPAL_KEY, NOBODY).role is Role.NONE:
+            principal: Principal = scope.get(PRINCIPAL_KEY, NOBODY)
+            if principal.role is Role.NONE and principal.kind != "robot":
                 await self._rates.turns.wait(address_of(scope))
         except TooManyRequestsError as error:
             await asyncio.sleep(self._pause())

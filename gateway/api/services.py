@@ -13,6 +13,7 @@ from gateway.api.rate import Rates
 from gateway.domain.lease import LeaseTable
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.orders import OrderDesk
+from gateway.fleet.rollouts import RolloutDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.fleet.twin_feature import Twins
 from gateway.history.desk import HistoryDesk
@@ -28,6 +29,7 @@ from gateway.recordings.desk import RecordingDesk
 from gateway.settings import Settings
 from gateway.store import Store
 from gateway.store.storage import StorageDesk
+from gateway.updates.repository import Repository
 from metaros.clock import Clock
 
 __all__ = ["Services", "services_of"]
@@ -57,8 +59,10 @@ class Services:
     fleet: FleetDesk
     orders: OrderDesk
     teleop: TeleopDesk
-    leases: LeaseTable
     twins: Twins
+    updates: Repository
+    rollouts: RolloutDesk
+    leases: LeaseTable
     on_subscriptions: Callable[[], None]
     demand_of: Callable[[str], dict[str, float]]
     describe: Callable[[str], dict[str, Any]]

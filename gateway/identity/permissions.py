@@ -2,7 +2,8 @@
 
 A row says the least role, whether it is about one robot (which then has to be in the principal's scope), whether it
 changes something (then a browser's session needs its CSRF token, and the audit log keeps it), and who may ask at all:
-"people" with a role, "anyone" without a credential, or "robots" with an identity of their own. What people change,
+"people" with a role, "anyone" without a credential, "robots" with an identity of their own that is asked for later, or
+what was "enrolled": a robot by the token that its link brought it. What people change,
 somebody known has changed: nobody anonymous may, whatever the role.
 """
 
@@ -25,7 +26,7 @@ class Permission:
     meaning: str
     robots: bool = False
     mutates: bool = False
-    who: Literal["people", "anyone", "robots"] = "people"
+    who: Literal["people", "anyone", "robots", "enrolled"] = "people"
 
     def granted(self, principal: Principal) -> bool:
         """Whether the principal's kind and role suffice; its scope is the caller's to check."""
@@ -33,6 +34,8 @@ class Permission:
             return True
         if self.who == "robots":  # nobody known may knock: a robot proves itself in its first frames
             return principal.kind in ("robot", "anonymous")
+        if self.who == "enrolled":
+            return principal.kind == "robot"
         if principal.kind == "robot" or (self.mutates and principal.kind == "anonymous"):
             return False
         return principal.role >= self.least
@@ -70,7 +73,7 @@ PERMISSIONS: tuple[Permission, ...] = (
     Permission("commands.cancel", _O, "take back a command that has not reached its robot", robots=True, mutates=True),
     Permission("updates.read", _V, "versions that robots may be given, and rollouts"),
     Permission("updates.publish", _A, "add versions, and sign what is online", mutates=True),
-    Permission("updates.fetch", _N, "a robot's download of signed files", who="robots"),
+    Permission("updates.fetch", _N, "a robot's download of signed files", who="enrolled"),
     Permission("rollouts.manage", _A, "start, pause, resume and end rollouts", mutates=True),
     Permission("store.read", _V, "what the store holds and will delete"),
     Permission("keys.own", _V, "make, list and revoke one's own keys", mutates=True),

@@ -110,6 +110,11 @@ class RobotIdentities:
                 error.code, str(error), retry_after_ms=RETRY_MS.get(error.code, RETRY_ELSE_MS)
             ) from error
 
+    def revoked(self, robot: str) -> bool:
+        """Whether the robot had an identity, and has it no more."""
+        state = self._known.get(robot)
+        return state is not None and bool(state.revoked_ns)
+
     def cloned(self, robot: str) -> None:
         """Two processes speak as this robot in turn: remember and say so, at most once a minute."""
         now_s = self._clock.monotonic_s()

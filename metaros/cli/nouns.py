@@ -65,6 +65,8 @@ NOUNS = (
     Noun("bag", "metaros.cli.bag", ROBOTS, "record, info, play, cut, export, save, recover: MCAP recordings"),
     Noun("play", "metaros.cli.play", ROBOTS, "Replay a recording, or a real robot's log, as live topics"),
     Noun("robot", "", ROBOTS, "token, list, revoke: which robots belong to the fleet", "gateway"),
+    Noun("update", "", ROBOTS, "init-root, add, sign, publish, list, withdraw: signed versions for robots", "gateway"),
+    Noun("rollout", "", ROBOTS, "start, show, pause, resume, abort: a version for many robots, in waves", "gateway"),
     Noun("recording", "", ROBOTS, "list, save, get, delete: the last minutes of a robot, in full", "gateway"),
     Noun("history", "", ROBOTS, "topics, messages, export: what a gateway has stored", "gateway"),
     Noun("seal", "metaros.cli.seal", ROBOTS, "key, open: sealed topics, which the gateway cannot read"),

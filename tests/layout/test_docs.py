@@ -31,12 +31,24 @@ def test_every_error_code_is_documented() -> None:
     import edge_agent.errors
     import edge_agent.update.errors
     import gateway.errors
+    import gateway.fleet.rollout_errors
     import gateway.identity.errors
+    import gateway.updates.errors
+    import metaros.bundle
     import metaros.errors
 
     codes = {
         value.code
-        for module in (metaros.errors, edge_agent.errors, edge_agent.update.errors, gateway.errors, gateway.identity.errors)
+        for module in (
+            metaros.errors,
+            edge_agent.errors,
+            edge_agent.update.errors,
+            gateway.errors,
+            gateway.identity.errors,
+            gateway.fleet.rollout_errors,
+            gateway.updates.errors,
+            metaros.bundle,
+        )
         for value in vars(module).values()
         if isinstance(value, type) and issubclass(value, Exception) and hasattr(value, "code")
     }

@@ -76,7 +76,7 @@ EXPECTED = {
     "commands.cancel": "ssf++bf",
     "updates.read": "s++++bf",
     "updates.publish": "ssff+bf",
-    "updates.fetch": "++fffb+",
+    "updates.fetch": "ssfffb+",
     "rollouts.manage": "ssff+bf",
 }
 CODES = {"s": (401, "sign_in"), "b": (401, "bad_credentials"), "f": (403, "forbidden")}

@@ -6,7 +6,7 @@ import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
-__all__ = ["make_bundle"]
+__all__ = ["WHEEL", "make_bundle"]
 
 WHEEL = "wheels/lidar_node-1.0.0-py3-none-any.whl"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
@@ -15,6 +14,7 @@ from gateway.api.models_recordings import Recording, RecordingList, RecordingReq
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.downloads import DownloadResponse
+from gateway.api.rest.spans import asked_span
 from gateway.api.rest.times import parse_time
 from gateway.api.services import services_of
 from gateway.api.views import rfc3339
@@ -26,7 +26,6 @@ __all__ = ["router"]
 
 MAX_LISTED = 1000
 MEDIA_TYPE = "application/mcap"
-_RANGE = re.compile(r"bytes=(\d{0,19})-(\d{0,19})")
 
 router = APIRouter(prefix="/api/v1", tags=["recordings"], default_response_class=JsonResponse)
 
@@ -119,7 +118,7 @@ async def get_file(request: Request, recording_id: str) -> Response:
     }
     if etag in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
-    span = _span(request, found.size_bytes, etag)
+    span = asked_span(request, found.size_bytes, etag)
     if span is None:
         return _sent(request, desk.download(found), found.size_bytes, headers, status_code=200)
     start, end = span
@@ -188,15 +187,3 @@ def _sent(request: Request, part: Download, size_bytes: int, headers: dict[str, 
     return DownloadResponse(
         request, part, what="a download", media_type=MEDIA_TYPE, headers=sized, status_code=status_code
     )
-
-
-def _span(request: Request, size_bytes: int, etag: str) -> tuple[int, int] | None:
-    """The asked byte range, its end exclusive; None: all of it. An empty one cannot be satisfied."""
-    match = _RANGE.fullmatch(request.headers.get("range", "").replace(" ", ""))
-    if match is None or request.headers.get("if-range", etag) != etag:
-        return None
-    first, last = match.groups()
-    if not first:
-        return (max(0, size_bytes - int(last)), size_bytes) if last else None
-    end = min(int(last) + 1, size_bytes) if last else size_bytes
-    return (int(first), end) if not last or int(last) >= int(first) else None

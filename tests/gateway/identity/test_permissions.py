@@ -23,7 +23,7 @@ def test_what_people_may_asks_for_a_role_and_the_rest_for_none() -> None:
 
 def test_more_role_is_never_less_right() -> None:
     for row in PERMISSIONS:
-        if row.who != "robots":
+        if row.who not in ("robots", "enrolled"):
             granted = [row.granted(Principal(kind="key", role=role, robots=EVERY_ROBOT)) for role in Role]
             assert granted == sorted(granted), row.name
             assert granted[-1], row.name
@@ -41,4 +41,6 @@ def test_a_robot_may_link_and_what_everybody_may() -> None:
     robot = Principal(kind="robot", id="sim_1", role=Role.ADMIN, robots=("sim_1",))
     granted = {row.name for row in PERMISSIONS if row.granted(robot)}
     assert granted == {row.name for row in PERMISSIONS if row.who != "people"}
-    assert not permission("agent.link").granted(Principal(kind="user", role=Role.ADMIN))
+    for name in ("agent.link", "updates.fetch"):
+        assert not permission(name).granted(Principal(kind="user", role=Role.ADMIN))
+    assert not permission("updates.fetch").granted(anonymous_viewer())

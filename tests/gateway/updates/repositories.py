@@ -21,6 +21,7 @@ from gateway.updates.publish import Upload
 from gateway.updates.repository import Repository
 from metaros.clock import Clock, SystemClock
 from metaros.errors import MetarosError
+from metaros.limits import LIMITS, Limits
 from tests.support.bundles import make_bundle
 
 SECRET = b"correct horse"
@@ -34,7 +35,13 @@ def passphrase(_name: str) -> bytes:
 
 @asynccontextmanager
 async def repository(
-    folder: Path, url: str = "", *, clock: Clock | None = None, key: bytes = KEY, objects: Path | None = None
+    folder: Path,
+    url: str = "",
+    *,
+    clock: Clock | None = None,
+    key: bytes = KEY,
+    objects: Path | None = None,
+    limits: Limits = LIMITS,
 ) -> AsyncIterator[Repository]:
     """A gateway's repository; several may share `url` and `objects`."""
     clock = clock or SystemClock()
@@ -43,7 +50,7 @@ async def repository(
         folder, clock=clock, retention=Retention(age_s=100.0, size_bytes=1 << 30), queue_bytes=1 << 20, url=url
     )
     store.start()
-    made = Repository(store, stored, MasterKey(key), folder / "incoming", clock=clock)
+    made = Repository(store, stored, MasterKey(key), folder / "incoming", clock=clock, limits=limits)
     made.shelf.clean()
     try:
         yield made

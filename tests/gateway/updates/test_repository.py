@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -11,12 +13,14 @@ from typing import Any
 import pytest
 from tuf.api.metadata import Metadata, Root, Snapshot, Targets, Timestamp
 
+from gateway.errors import BodyTooLargeError, TooManyError
 from gateway.updates import offline
 from gateway.updates.errors import NoRootError, UnknownUpdateError, UpdateRefusedError, WithdrawnError
 from gateway.updates.publish import Upload
 from metaros.bundle import BundleError
 from metaros.clock import ManualClock, SystemClock
 from metaros.errors import ConfigError
+from metaros.limits import LIMITS
 from tests.gateway.updates.repositories import (
     Robot,
     passphrase,
@@ -26,7 +30,7 @@ from tests.gateway.updates.repositories import (
     ship,
     upload,
 )
-from tests.support.bundles import make_bundle
+from tests.support.bundles import WHEEL, make_bundle
 from tests.support.postgres import PostgresServer
 
 PATH = "nodes/lidar-node/1.0.0.zip"
@@ -218,6 +222,18 @@ async def test_a_version_is_for_ever(tmp_path: Path, store_url: str) -> None:
         assert [one.path for one in await made.bundles()] == [PATH]
         assert list((tmp_path / "gateway" / "incoming").iterdir()) == []
         assert len(list((tmp_path / "gateway" / "objects" / "updates").iterdir())) == 1
+
+
+async def test_bundles_have_bounds(tmp_path: Path) -> None:
+    limits = replace(LIMITS, bundle_bytes=2000, bundles=1)
+    async with repository(tmp_path / "gateway", limits=limits) as made:
+        large = make_bundle(tmp_path, members={WHEEL: hashlib.shake_128(b"noise").digest(4000)})
+        with pytest.raises(BodyTooLargeError):
+            await upload(made, large)
+        await upload(made, make_bundle(tmp_path / "a"))
+        with pytest.raises(TooManyError):
+            await upload(made, make_bundle(tmp_path / "a", version="2.0.0"))
+        assert list((tmp_path / "gateway" / "incoming").iterdir()) == []
 
 
 async def test_a_withdrawn_version_is_not_handed_out(tmp_path: Path, store_url: str) -> None:

@@ -1,0 +1,186 @@
+"""Rollouts: start, watch, pause, resume and end them."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import Response
+
+from gateway.api import models, models_rollouts
+from gateway.api.allow import allow, principal_of
+from gateway.api.audited import note
+from gateway.api.problem import JsonResponse
+from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.services import services_of
+from gateway.api.views import rfc3339
+from gateway.domain.rollout import IN_FLIGHT, MemberState, Plan, Rollout
+from gateway.fleet.rollout_errors import UnknownRolloutError
+from metaros.bundle import AGENT, version_key
+
+__all__ = ["rollout_view", "router"]
+
+ANSWERS: dict[int | str, dict[str, Any]] = {200: {"model": models_rollouts.Rollout}, **PROBLEMS}
+
+router = APIRouter(prefix="/api/v1/rollouts", tags=["updates"], default_response_class=JsonResponse)
+
+
+@router.get("", dependencies=[allow("updates.read")], responses={200: {"model": models_rollouts.RolloutList}})
+async def list_rollouts(request: Request) -> Response:
+    """The newest rollouts that have a robot in one's scope, the newest first."""
+    found = [one for one in await services_of(request).rollouts.list() if _sees(request, one)]
+    return JsonResponse({"rollouts": [rollout_view(one) for one in found]})
+
+
+@router.post(
+    "",
+    status_code=201,
+    dependencies=[allow("rollouts.manage")],
+    responses={
+        201: {"model": models_rollouts.RolloutDetail},
+        200: {"model": models_rollouts.RolloutDetail},
+        **PROBLEMS,
+    },
+    openapi_extra=body_document(models_rollouts.RolloutRequest),
+)
+async def start_rollout(request: Request) -> Response:
+    """Start a rollout to every robot in scope that the selector names; 200 and nothing done for a dry run."""
+    body = await read_body(request, models_rollouts.RolloutRequest)
+    version_key(body.version)
+    plan = Plan(
+        kind="node" if body.node else "agent",
+        node=body.node,
+        bundle=(body.bundle or body.node) if body.node else AGENT,
+        version=body.version,
+        selector=body.selector,
+        waves=tuple(body.waves),
+        max_failure_rate=body.max_failure_rate,
+        health_s=body.health_s,
+        steady_s=body.steady_s,
+        offline_s=body.offline_s,
+        give_up_s=body.give_up_s,
+    )
+    principal = principal_of(request)
+    made = await services_of(request).rollouts.start(plan, by=principal.name, sees=principal.sees, dry_run=body.dry_run)
+    note(request, detail=f"{'dry run of ' if body.dry_run else ''}{made.id}: {plan.bundle} {plan.version}")
+    view = rollout_view(made, members=True, dry_run=body.dry_run)
+    return JsonResponse(view, status_code=200 if body.dry_run else 201)
+
+
+@router.get(
+    "/{rollout_id}",
+    dependencies=[allow("updates.read")],
+    responses={200: {"model": models_rollouts.RolloutDetail}, 404: {"model": models.Problem}},
+)
+async def get_rollout(request: Request, rollout_id: str) -> Response:
+    """One rollout, with those of its robots that are in one's scope."""
+    one = await _get(request, rollout_id)
+    view = rollout_view(one, members=True)
+    view["members"] = [item for item in view["members"] if principal_of(request).sees(item["robot"])]
+    return JsonResponse(view)
+
+
+@router.post(
+    "/{rollout_id}/pause",
+    dependencies=[allow("rollouts.manage")],
+    responses=ANSWERS,
+    openapi_extra=body_document(models_rollouts.Why),
+)
+async def pause_rollout(request: Request, rollout_id: str) -> Response:
+    """Tell no further robot; those at it go on."""
+    body = await read_body(request, models_rollouts.Why)
+    await _get(request, rollout_id, whole=True)
+    return JsonResponse(rollout_view(await services_of(request).rollouts.pause(rollout_id, body.reason)))
+
+
+@router.post(
+    "/{rollout_id}/resume",
+    dependencies=[allow("rollouts.manage")],
+    responses=ANSWERS,
+    openapi_extra=body_document(models_rollouts.Resume),
+)
+async def resume_rollout(request: Request, rollout_id: str) -> Response:
+    """Go on in spite of the failures so far; or with another version, from the first wave and for every robot."""
+    body = await read_body(request, models_rollouts.Resume)
+    if body.version:
+        version_key(body.version)
+    await _get(request, rollout_id, whole=True)
+    return JsonResponse(rollout_view(await services_of(request).rollouts.resume(rollout_id, version=body.version)))
+
+
+@router.post(
+    "/{rollout_id}/abort",
+    dependencies=[allow("rollouts.manage")],
+    responses=ANSWERS,
+    openapi_extra=body_document(models_rollouts.Why),
+)
+async def abort_rollout(request: Request, rollout_id: str) -> Response:
+    """End it. Robots that were told keep what their twins say."""
+    body = await read_body(request, models_rollouts.Why)
+    await _get(request, rollout_id, whole=True)
+    return JsonResponse(rollout_view(await services_of(request).rollouts.abort(rollout_id, body.reason)))
+
+
+def rollout_view(one: Rollout, *, members: bool = False, dry_run: bool = False) -> dict[str, Any]:
+    """A rollout as the API shows it."""
+    plan = one.plan
+    view: dict[str, Any] = {
+        "id": one.id,
+        "state": one.state,
+        "reason": one.reason,
+        "kind": plan.kind,
+        "node": plan.node,
+        "bundle": plan.bundle,
+        "version": plan.version,
+        "selector": plan.selector,
+        "max_failure_rate": plan.max_failure_rate,
+        "health_s": plan.health_s,
+        "steady_s": plan.steady_s,
+        "offline_s": plan.offline_s,
+        "give_up_s": plan.give_up_s,
+        "robots": len(one.members),
+        "wave": one.wave,
+        "waves": [
+            {
+                "wave": wave,
+                "size": size,
+                "in_flight": one.count(*IN_FLIGHT, wave=wave),
+                "done": one.count("done", wave=wave),
+                "failed": one.count("failed", wave=wave),
+            }
+            for wave, size in enumerate(one.sizes, 1)
+        ],
+        "counts": {state: one.count(state) for state in get_args(MemberState)},
+        "created": rfc3339(one.created_ns),
+        "created_by": one.created_by,
+        "changed": rfc3339(one.changed_ns),
+        "dry_run": dry_run,
+    }
+    if members:
+        view["members"] = [
+            {
+                "robot": member.robot,
+                "state": member.state,
+                "wave": member.wave,
+                "since": rfc3339(member.since_ns),
+                "reason": member.reason,
+            }
+            for member in sorted(one.members.values(), key=lambda item: item.place)
+        ]
+    return view
+
+
+async def _get(request: Request, rollout_id: str, *, whole: bool = False) -> Rollout:
+    """One rollout; UnknownRolloutError also where none of its robots is in scope, or `whole` and not all of them."""
+    one = await services_of(request).rollouts.get(rollout_id)
+    if not _sees(request, one, whole=whole):
+        raise UnknownRolloutError(f"there is no rollout {rollout_id[:40]!r}")
+    return one
+
+
+def _sees(request: Request, one: Rollout, *, whole: bool = False) -> bool:
+    principal = principal_of(request)
+    if principal.sees_all:
+        return True
+    return (all if whole else any)(principal.sees(robot) for robot in one.members)

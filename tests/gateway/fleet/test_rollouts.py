@@ -1,0 +1,197 @@
+"""The desk of rollouts on a real store, with robots that do what the test says."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.domain.rollout import Plan
+from gateway.errors import InvalidRequestError, RequestError
+from gateway.fleet.rollout_errors import RolloutStateError, UnknownRolloutError
+from gateway.fleet.rollouts import RolloutDesk
+from gateway.store import Store
+from gateway.store.retention import Retention
+from metaros.clock import ManualClock
+from tests.gateway.store.conftest import store_url
+from tests.support.postgres import PostgresServer
+
+__all__ = ["store_url"]
+
+NOW_NS = 1_800_000_000 * 10**9
+PLAN = Plan(kind="agent", node="", bundle="metaros", version="2.0.0", selector="", waves=("1", "2"), steady_s=0.0)
+
+
+@dataclass
+class Fleet:
+    """Robots r0 to r5, all online, of version 1.0.0."""
+
+    said: dict[str, dict[str, Any]] = field(
+        default_factory=lambda: {f"r{n}": {"agent": {"version": "1.0.0"}} for n in range(6)}
+    )
+    told: list[tuple[str, str, str]] = field(default_factory=list)
+    authors: set[str] = field(default_factory=set)
+    refusing: set[str] = field(default_factory=set)
+    signed: set[str] = field(default_factory=lambda: {"2.0.0", "2.0.1"})
+
+    def named(self, selector: str) -> list[str]:
+        return [] if selector == "nobody" else list(self.said)
+
+    def presence(self, robot: str) -> tuple[bool, int]:
+        return True, 0
+
+    def reported(self, robot: str) -> dict[str, Any] | None:
+        return self.said[robot]
+
+    def refusal(self, robot: str) -> str:
+        return ""
+
+    async def set_path(self, robot: str, path: str, value: str, *, author: str) -> None:
+        if robot in self.refusing:
+            raise RequestError("the template forbids it")
+        self.told.append((robot, path, value))
+        self.authors.add(author)
+
+    async def available(self, kind: str, name: str, version: str) -> bool:
+        return (kind, name) == ("agent", "metaros") and version in self.signed
+
+    def obey(self) -> None:
+        """Whoever was told runs the version."""
+        for robot, _, version in self.told:
+            self.said[robot] = {"agent": {"version": version, "update": {"state": "healthy", "version": version}}}
+
+
+@asynccontextmanager
+async def desk_on(url: str, folder: Path, fleet: Fleet, clock: ManualClock) -> AsyncIterator[RolloutDesk]:
+    store = Store(
+        folder, clock=clock, retention=Retention(age_s=100.0, size_bytes=1 << 30), queue_bytes=1 << 20, url=url
+    )
+    store.start()
+    try:
+        yield RolloutDesk(store, fleet, clock=clock)
+    finally:
+        await store.close()
+
+
+async def begin(desk: RolloutDesk, plan: Plan = PLAN, *, dry_run: bool = False) -> str:
+    made = await desk.start(plan, by="ann", sees=lambda robot: True, dry_run=dry_run)
+    return made.id
+
+
+async def test_waves_through_the_store(tmp_path: Path, store_url: str) -> None:
+    clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet()
+    async with desk_on(store_url, tmp_path, fleet, clock) as desk:
+        rid = await begin(desk)
+        told = []
+        for _ in range(5):
+            assert await desk.tick()
+            told.append(len(fleet.told))
+            fleet.obey()
+            clock.advance(1)
+        assert told == [1, 3, 6, 6, 6]
+        one = await desk.get(rid)
+        assert (one.state, one.count("done"), one.created_by) == ("done", 6, "ann")
+        assert {(path, value) for _, path, value in fleet.told} == {("agent.version", "2.0.0")}
+        assert fleet.authors == {f"rollout {rid}"}
+        assert [item.id for item in await desk.list()] == [rid]
+
+
+async def test_a_gateway_that_dies_is_followed_by_another(tmp_path: Path, postgres: PostgresServer) -> None:
+    url, clock, fleet = postgres.schema(), ManualClock(wall_ns=NOW_NS), Fleet()
+    async with desk_on(url, tmp_path / "b", fleet, clock) as second:
+        async with desk_on(url, tmp_path / "a", fleet, clock) as first:
+            rid = await begin(first)
+            assert await first.tick()
+            assert not await second.tick()  # one at a time
+            assert (len(fleet.told), (await second.get(rid)).count("updating")) == (1, 1)
+        fleet.obey()
+        clock.advance(20)
+        assert await second.tick()
+        assert len(fleet.told) == 3
+        one = await second.get(rid)
+        assert (one.wave, one.count("done"), one.count("updating")) == (2, 1, 2)
+
+
+async def test_it_halts_and_goes_on_with_a_fix(tmp_path: Path, store_url: str) -> None:
+    clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet()
+    async with desk_on(store_url, tmp_path, fleet, clock) as desk:
+        rid = await begin(desk)
+        await desk.tick()
+        robot = fleet.told[0][0]
+        update = {"state": "rolled_back", "version": "2.0.0", "message": "no link"}
+        fleet.said[robot] = {"agent": {"version": "1.0.0", "update": update}}
+        for _ in range(3):
+            await desk.tick()
+        one = await desk.get(rid)
+        assert (one.state, len(fleet.told)) == ("halted", 1)
+        assert f"{robot} rolled_back: no link" in one.reason
+        with pytest.raises(RolloutStateError):
+            await desk.pause(rid, "")
+        with pytest.raises(InvalidRequestError, match="cannot fetch"):
+            await desk.resume(rid, version="9.9.9")
+        await desk.resume(rid, version="2.0.1")
+        for _ in range(6):
+            await desk.tick()
+            fleet.obey()
+        assert (await desk.get(rid)).state == "done"
+        assert {said["agent"]["version"] for said in fleet.said.values()} == {"2.0.1"}
+
+
+async def test_a_twin_that_cannot_hold_it(tmp_path: Path) -> None:
+    clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet(refusing={f"r{n}" for n in range(6)})
+    async with desk_on("", tmp_path, fleet, clock) as desk:
+        rid = await begin(desk)
+        await desk.tick()
+        await desk.tick()
+        one = await desk.get(rid)
+        assert (one.state, one.count("failed")) == ("halted", 1)
+        assert "the template forbids it" in one.reason
+
+
+async def test_paused_resumed_aborted(tmp_path: Path, store_url: str) -> None:
+    clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet()
+    async with desk_on(store_url, tmp_path, fleet, clock) as desk:
+        rid = await begin(desk)
+        await desk.tick()
+        assert (await desk.pause(rid, "lunch")).reason == "lunch"
+        fleet.obey()
+        for _ in range(3):
+            await desk.tick()
+        assert (len(fleet.told), (await desk.get(rid)).count("done")) == (1, 1)
+        await desk.resume(rid)
+        await desk.tick()
+        assert len(fleet.told) == 3
+        await desk.abort(rid, "enough")
+        fleet.obey()
+        await desk.tick()
+        one = await desk.get(rid)
+        assert (one.state, one.reason, len(fleet.told)) == ("aborted", "enough", 3)
+        for call in (desk.resume(rid), desk.abort(rid, ""), desk.pause(rid, "")):
+            with pytest.raises(RolloutStateError):
+                await call
+
+
+async def test_what_does_not_begin(tmp_path: Path) -> None:
+    clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet()
+    async with desk_on("", tmp_path, fleet, clock) as desk:
+        for plan in (
+            replace(PLAN, selector="nobody"),
+            replace(PLAN, version="9.9.9"),
+            replace(PLAN, waves=("0",)),
+            replace(PLAN, waves=()),
+        ):
+            with pytest.raises(InvalidRequestError):
+                await begin(desk, plan)
+        await begin(desk, dry_run=True)
+        assert await desk.list() == []
+        with pytest.raises(UnknownRolloutError):
+            await desk.get("none")
+        rid = await begin(desk)
+        with pytest.raises(RolloutStateError, match=rid):
+            await begin(desk)
+        await desk.abort(rid, "")
+        await begin(desk)
