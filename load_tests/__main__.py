@@ -25,6 +25,7 @@ BENCHMARKS = {
     "service": "service round trips and action goals against raw eclipse-zenoh queries",
     "storage": "bytes on the gateway's disk for an hour of a robot, beside raw CDR and a rosbags MCAP file",
     "timer": "how late timers are called, per executor",
+    "twin": "a change of a thousand robots' desired states: accepted, and lived by",
 }
 
 

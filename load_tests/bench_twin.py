@@ -1,0 +1,90 @@
+"""A change of the whole fleet's twins: how long until it is accepted, and until every robot lives by it.
+
+    python -m load_tests twin [--robots 1000] [--rounds 3] [--quick]
+
+A gateway with SQLite in this process, its robots in another one, over gRPC on loopback, all on this machine's cores.
+Each round is one request, in turn a merge patch of every robot's own document and a template for half of them. Accepted
+is the time of the HTTP request, in which the database has the change on disk; converged is from its beginning until the
+last robot has had its revision confirmed. 1 is returned when an acceptance takes over `--accept-s`, or a convergence
+over `--converge-s`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import httpx
+
+from gateway.domain.principal import Role
+from tests.gateway.harness import RING, client, running_gateway
+
+__all__ = ["main"]
+
+WAIT_S = 300.0
+
+
+async def _line(robots: asyncio.subprocess.Process, wanted: str) -> None:
+    assert robots.stdout is not None
+    async with asyncio.timeout(WAIT_S):
+        while (line := await robots.stdout.readline()).strip() != wanted.encode():
+            if not line:
+                raise SystemExit("the robots' process ended")
+
+
+async def _round(http: httpx.AsyncClient, robots: asyncio.subprocess.Process, number: int) -> tuple[float, float]:
+    document = {
+        "topics": {f"camera_{n}/image": {"class": "live", "rate_hz": float(number)} for n in range(4)},
+        "parameters": {"/lidar": {"rate_hz": 10.0 + number}},
+        "budget": {"bytes_per_s": 100_000 + number},
+    }
+    began = time.perf_counter()
+    if number % 2:
+        answer = await http.patch("/api/v1/twins", params={"selector": ""}, json=document)
+    else:
+        part = {"nodes": {"lidar": {"allowed": "lidar", "nice": number % 19}}}
+        answer = await http.put("/api/v1/templates/nodes", json={"selector": "", "document": part})
+    accepted = time.perf_counter() - began
+    answer.raise_for_status()
+    await _line(robots, f"revision {number}")
+    return accepted, time.perf_counter() - began
+
+
+async def _measure(count: int, rounds: int) -> list[tuple[float, float]]:
+    key = RING.add(role=Role.ADMIN, name="bench")
+    with tempfile.TemporaryDirectory() as folder:
+        async with running_gateway(Path(folder)) as ready, client(ready, key=key) as http:
+            program = [sys.executable, "-m", "load_tests.twin_robots", str(ready.grpc_port), str(count)]
+            robots = await asyncio.create_subprocess_exec(*program, stdout=asyncio.subprocess.PIPE)
+            try:
+                began = time.perf_counter()
+                await _line(robots, "up")
+                print(f"{count} robots linked in {time.perf_counter() - began:.1f} s", flush=True)
+                return [await _round(http, robots, number) for number in range(1, rounds + 1)]
+            finally:
+                if robots.returncode is None:
+                    robots.kill()
+                await robots.wait()
+
+
+def main(argv: Sequence[str] = ()) -> int:
+    """Print each round; 1 when one is over its limit."""
+    parser = argparse.ArgumentParser(prog="python -m load_tests twin")
+    parser.add_argument("--robots", type=int, default=1000)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--accept-s", type=float, default=1.0)
+    parser.add_argument("--converge-s", type=float, default=30.0)
+    parser.add_argument("--quick", action="store_true", help="100 robots, 2 rounds")
+    chosen = parser.parse_args(argv)
+    count, rounds = (100, 2) if chosen.quick else (chosen.robots, chosen.rounds)
+    good = True
+    for number, (accepted, converged) in enumerate(asyncio.run(_measure(count, rounds)), 1):
+        kind = "merge patch of every robot" if number % 2 else "template for every robot"
+        print(f"{kind:28} accepted in {accepted:6.3f} s, converged in {converged:6.2f} s", flush=True)
+        good = good and accepted <= chosen.accept_s and converged <= chosen.converge_s
+    return int(not good)
