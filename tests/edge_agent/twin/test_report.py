@@ -93,6 +93,6 @@ def test_a_report_is_bounded_and_says_what_it_is_without() -> None:
         "budget": {},
         "left_out": ["parameters"],
     }
-    large = {name: "y" * 600 for name in (*facts, "unknown")}
+    large = dict.fromkeys((*facts, "unknown"), "y" * 600)
     assert len(bounded(large, 500)) <= 500
     assert len(bounded({f"section_{n}": "x" * 99 for n in range(9999)}, LIMITS.twin_reported_bytes)) <= 256 * 1024
