@@ -53,7 +53,7 @@ from gateway.updates.repository import Repository
 from gateway.updates.tokens import FetchTokens
 from metaros._proto import link_pb2
 from metaros.clock import Clock
-from metaros.limits import LIMITS
+from metaros.limits import LIMITS, Limits
 
 __all__ = ["Gateway"]
 
@@ -86,26 +86,8 @@ class Gateway:
         self.leases = LeaseTable(valid_s=LIMITS.lease_s)
         beat_s = settings.heartbeat_s
         limits = replace(LIMITS, heartbeat_s=beat_s, dead_after_s=3 * beat_s)
-        quota = Quota(messages_per_s=settings.robot_messages_per_s, bytes_per_s=settings.robot_bytes_per_s)
         self.identities = IdentityDesk(self.store, settings.data_dir, _identity_choices(settings), clock=clock)
-        self.links = Links(
-            self.registry,
-            self.store,
-            self._hooks(),
-            clock=clock,
-            quota=quota,
-            gate=self.identities.robots,
-            limits=limits,
-        )
-        self.commands = CommandDesk(self.links.send, clock=clock)
-        self.teleop = TeleopDesk(self.registry.get, self.commands, self.leases, self.links.send, clock=clock)
-        self.fleet = FleetDesk(
-            self.registry.get, self.commands, self.leases, clock=clock, actuator_topics=settings.actuator_topics
-        )
-        self.orders = OrderDesk(
-            self.store, self.commands, self.fleet, self.registry.get, self.links.send, clock=clock, limits=limits
-        )
-        self.twins = Twins(self.store, self.links.send, self._labels_said, clock=clock)
+        self._make_robots(limits)
         self.recordings = RecordingDesk(
             self.store, self.objects, settings.data_dir / "incoming", self._robot_side(), clock=clock, limits=limits
         )
@@ -116,10 +98,7 @@ class Gateway:
         self.audit = AuditLog(self.store, self.objects, clock=clock, seal=master)
         provider = OidcSettings.load(settings.oidc) if settings.oidc is not None else None
         self.oidc = OidcClient(provider, master, clock=clock) if provider is not None else None
-        self.updates = Repository(self.store, self.objects, master, settings.data_dir / "updates", clock=clock)
-        self.fetch_tokens = FetchTokens(self.store, clock=clock, revoked=self.identities.robots.revoked)
-        side = TwinSide(self.twins, self._every_robot, self._presence, self.updates.available)
-        self.rollouts = RolloutDesk(self.store, side, clock=clock)
+        self._make_updates(master)
         self.door = Doors(self.local_key, self.fetch_tokens, stored, *([door] if door is not None else []))
         self.attendance = Attendance(self.door)
         self.rates = _rates(settings, clock)
@@ -135,6 +114,38 @@ class Gateway:
     def api(self) -> ASGIApp:
         """The HTTP and WebSocket application."""
         return create_api(self.services)
+
+    def _make_robots(self, limits: Limits) -> None:
+        quota = Quota(messages_per_s=self.settings.robot_messages_per_s, bytes_per_s=self.settings.robot_bytes_per_s)
+        self.links = Links(
+            self.registry,
+            self.store,
+            self._hooks(),
+            clock=self.clock,
+            quota=quota,
+            gate=self.identities.robots,
+            limits=limits,
+        )
+        self.commands = CommandDesk(self.links.send, clock=self.clock)
+        self.teleop = TeleopDesk(self.registry.get, self.commands, self.leases, self.links.send, clock=self.clock)
+        self.fleet = FleetDesk(
+            self.registry.get,
+            self.commands,
+            self.leases,
+            clock=self.clock,
+            actuator_topics=self.settings.actuator_topics,
+        )
+        self.orders = OrderDesk(
+            self.store, self.commands, self.fleet, self.registry.get, self.links.send, clock=self.clock, limits=limits
+        )
+        self.twins = Twins(self.store, self.links.send, self._labels_said, clock=self.clock)
+
+    def _make_updates(self, master: MasterKey) -> None:
+        folder, clock = self.settings.data_dir / "updates", self.clock
+        self.updates = Repository(self.store, self.objects, master, folder, clock=clock)
+        self.fetch_tokens = FetchTokens(self.store, clock=clock, revoked=self.identities.robots.revoked)
+        side = TwinSide(self.twins, self._every_robot, self._presence, self.updates.available)
+        self.rollouts = RolloutDesk(self.store, side, clock=clock)
 
     @cached_property
     def services(self) -> Services:
