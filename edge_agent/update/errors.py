@@ -14,6 +14,7 @@ UpdateError
 ├── UpdateForeignError     for another machine, Python or name                update_foreign
 ├── UpdateInstallError     its wheels cannot be installed                     update_install
 ├── UpdateUnhealthyError   it ran, and was taken back                         update_unhealthy
+├── UpdateOffError         this robot takes no updates                        update_off
 └── SlotError              the slots cannot be read or written                slot
 """
 
@@ -31,6 +32,7 @@ __all__ = [
     "UpdateInstallError",
     "UpdateMetadataError",
     "UpdateMismatchError",
+    "UpdateOffError",
     "UpdateRollbackError",
     "UpdateSlowError",
     "UpdateTooLargeError",
@@ -122,6 +124,12 @@ class UpdateUnhealthyError(UpdateError):
     """The new version ran, did not do well, and was taken back."""
 
     code = "update_unhealthy"
+
+
+class UpdateOffError(UpdateError):
+    """This robot takes no updates: it is not enrolled, or its agent was started without the loader."""
+
+    code = "update_off"
 
 
 class SlotError(UpdateError):

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from edge_agent.update.daemon import in_daemon
 from edge_agent.update.environment import make_environment
-from edge_agent.update.errors import SlotError, UpdateFetchError
+from edge_agent.update.errors import SlotError, UpdateOffError
 from edge_agent.update.files import read_table, remove_file, replace_table, sync_all
 from edge_agent.update.slots import COMPLETE, python_of
 from edge_agent.update.source import Source
@@ -72,7 +72,7 @@ class NodeBundles:
         """The same, blocking, whatever is here."""
         source = self._source()
         if source is None:
-            raise UpdateFetchError("this robot is not enrolled, and takes no bundles")
+            raise UpdateOffError("this robot is not enrolled, and takes no bundles")
         folder = self._place(name, version)
         with source.bundle("node", name, version) as fetched:
             if (found := self.ready(name, version)) is not None:  # somebody else was first

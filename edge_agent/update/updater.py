@@ -16,10 +16,10 @@ from typing import Any
 
 from edge_agent.update.daemon import in_daemon
 from edge_agent.update.environment import make_environment
-from edge_agent.update.errors import SlotError, UpdateError, UpdateFetchError, UpdateUnhealthyError
+from edge_agent.update.errors import SlotError, UpdateError, UpdateFetchError, UpdateOffError, UpdateUnhealthyError
 from edge_agent.update.handover import Loaded
 from edge_agent.update.health import Health
-from edge_agent.update.slots import Slots
+from edge_agent.update.slots import BASE, Slots
 from edge_agent.update.source import Source
 from edge_agent.uplink.desk import Tell, Told
 from metaros._proto import link_pb2
@@ -30,6 +30,7 @@ __all__ = ["AgentUpdates"]
 
 LOG = logging.getLogger("metaros.agent.update")
 FIRST_RETRY_S, LAST_RETRY_S = 15.0, 3600.0
+NO_LOADER = "its agent was started without metaros agent-slot: it cannot be updated"
 
 
 class AgentUpdates:
@@ -67,7 +68,7 @@ class AgentUpdates:
         self._failed = current.failed_version if current is not None else ""
         self._health: Health | None = None
         if loaded is None:
-            self._told = ("off", "", "", "started without metaros agent-slot: it cannot be updated")
+            self._told = ("off", "", UpdateOffError.code, NO_LOADER)
         elif current is not None and current.probing:
             self._told = ("trying", current.version, "", "")
             now_s = clock.monotonic_s()
@@ -83,10 +84,14 @@ class AgentUpdates:
         return {"version": self._running, "slot": self._slot, "update": update}
 
     async def want(self, version: str | None) -> None:
-        """Be that version; None or "": whatever runs."""
+        """Be that version; None or "": whatever runs. What runs by its name: what was taken back may be tried again."""
         self._wanted = version or ""
-        if self._wanted and self._wanted == self._running and self._told[0] in ("refused", "downloading"):
-            self._tell("healthy" if self._slot != "base" else "idle", self._running)
+        if self._wanted and self._loaded is None:
+            off = self._wanted != self._running
+            self._tell("refused" if off else "off", self._wanted if off else "", UpdateOffError.code, NO_LOADER)
+        elif self._wanted == self._running and self._told[0] in ("refused", "downloading", "rolled_back"):
+            self._failed = ""
+            self._tell("idle" if self._slot == BASE else "healthy", self._running)
         self._kick.set()
 
     def link_up(self, tell: Tell, welcome: link_pb2.Welcome) -> None:
@@ -157,7 +162,7 @@ class AgentUpdates:
         """All of it, blocking, on any thread. Raises UpdateError, and has changed nothing that runs then."""
         source, what = self._source, {"kind": "agent", "name": AGENT, "version": version}
         if source is None:
-            raise UpdateFetchError("this robot is not enrolled, and takes no updates")
+            raise UpdateOffError("this robot is not enrolled, and takes no updates")
         tell("downloading")
         step("downloading")
         with source.bundle(**what) as fetched:

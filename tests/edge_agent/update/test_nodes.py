@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from edge_agent.update import nodes as nodes_module
-from edge_agent.update.errors import UpdateFetchError, UpdateFloorError, UpdateForeignError
+from edge_agent.update.errors import UpdateFloorError, UpdateForeignError, UpdateOffError
 from edge_agent.update.nodes import NodeBundles
 from edge_agent.update.slots import python_of
 from metaros.bundle import BundleError
@@ -92,7 +92,7 @@ async def test_what_is_refused_leaves_nothing_that_counts(world: World) -> None:
 
 
 async def test_a_robot_without_an_enrolment_takes_none(tmp_path: Path) -> None:
-    with pytest.raises(UpdateFetchError):
+    with pytest.raises(UpdateOffError):
         await NodeBundles(tmp_path, lambda: None).get("shell", "1.0.0")
 
 

@@ -162,6 +162,30 @@ async def test_a_version_that_was_taken_back_is_not_tried_again(world: World) ->
         await wait_until_async(lambda: robot.slots.read().version == "2.1.1")
 
 
+async def test_it_is_tried_again_once_what_runs_was_wanted_by_name(world: World) -> None:
+    robot, _, _ = world
+    assert await robot.attempt() == ""
+    for _ in range(4):
+        robot.slots.boot(most=3)
+    robot.begin()
+    async with running(robot.updates):
+        await robot.updates.want(OLD)
+        assert state_of(robot.updates) == "healthy"
+        await robot.updates.want("2.1.0")
+        await wait_until_async(lambda: robot.slots.read().version == "2.1.0")
+
+
+async def test_a_robot_that_is_not_enrolled_refuses(world: World) -> None:
+    robot, _, _ = world
+    loaded = Loaded(loader=("x",))
+    updates = AgentUpdates(
+        robot.slots, None, robot.clock, random.Random(1), loaded=loaded, running=OLD, restart=lambda: None
+    )
+    assert not await updates.attempt("2.1.0")
+    assert updates.reported()["update"]["code"] == "update_off"
+    assert state_of(updates) == "refused"
+
+
 async def test_an_agent_without_a_loader_says_so_and_fetches_nothing(world: World) -> None:
     robot, _, served = world
     updates = AgentUpdates(
@@ -173,9 +197,13 @@ async def test_an_agent_without_a_loader_says_so_and_fetches_nothing(world: Worl
         running="2.0.0.dev1",
         restart=lambda: None,
     )
+    assert updates.reported()["update"]["state"] == "off"
     async with running(updates):
         await updates.want("2.1.0")
         await settle()
-    assert updates.reported()["update"]["state"] == "off"
+        update = updates.reported()["update"]
+        assert (update["state"], update["version"], update["code"]) == ("refused", "2.1.0", "update_off")
+        await updates.want("2.0.0.dev1")
+        assert updates.reported()["update"]["state"] == "off"
     assert updates.reported()["version"] == "2.0.0.dev1"
     assert served.asked == []
