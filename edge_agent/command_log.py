@@ -75,6 +75,10 @@ class CommandLog:
         """Whether the id was noted before."""
         return command_id[:_ID_BYTES] in self._ids
 
+    def on_disk(self, command_id: bytes) -> bool:
+        """Whether the id would be known after a restart."""
+        return self.knows(command_id) and command_id[:_ID_BYTES] not in self._new
+
     def job(self) -> LogJob | None:
         """The job that writes what is new; None when nothing is."""
         if not self._new:

@@ -86,7 +86,13 @@ class Durable:
         """The gateway has a result."""
         command_id = told.frame.result_stored.command_id
         if self._kept.get(command_id) is not None:
-            self._spawn(self._kept.forget(command_id))
+            self._spawn(self._forget(command_id))
+
+    async def _forget(self, command_id: bytes) -> None:
+        """Once the id alone keeps the command from running again; else the result goes out with the next link."""
+        await self._log.keep()
+        if self._log.on_disk(command_id):
+            await self._kept.forget(command_id)
 
     def _check(self, event: CommandArrived) -> None:
         command = event.command
@@ -102,25 +108,31 @@ class Durable:
 
     async def _carry(self, event: CommandArrived) -> None:
         command_id = event.command.command_id
-        result = link_pb2.CommandResult(command_id=command_id, code="internal", message="the agent failed")
         try:
-            try:
-                await self._kept.begin(command_id)
-            except DiskError as error:
-                result.code, result.message = BusyError.code, f"it cannot be kept now, and did not run: {error}"
-                return
-            self._log.first_time(command_id)
-            await self._log.keep()
-            try:
-                self._check_again(event)
-            except ExpiredError as error:
-                result.code, result.message = error.code, str(error)
-            else:
-                self._under_way[command_id](link_pb2.CommandResult(command_id=command_id, running=True))
-                result = await self._run(event)
-            result = await self._kept.keep(result)
-        finally:
-            self._under_way.pop(command_id)(result)
+            result = await self._outcome(event)
+        except BaseException:  # the agent ends: what was begun is told as interrupted by the next one
+            del self._under_way[command_id]
+            raise
+        self._under_way.pop(command_id)(result)
+
+    async def _outcome(self, event: CommandArrived) -> link_pb2.CommandResult:
+        """Keep that it begins, run it, keep how it went."""
+        command_id = event.command.command_id
+        try:
+            await self._kept.begin(command_id)
+        except DiskError as error:
+            text = f"it cannot be kept now, and did not run: {error}"
+            return link_pb2.CommandResult(command_id=command_id, code=BusyError.code, message=text)
+        self._log.first_time(command_id)
+        await self._log.keep()
+        try:
+            self._check_again(event)
+        except ExpiredError as error:
+            result = link_pb2.CommandResult(command_id=command_id, code=error.code, message=str(error))
+        else:
+            self._under_way[command_id](link_pb2.CommandResult(command_id=command_id, running=True))
+            result = await self._run(event)
+        return await self._kept.keep(result)
 
     def _check_again(self, event: CommandArrived) -> None:
         """The disk may have taken long."""
