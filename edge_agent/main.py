@@ -6,8 +6,10 @@ import asyncio
 import contextlib
 import os
 import socket
+from collections.abc import Coroutine, Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 from edge_agent.answering import answering
 from edge_agent.batch import Linger
@@ -101,87 +103,126 @@ async def run_host(settings: Settings, context: Context, channels: Channels, clo
 
 async def run_parts(settings: Settings, state: AgentState, node: Node, clock: Clock) -> None:
     """Build the parts on their node and run them; what was gathered when they end is flushed last."""
-    outbox, scope = state.outbox, Scope(settings.namespace, settings.exclude)
-    box_sealing = open_sealing(settings, state.directory, clock)  # its thread's own
-    box = open_box(settings.black_box, state.directory, state.disk, clock, sealing=box_sealing)
-    queues = open_queues(settings, state, clock)
-    publishers = Publishers(node)
-    teleop = Teleop(DriveGuard(clock, settings.actuators), publishers, scope)
-    limit = UplinkLimit(state.disk, queues.budget, clock)
-    saver = Saver(box, queues.shelf, clock, robot_id=settings.name, free=state.disk.free, changed=lambda: uplink.wake())
-    who = identity(settings)
-    credentials, addresses = door_of(settings, state.directory)
-    renewing = Renewing(credentials, state.directory, clock, system_rng()) if credentials is not None else None
-    updates = open_updates(settings, state.directory, credentials, clock, running=who.agent_version)
-    bundles = updates.nodes if credentials is not None else None
-    nodes = open_nodes(settings, state.directory, clock, domain=node.context.domain_id, bundles=bundles)
-    commands = Commands(
-        node,
-        teleop,
-        scope,
-        clock,
-        log=state.command_log,
-        limit=limit,
-        saver=saver,
-        kept=state.kept_results,
-        actions=nodes.actions,
-    )
-    twin, values = state.twin.build(
-        node,
-        scope,
-        clock,
-        channels=queues.channels,
-        look_again=lambda: tap.reconcile(),
-        limit=limit,
-        nodes=nodes.desk,
-        agent=updates.agent,
-    )
-    keeper = SessionKeeper(
-        who,
-        queues,
-        teleop,
-        commands,
-        clock,
-        store_id=state.store_id,
-        compression=settings.compression,
-        malformed=lambda: pipeline.malformed + tap.ingress.malformed.total(),
-        wake=lambda: uplink.wake(),
-        credentials=credentials,
-        expired=renewing.now if renewing is not None else lambda: None,
-        desks=[commands.durable, updates.agent, nodes, twin],
-    )
-    uplink = Uplink(addresses, keeper, Backoff(system_rng()), clock, transports=transports_with(credentials))
-    writer = OutboxWriter(outbox, state.outbox_disk, on_flushed=uplink.wake)
-    pipeline = Pipeline(outbox, queues.live, queues.linger, wake_writer=writer.wake, wake_uplink=uplink.wake)
-    keeper.facts.black_box = box.describe if box is not None else None
-    tap = Tap(node, queues.channels, scope, pipeline.take, uplink.wake, clock, record=box.take if box else None)
-    writing = asyncio.create_task(writer.run())
+    parts = Parts(settings, state, node, clock)
+    writing = asyncio.create_task(parts.writer.run())
     try:
         with (
-            answering(node.context, settings, who, queues, keeper.facts, state.store_id),
+            answering(node.context, settings, parts.who, parts.queues, parts.keeper.facts, state.store_id),
             status_file(settings.status_file, name=settings.name, namespace=settings.namespace),
         ):
-            await twin.start(state.twin.actions)  # what was on trial too long is taken back before there is a link
+            await parts.twin.start(
+                state.twin.actions
+            )  # what was on trial too long is taken back before there is a link
             async with asyncio.TaskGroup() as group:
                 group.create_task(ended(writing))
-                group.create_task(twin.run())
-                group.create_task(values.run())
-                group.create_task(uplink.run())
-                group.create_task(teleop.run())
-                group.create_task(updates.agent.run())
-                group.create_task(nodes.run())
-                if renewing is not None:
-                    group.create_task(renewing.run())
-                if settings.host_metrics:
-                    group.create_task(run_host(settings, node.context, queues.channels, clock))
+                for run in parts.runs():
+                    group.create_task(run)
     finally:
-        tap.close()
-        await commands.close()
-        if box is not None:
-            await asyncio.to_thread(box.close)
-        publishers.close()
+        await parts.close()
         writing.cancel()  # it flushes what came until now
         await asyncio.wait({writing})
+
+
+class Parts:
+    """What a running agent is made of, each part knowing those that it needs."""
+
+    def __init__(self, settings: Settings, state: AgentState, node: Node, clock: Clock) -> None:
+        self.settings, self.state, self.node, self.clock = settings, state, node, clock
+        self.scope = Scope(settings.namespace, settings.exclude)
+        box_sealing = open_sealing(settings, state.directory, clock)  # its thread's own
+        self.box = open_box(settings.black_box, state.directory, state.disk, clock, sealing=box_sealing)
+        self.queues = open_queues(settings, state, clock)
+        self.publishers = Publishers(node)
+        self.teleop = Teleop(DriveGuard(clock, settings.actuators), self.publishers, self.scope)
+        self.limit = UplinkLimit(state.disk, self.queues.budget, clock)
+        self.who = identity(settings)
+        self.credentials, self.addresses = door_of(settings, state.directory)
+        known = self.credentials
+        self.renewing = Renewing(known, state.directory, clock, system_rng()) if known is not None else None
+        self.updates = open_updates(settings, state.directory, known, clock, running=self.who.agent_version)
+        bundles = self.updates.nodes if known is not None else None
+        self.nodes = open_nodes(settings, state.directory, clock, domain=node.context.domain_id, bundles=bundles)
+        self.commands = self._commands()
+        self.twin, self.values = state.twin.build(
+            node,
+            self.scope,
+            clock,
+            channels=self.queues.channels,
+            look_again=lambda: self.tap.reconcile(),
+            limit=self.limit,
+            nodes=self.nodes.desk,
+            agent=self.updates.agent,
+        )
+        self.keeper = self._keeper()
+        self._link()
+
+    def runs(self) -> Iterator[Coroutine[Any, Any, None]]:
+        """What runs beside each other until the agent ends."""
+        yield from (self.twin.run(), self.values.run(), self.uplink.run(), self.teleop.run())
+        yield from (self.updates.agent.run(), self.nodes.run())
+        if self.renewing is not None:
+            yield self.renewing.run()
+        if self.settings.host_metrics:
+            yield run_host(self.settings, self.node.context, self.queues.channels, self.clock)
+
+    async def close(self) -> None:
+        """Nothing comes in any more."""
+        self.tap.close()
+        await self.commands.close()
+        if self.box is not None:
+            await asyncio.to_thread(self.box.close)
+        self.publishers.close()
+
+    def _commands(self) -> Commands:
+        state = self.state
+        saver = Saver(
+            self.box,
+            self.queues.shelf,
+            self.clock,
+            robot_id=self.settings.name,
+            free=state.disk.free,
+            changed=lambda: self.uplink.wake(),
+        )
+        return Commands(
+            self.node,
+            self.teleop,
+            self.scope,
+            self.clock,
+            log=state.command_log,
+            limit=self.limit,
+            saver=saver,
+            kept=state.kept_results,
+            actions=self.nodes.actions,
+        )
+
+    def _keeper(self) -> SessionKeeper:
+        return SessionKeeper(
+            self.who,
+            self.queues,
+            self.teleop,
+            self.commands,
+            self.clock,
+            store_id=self.state.store_id,
+            compression=self.settings.compression,
+            malformed=lambda: self.pipeline.malformed + self.tap.ingress.malformed.total(),
+            wake=lambda: self.uplink.wake(),
+            credentials=self.credentials,
+            expired=self.renewing.now if self.renewing is not None else lambda: None,
+            desks=[self.commands.durable, self.updates.agent, self.nodes, self.twin],
+        )
+
+    def _link(self) -> None:
+        """The way of a sample: from the tap through the pipeline to the outbox and up."""
+        queues, transports = self.queues, transports_with(self.credentials)
+        self.uplink = Uplink(self.addresses, self.keeper, Backoff(system_rng()), self.clock, transports=transports)
+        wake = self.uplink.wake
+        self.writer = OutboxWriter(self.state.outbox, self.state.outbox_disk, on_flushed=wake)
+        self.pipeline = Pipeline(
+            self.state.outbox, queues.live, queues.linger, wake_writer=self.writer.wake, wake_uplink=wake
+        )
+        self.keeper.facts.black_box = self.box.describe if self.box is not None else None
+        record = self.box.take if self.box is not None else None
+        self.tap = Tap(self.node, queues.channels, self.scope, self.pipeline.take, wake, self.clock, record=record)
 
 
 def open_queues(settings: Settings, state: AgentState, clock: Clock) -> Queues:
