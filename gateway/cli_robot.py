@@ -8,7 +8,8 @@ import typer
 
 from gateway.cli_http import GatewayOption, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output
+from metaros.cli.output import Output, inert
+from metaros.errors import UsageError
 
 __all__ = ["register"]
 
@@ -21,7 +22,7 @@ RobotId = Annotated[
 def register(app: typer.Typer) -> None:
     """Add the noun to `metaros`."""
     noun = typer.Typer(no_args_is_help=True, help="Robots of the fleet: who they are, and how they come to belong.")
-    for name, command in (("token", _token), ("list", _list), ("revoke", _revoke)):
+    for name, command in (("token", _token), ("list", _list), ("label", _label), ("revoke", _revoke)):
         noun.command(name)(command)
     app.add_typer(noun, name="robot")
 
@@ -54,6 +55,42 @@ def _row(item: dict[str, Any]) -> tuple[str, ...]:
     good = [one["not_after"] for one in item["certificates"] if not one["revoked"]]
     note = item["alarm"] or item["reason"]
     return item["robot"], item["state"], item["enrolled"][:10], max(good)[:16] if good else "–", note or "–"
+
+
+def _label(
+    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="The robot's id.")],
+    labels: Annotated[
+        list[str] | None, typer.Argument(metavar="[LABEL=VALUE]...", help="To give; LABEL- takes one away.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what templates would change with it.")] = False,
+    reason: Annotated[str, typer.Option("--reason", metavar="TEXT", help="Why, for the history.")] = "",
+    gateway: GatewayOption = "",
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Give a robot labels, over those that it says itself; without any, show them. Templates follow labels."""
+    from gateway.cli_twin import send, show_change
+
+    out, http, path = Output(output), open_gateway(gateway), f"/api/v1/robots/{path_part(robot)}"
+    if labels:
+        wanted = dict(_one_label(text) for text in labels)
+        query = {"dry_run": dry_run, "reason": reason}
+        show_change(out, send(http, "PATCH", f"{path}/labels", {"labels": wanted}, query=query))
+        return
+    found = http.get(f"{path}/twin")["labels"]
+    if out.json:
+        out.objects(found)
+        return
+    for key, value in sorted(found.items()):
+        out.line(inert(f"{key}={value}"))
+
+
+def _one_label(text: str) -> tuple[str, str | None]:
+    key, sign, value = text.partition("=")
+    if sign and key and value:
+        return key, value
+    if not sign and text.endswith("-") and len(text) > 1:
+        return text[:-1], None
+    raise UsageError(f"{text!r}: say LABEL=VALUE, or LABEL- to take one away")
 
 
 def _revoke(

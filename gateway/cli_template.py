@@ -1,0 +1,93 @@
+"""`metaros twin template`: parts of twins' documents for all robots that a selector names."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from gateway.cli_http import GatewayOption, open_gateway, path_part
+from metaros.cli.options import Format, FormatOption
+from metaros.cli.output import Output, inert
+
+__all__ = ["add_templates"]
+
+Name = Annotated[str, typer.Argument(metavar="NAME", help="The template's name.")]
+Only = Annotated[bool, typer.Option("--dry-run", help="Only say what would change.")]
+Why = Annotated[str, typer.Option("--reason", metavar="TEXT", help="Why, for the history.")]
+
+
+def add_templates(app: typer.Typer) -> None:
+    """Add `template` to the noun `twin`."""
+    noun = typer.Typer(no_args_is_help=True, help="Parts of documents for all robots that a selector names.")
+    for name, command in (("list", _list), ("show", _show), ("set", _set), ("remove", _remove)):
+        noun.command(name)(command)
+    app.add_typer(noun, name="template")
+
+
+def _list(gateway: GatewayOption = "", output: FormatOption = Format.TEXT) -> None:
+    """Every template, in the order in which they are laid over each other."""
+    out = Output(output)
+    found = open_gateway(gateway).get("/api/v1/templates")["templates"]
+    if out.json:
+        out.objects(found)
+        return
+    names = ("Template", "Priority", "Robots", "Revision", "By", "Why")
+    out.table(names, [_row(item) for item in found], empty="no templates", right=(1, 3))
+
+
+def _show(name: Name, gateway: GatewayOption = "", output: FormatOption = Format.TEXT) -> None:
+    """One template's document."""
+    out = Output(output)
+    found = open_gateway(gateway).get(f"/api/v1/templates/{path_part(name)}")
+    if out.json:
+        out.objects(found)
+        return
+    out.note(f"for {found['selector'] or 'every robot'}, priority {found['priority']}, revision {found['revision']}")
+    out.objects(found["document"])
+
+
+def _set(
+    name: Name,
+    file: Annotated[str, typer.Argument(metavar="FILE|-|JSON", help="A JSON file, - for standard input, or {…}.")],
+    selector: Annotated[
+        str, typer.Option("--selector", "-l", metavar="TERMS", help="The robots it is for; default: every one.")
+    ] = "",
+    priority: Annotated[
+        int, typer.Option("--priority", min=-1000, max=1000, metavar="N", help="The higher, the later it is laid on.")
+    ] = 0,
+    dry_run: Only = False,
+    reason: Why = "",
+    confirm_s: Annotated[
+        float, typer.Option("--confirm-s", min=5.0, max=3600.0, metavar="SECONDS", help="The robots' confirm window.")
+    ] = 60.0,
+    gateway: GatewayOption = "",
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Add a template or put another in its place: every robot takes it that it names, or none does."""
+    from gateway.cli_twin import read_document, send, show_changes
+
+    body = {"selector": selector, "priority": priority, "document": read_document(file)}
+    query = {"dry_run": dry_run, "reason": reason, "confirm_within_s": confirm_s}
+    path = f"/api/v1/templates/{path_part(name)}"
+    show_changes(Output(output), send(open_gateway(gateway), "PUT", path, body, query=query))
+
+
+def _remove(
+    name: Name,
+    dry_run: Only = False,
+    reason: Why = "",
+    gateway: GatewayOption = "",
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Take a template away; robots go on with what is left."""
+    from gateway.cli_twin import send, show_changes
+
+    query = {"dry_run": dry_run, "reason": reason}
+    path = f"/api/v1/templates/{path_part(name)}"
+    show_changes(Output(output), send(open_gateway(gateway), "DELETE", path, {}, query=query))
+
+
+def _row(item: dict[str, Any]) -> tuple[str, ...]:
+    who, why = inert(item["author"]), inert(item["reason"])
+    return item["name"], str(item["priority"]), item["selector"] or "every", str(item["revision"]), who, why or "–"

@@ -1,0 +1,79 @@
+"""`metaros twin` and `metaros robot label` against a running gateway."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from gateway import cli_robot, cli_twin
+from gateway.domain.principal import Role
+from metaros.errors import MetarosError
+from tests.gateway.harness import ScriptedAgent, running_gateway
+from tests.support.key_ring import KeyRing
+
+
+def run(*arguments: str, stdin: str | None = None) -> str:
+    """A command's output; an error of ours is raised as such."""
+    app = typer.Typer()
+    cli_twin.register(app)
+    cli_robot.register(app)
+    result = CliRunner().invoke(app, list(arguments), input=stdin)
+    if isinstance(result.exception, MetarosError):
+        raise result.exception
+    assert result.exit_code == 0, (result.output, result.exception)
+    return result.output
+
+
+async def test_show_patch_diff_history_revert(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ring = KeyRing()
+    monkeypatch.setenv("METAROS_KEY", ring.add(role=Role.ADMIN, name="ada"))
+    async with running_gateway(tmp_path, door=ring) as ready, ScriptedAgent(ready, "a1"), ScriptedAgent(ready, "a2"):
+        monkeypatch.setenv("METAROS_GATEWAY_URL", ready.url)
+
+        async def cli(*arguments: str, stdin: str | None = None) -> str:
+            return await asyncio.to_thread(lambda: run(*arguments, stdin=stdin))
+
+        patch = '{"budget": {"bytes_per_s": 5000}}'
+        tried = await cli("twin", "patch", "a1", patch, "--dry-run")
+        assert '+ /budget: {"bytes_per_s": 5000}' in tried
+        assert "a1 would be at revision 1" in tried
+        assert "a1 is at revision 1" in await cli("twin", "patch", "a1", "-", "--reason", "slow", stdin=patch)
+        with pytest.raises(MetarosError, match=r"budget\.bytes_per_s: 0, or 1000 to"):
+            await cli("twin", "patch", "a1", '{"budget": {"bytes_per_s": 5}}')
+        (tmp_path / "own.json").write_text('{"nodes": {"lidar": {"allowed": "lidar"}}}')
+        with pytest.raises(MetarosError, match=r"at 1\.1 by now"):
+            await cli("twin", "set", "a1", str(tmp_path / "own.json"), "--if-revision", "0")
+        assert '- /budget: {"bytes_per_s": 5000}' in await cli("twin", "diff", "a1", str(tmp_path / "own.json"))
+        await cli("twin", "set", "a1", str(tmp_path / "own.json"), "--if-revision", "1")
+        shown = json.loads(await cli("twin", "show", "a1", "-o", "json"))
+        assert (shown["revision"], shown["author"]) == (2, "ada")
+        history = await cli("twin", "history", "a1")
+        assert "1.1  " in history
+        assert "slow" in history
+        assert "a1 is at revision 3" in await cli("twin", "revert", "a1", "1")
+        assert "a1 is at revision 4" in await cli("twin", "retry", "a1")
+        assert '+ /budget: {"bytes_per_s": 5000}' in await cli("twin", "diff", "a1")
+        await cli("robot", "label", "a1", "site=lab", "kind=arm")
+        await cli("robot", "label", "a1", "kind-")
+        assert await cli("robot", "label", "a1") == "site=lab\n"
+        with pytest.raises(MetarosError, match="LABEL=VALUE"):
+            await cli("robot", "label", "a1", "nonsense")
+        told = await cli("twin", "template", "set", "cams", '{"topics": {"cam": {"rate_hz": 2}}}', "-l", "site=lab")
+        assert "changed: 1 robot of 1" in told
+        assert "site=lab" in await cli("twin", "template", "list")
+        assert '"rate_hz": 2' in await cli("twin", "template", "show", "cams")
+        many = await cli("twin", "patch", '{"agent": {"version": "2.1.0"}}', "-l", "robot in (a1, a2)", "-o", "json")
+        assert [item["robot"] for item in json.loads(many)["results"]] == ["a1", "a2"]
+        (row,) = json.loads(await cli("twin", "show", "-l", "site", "-o", "json"))
+        assert row["robot"] == "a1"
+        assert "a2" in await cli("twin", "show")
+        assert "would change: 1 robot" in await cli("twin", "template", "remove", "cams", "--dry-run")
+        await cli("twin", "template", "remove", "cams")
+        assert json.loads(await cli("twin", "template", "list", "-o", "json")) == []
+        with pytest.raises(MetarosError, match="say a robot and a patch"):
+            await cli("twin", "patch", "{}")
