@@ -1,0 +1,122 @@
+"""A twin between the real programs: tried, confirmed, taken back where the link dies of it, and over kill -9."""
+
+from __future__ import annotations
+
+import json
+import signal
+import urllib.request
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.support.cutting_proxy import CuttingProxy
+from tests.support.stack import Program, Stack
+from tests.support.waiting import wait_until
+
+ROBOT = "sim_1"
+TRIES = 5  # to catch a trial before it is confirmed
+
+
+class Robot:
+    """The agent of a simulated robot, behind a link that can be cut, and its twin at the gateway."""
+
+    def __init__(self, stack: Stack, proxy: CuttingProxy) -> None:
+        self.stack, self.proxy = stack, proxy
+        self.agent = self.start()
+
+    def start(self) -> Program:
+        where = ("--gateway", f"127.0.0.1:{self.proxy.port}")
+        where += ("--zenoh-port", str(self.stack.zenoh_port), "--state-dir", str(self.stack.folder / "agent"))
+        names = ("--name", ROBOT, "--namespace", f"/{ROBOT}", "--no-host-metrics")
+        return self.stack.start("agent", "agent", *names, *where)
+
+    def ask(self, method: str, path: str, body: object = None) -> Any:
+        request = urllib.request.Request(
+            f"{self.stack.url}/api/v1/robots/{ROBOT}/twin{path}",
+            method=method,
+            data=None if body is None else json.dumps(body).encode(),
+            headers={"Authorization": f"Bearer {self.stack.key}", "Content-Type": "application/json"},
+        )
+        with urllib.request.urlopen(request, timeout=60) as answer:
+            return json.load(answer)
+
+    @property
+    def twin(self) -> dict[str, Any]:
+        return dict(self.ask("GET", ""))
+
+    @property
+    def said(self) -> dict[str, Any]:
+        return self.twin["reported"] or {}
+
+    def desire(self, bytes_per_s: int, *, window_s: int = 30) -> int:
+        body = {"budget": {"bytes_per_s": bytes_per_s}}
+        return int(self.ask("PATCH", f"?confirm_within_s={window_s}", body)["revision"])
+
+    def budget(self) -> int | None:
+        found = self.said.get("values", {}).get("budget", {}).get("bytes_per_s")
+        return None if found is None else int(found)
+
+    def kept(self) -> dict[str, Any]:
+        try:
+            return dict(json.loads((self.stack.folder / "agent" / "twin" / "twin.json").read_text()))
+        except (FileNotFoundError, ValueError):
+            return {}
+
+    def on_trial(self, window_s: int = 8) -> int:
+        """A revision that is on the robot's disk and not confirmed yet."""
+        for attempt in range(TRIES):
+            revision = self.desire(600_000 + attempt, window_s=window_s)
+            wait_until(lambda revision=revision: self.kept().get("seen") == revision)
+            if self.kept()["pending"] is not None:
+                return revision
+        raise AssertionError("every trial was confirmed before anybody could look")
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Any:
+    with Stack(tmp_path) as stack:
+        stack.router()
+        stack.gateway()
+        with CuttingProxy(stack.grpc_port) as proxy:
+            robot = Robot(stack, proxy)
+            wait_until(lambda: robot.stack.online() == {ROBOT}, timeout_s=120)
+            wait_until(lambda: robot.said.get("state") == "applied", timeout_s=120)
+            yield robot
+
+
+@pytest.mark.slow
+def test_a_twin_is_confirmed_and_one_that_the_link_dies_of_is_taken_back(robot: Robot) -> None:
+    kept = robot.desire(500_000)
+    wait_until(lambda: robot.twin["in_step"], timeout_s=120)
+    assert (robot.kept()["applied"]["revision"], robot.budget()) == (kept, 500_000)
+    tried = robot.on_trial()
+    robot.proxy.cut_after(up=0, down=0)
+    confirmed = robot.kept()["applied"]["revision"]  # the last before the trial, or the trial itself: we were late
+    wait_until(lambda: robot.kept()["pending"] is None, timeout_s=120)
+    robot.proxy.mend()
+    if robot.kept()["applied"]["revision"] != tried:
+        assert robot.kept()["applied"]["revision"] == confirmed
+        wait_until(lambda: robot.said.get("state") == "reverted", timeout_s=120)
+        found = robot.twin
+        assert (found["revision"], found["in_step"], found["reported"]["applied"]) == (tried, False, confirmed)
+        assert found["reported"]["code"] == "not_confirmed"
+    again = robot.desire(700_000)
+    wait_until(lambda: robot.twin["in_step"], timeout_s=120)
+    assert (robot.kept()["applied"]["revision"], robot.budget()) == (again, 700_000)
+
+
+@pytest.mark.slow
+def test_an_agent_that_is_killed_on_trial_ends_with_one_of_the_two(robot: Robot) -> None:
+    robot.desire(500_000)
+    wait_until(lambda: robot.twin["in_step"], timeout_s=120)
+    tried = robot.on_trial(window_s=20)
+    robot.agent.process.send_signal(signal.SIGKILL)
+    robot.agent.process.wait(60)
+    before = robot.kept()
+    robot.agent = robot.start()
+    wait_until(lambda: robot.kept()["pending"] is None, timeout_s=120)
+    after = robot.kept()
+    assert after["applied"]["revision"] in (before["applied"]["revision"], tried)
+    wait_until(lambda: robot.said.get("applied") == after["applied"]["revision"], timeout_s=120)
+    assert robot.budget() == json.loads(after["applied"]["document"])["budget"]["bytes_per_s"]
