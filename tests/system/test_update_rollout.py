@@ -1,0 +1,115 @@
+"""Two agents are updated by the gateway itself: keys and signatures by the command line, a rollout, a bad version."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from edge_agent.update.slots import Slots
+from tests.support.processes import END_S
+from tests.support.stack import Stack
+from tests.support.tuf_repository import make_bundle
+from tests.support.waiting import wait_until
+from tests.system.test_update_slots import build_wheel
+
+WITHIN_S = 300.0
+TRIAL = ("--health-s", "1.5", "--link-s", "120", "--boots", "2")
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(900),
+    pytest.mark.skipif(sys.platform == "win32", reason="the loader's process becomes the agent's"),
+]
+
+
+class Desk:
+    """The command line of whoever runs the fleet."""
+
+    def __init__(self, stack: Stack) -> None:
+        self._stack = stack
+
+    def __call__(self, command: str, *, gateway: bool = True) -> str:
+        """What `metaros COMMAND` prints."""
+        words = [sys.executable, "-m", "metaros", *shlex.split(command)]
+        more = ["--gateway", self._stack.url] if gateway else []
+        done = subprocess.run(
+            [*words, *more],
+            capture_output=True,
+            text=True,
+            stdin=subprocess.DEVNULL,
+            env={**os.environ, "METAROS_KEY": self._stack.key},
+            timeout=END_S * 4,
+            check=False,
+        )
+        assert done.returncode == 0, f"{command}: {done.stderr}{done.stdout}"
+        return done.stdout
+
+    def json(self, command: str) -> Any:
+        """The same as data."""
+        return json.loads(self(f"{command} -o json"))
+
+
+def sign_and_publish(metaros: Desk, folder: Path, bundles: list[Path]) -> None:
+    """As docs/howto/publish_updates.md says it."""
+    key = f"--passphrase-file {folder / 'words'}"
+    if not (folder / "keys").exists():
+        folder.mkdir()
+        (folder / "words").write_text("a long and secret line\n")
+        (folder / "words").chmod(0o600)
+        (folder / "online.json").write_text(metaros("update online-keys"))
+        metaros(f"update init-root {folder / 'keys'} --online {folder / 'online.json'} {key}", gateway=False)
+    for bundle in bundles:
+        metaros(f"update add {folder / 'keys'} {bundle} {key}", gateway=False)
+    metaros(f"update sign {folder / 'keys'} targets {key}", gateway=False)
+    metaros(f"update publish {folder / 'keys'}")
+
+
+def test_a_rollout_of_the_agent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    bundles = []
+    for version, broken in (("2.1.0", False), ("2.2.0", True)):
+        path = tmp_path / f"metaros-{version}.zip"
+        path.write_bytes(make_bundle(version, wheels=dict([build_wheel(tmp_path / "build", version, broken=broken)])))
+        bundles.append(path)
+    with Stack(tmp_path) as stack:
+        metaros = Desk(stack)
+        stack.router()
+        stack.gateway()
+        states = {name: tmp_path / "agents" / name for name in ("arm_1", "arm_2")}
+        for name, state in states.items():
+            token = metaros.json(f"robot token --robot {name}")["token"]
+            metaros(f"agent enrol {token} --name {name} --state-dir {state}")
+            where = ("--zenoh-port", str(stack.zenoh_port), "--zenoh-profile", "open", "--state-dir", str(state))
+            options = ("--name", name, "--namespace", f"/{name}", "--no-host-metrics", *where)
+            stack.start(f"agent-{name}", "agent-slot", *TRIAL, *options, ready=False)
+        wait_until(lambda: stack.online() == set(states), timeout_s=WITHIN_S)
+        sign_and_publish(metaros, tmp_path / "updates", bundles)
+
+        good = metaros.json("rollout start 2.1.0 --all --waves 1,100%")["id"]
+        wait_until(lambda: state_of(metaros, good) in ("done", "halted"), timeout_s=WITHIN_S)
+        assert state_of(metaros, good) == "done", metaros(f"rollout show {good}")
+        for state in states.values():
+            current = Slots(state).read()
+            assert (current.version, current.state) == ("2.1.0", "good")
+
+        bad = metaros.json("rollout start 2.2.0 --all --waves 1,100%")["id"]
+        wait_until(lambda: state_of(metaros, bad) in ("done", "halted"), timeout_s=WITHIN_S)
+        shown = metaros(f"rollout show {bad}")
+        assert state_of(metaros, bad) == "halted", shown
+        assert "rolled_back" in shown
+        found = [Slots(state).read() for state in states.values()]
+        assert [current.version for current in found] == ["2.1.0", "2.1.0"]
+        assert sorted(current.failed_version for current in found) == ["", "2.2.0"]  # one robot tried it for all
+        assert stack.online() == set(states)
+
+
+def state_of(metaros: Desk, rollout: str) -> str:
+    """How a rollout stands."""
+    return str(metaros.json(f"rollout show {rollout}")["state"])
