@@ -43,6 +43,7 @@ class _Node:
     refused: dict[str, str] = field(default_factory=dict)
     state: str = ""
     trouble: str = ""
+    again: tuple[str, float] = ("", 0.0)  # the life that failed, and when it is asked again, by the loop's time
 
     @property
     def idle(self) -> bool:
@@ -120,7 +121,9 @@ class NodeValues:
 
     def _look(self) -> bool:
         """Begin what can be done now; whether some node that is there has to be asked again."""
-        lives, waiting = self._services.lives(), False
+        if not self._nodes:
+            return False
+        lives, waiting, now_s = self._services.lives(), False, asyncio.get_running_loop().time()
         for name, node in self._nodes.items():
             if not self._scope.includes(name):
                 _outside(node)
@@ -132,7 +135,8 @@ class NodeValues:
             if node.done and node.life == life:
                 continue
             waiting = True
-            if name not in self._busy:
+            failed, again_s = node.again  # our own clients are changes of the graph, too: they must not hurry us
+            if name not in self._busy and (failed != life or now_s >= again_s):
                 self._busy.add(name)
                 task = asyncio.get_running_loop().create_task(self._see_to(name, node, life))
                 self._tasks.add(task)
@@ -153,6 +157,7 @@ class NodeValues:
                 self._originals.nodes.pop(name, None)
         except MetarosError as error:
             node.done, node.trouble = False, str(error)
+            node.again = (life, asyncio.get_running_loop().time() + RETRY_S)
         except Exception as error:
             LOG.exception("node %s", name)
             node.done, node.life, node.trouble = True, life, f"{type(error).__name__}: {error}"

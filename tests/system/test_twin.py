@@ -120,3 +120,24 @@ def test_an_agent_that_is_killed_on_trial_ends_with_one_of_the_two(robot: Robot)
     assert after["applied"]["revision"] in (before["applied"]["revision"], tried)
     wait_until(lambda: robot.said.get("applied") == after["applied"]["revision"], timeout_s=120)
     assert robot.budget() == json.loads(after["applied"]["document"])["budget"]["bytes_per_s"]
+
+
+@pytest.mark.slow
+def test_a_topic_changes_its_class_while_it_flows(robot: Robot) -> None:
+    """Samples of each class come to the gateway under the topic's one name; then the robot's own table holds again."""
+    robot.stack.sim("--seed", "1")
+
+    def odometry() -> dict[str, Any]:
+        return robot.stack.topics(ROBOT).get("/sim_1/odom", {})
+
+    wait_until(lambda: odometry().get("class") == "live", timeout_s=120)
+    for delivery in ("bulk", "event"):
+        received = odometry()["received"]
+        robot.ask("PATCH", "", {"topics": {"odom": {"class": delivery, "rate_hz": 3.0}}})
+        wait_until(lambda: robot.twin["in_step"], timeout_s=120)
+        wait_until(lambda delivery=delivery: odometry()["class"] == delivery)
+        wait_until(lambda received=received: odometry()["received"] > received + 5, timeout_s=120)
+    robot.ask("PATCH", "", {"topics": None})
+    wait_until(lambda: robot.twin["in_step"], timeout_s=120)
+    wait_until(lambda: (odometry()["class"], odometry()["history_hz"]) == ("live", 2.0))
+    assert odometry()["lost"] == 0

@@ -176,6 +176,15 @@ async def test_what_nobody_confirms_is_taken_back_and_not_tried_again(twin: Twin
         await twin.becomes(2, budget={"bytes_per_s": 60_000})
 
 
+async def test_a_node_that_may_not_run_here_makes_the_whole_document_refused(twin: Twin, zenoh_router: str) -> None:
+    async with running(twin, zenoh_router):
+        await twin.comes_to(0, "applied")
+        twin.desire(1, nodes={"x": {"command": ["true"]}}, budget={"bytes_per_s": 50_000})
+        await twin.comes_to(1, "refused")
+        assert (twin.last.code, twin.reported["budget"]) == ("node_not_allowed", {"bytes_per_s": 0})
+        assert twin.kept.applied.revision == 0
+
+
 async def test_a_trial_of_an_earlier_run_of_the_system_is_over_before_the_link_is_up(
     twin: Twin, zenoh_router: str
 ) -> None:

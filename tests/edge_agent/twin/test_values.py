@@ -145,6 +145,27 @@ async def test_a_node_that_does_not_answer_is_asked_again(monkeypatch: pytest.Mo
     assert "message" not in parameters(values)
 
 
+async def test_changes_of_the_graph_do_not_hurry_a_node_that_does_not_answer() -> None:
+    nodes = Nodes(a={"rate": 1.0})
+    nodes.silent = {"/r/a"}
+    asked = 0
+
+    def counted(node: str) -> None:
+        nonlocal asked
+        asked += 1
+        nodes.changed()
+        raise UnavailableError(node)
+
+    nodes.answer = counted  # type: ignore[method-assign]
+    async with seeing_to(nodes) as values:
+        values.want({"a": {"rate": 2.0}}, None)
+        await wait_until_async(lambda: asked > 0)
+        for _ in range(50):
+            nodes.changed()
+            await asyncio.sleep(0)
+    assert asked == 1
+
+
 async def test_what_a_node_had_before_is_known_after_a_crash_of_the_agent() -> None:
     nodes, disk = Nodes(a={"rate": 1.0}), SimDisk(random.Random(1))
     async with seeing_to(nodes, disk) as values:
