@@ -252,7 +252,8 @@ class Gateway:
         """A robot as the API shows it."""
         now_s = self.clock.monotonic_s()
         lease = self.leases.holder_of(robot_id, now_s=now_s)
-        return robot_view(self.registry.get(robot_id), lease, now_s=now_s)
+        view = robot_view(self.registry.get(robot_id), lease, now_s=now_s)
+        return {**view, "labels": self.twins.labels_of(robot_id)}
 
     def checks(self) -> dict[str, str]:
         """What `/readyz` says: "ok" or what is wrong, by part."""

@@ -109,6 +109,7 @@ async def test_templates_labels_and_many_robots(tmp_path: Path) -> None:
             etag = (await http.put("/api/v1/templates/lab", json=template)).headers["etag"]
             labelled = await http.patch("/api/v1/robots/a1/labels", json={"labels": {"site": "lab"}})
             assert labelled.json()["own_labels"] == {"site": "lab"}
+            assert (await http.get("/api/v1/robots/a1")).json()["labels"] == {"site": "lab"}
             shown = (await http.get("/api/v1/robots/a1/twin")).json()
             assert (shown["desired"], shown["own"]) == (template["document"], {})
             assert shown["templates"][0].startswith("lab@")
