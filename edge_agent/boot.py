@@ -79,6 +79,8 @@ class Loader:
             while True:
                 current = slots.boot(most=self.boots)
                 if not current.probing and sys.platform != "win32":
+                    if stop.is_set():
+                        return 0
                     argv = self.command(slots, current)
                     os.execve(argv[0], argv, self.environment(current, watcher=0))
                 code = self._watch(slots, current, clock, stop)

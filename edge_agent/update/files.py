@@ -13,7 +13,7 @@ from typing import Any
 
 from edge_agent.update.errors import SlotError
 
-__all__ = ["read_table", "remove_file", "replace_table", "sync_all", "sync_folder"]
+__all__ = ["read_table", "remove_file", "replace_table", "sync_all", "sync_files", "sync_folder"]
 
 FILE_BYTES = 256 * 1024
 
@@ -75,8 +75,16 @@ def sync_all(folder: Path) -> None:
     """Put everything below a folder on the disk: by one call for all where there is one, else file by file."""
     if hasattr(os, "sync"):
         os.sync()  # an environment has thousands of files, and an SD card takes 10 ms for each
-        return
+    else:
+        sync_files(folder)
+
+
+def sync_files(folder: Path) -> None:
+    """Put the few files below a folder, and their names, on the disk."""
+    folders = [folder, *(path for path in folder.rglob("*") if path.is_dir())]
     for path in folder.rglob("*"):
         if path.is_file():
             with path.open("r+b") as file:
                 os.fsync(file.fileno())
+    for path in folders:
+        sync_folder(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import sys
@@ -41,10 +42,14 @@ def loaded(environ: Mapping[str, str] = os.environ) -> Loaded | None:
 
 
 def give_back(found: Loaded) -> None:
-    """End this program, so that the loader starts what `slots/current` now says. Returns never.
+    """End this program at once, so that the loader starts what `slots/current` now says. Returns never.
 
     Where the loader waits it is told by the exit code; else the process becomes the loader, with the same process id.
     """
-    if found.watcher == os.getppid() or sys.platform == "win32":
-        sys.exit(AGAIN)
-    os.execv(found.loader[0], list(found.loader))
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            stream.flush()
+    if found.watcher != os.getppid() and sys.platform != "win32":
+        with contextlib.suppress(OSError):
+            os.execv(found.loader[0], list(found.loader))
+    os._exit(AGAIN)

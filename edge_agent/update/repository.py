@@ -37,7 +37,7 @@ from edge_agent.update.errors import (
     UpdateUnknownError,
     UpdateUnsignedError,
 )
-from edge_agent.update.files import read_table, replace_table, sync_all
+from edge_agent.update.files import read_table, replace_table, sync_files
 from metaros.clock import Clock
 
 __all__ = ["Fetched", "SignedRepository", "told"]
@@ -151,7 +151,7 @@ class SignedRepository:
         now_ns = round(found.reference_time.timestamp()) * 1_000_000_000
         table = {"time_ns": now_ns, "root": found.root.version, "keys": keys, "versions": versions}
         if table != seen:
-            sync_all(self._folder / "metadata")  # tuf itself syncs nothing
+            sync_files(self._folder / "metadata")  # tuf itself syncs nothing
             replace_table(self._folder / "seen.json", table)
 
     def _make_room(self, size_bytes: int) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,17 +20,24 @@ from metaros.clock import Clock, system_rng
 
 __all__ = ["HANDOVER", "Handover", "Updates", "open_updates"]
 
+CLOSE_S = 60.0
+
 
 class Handover:
     """Whether this program is to become another version once everything of it is closed."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, patience_s: float = CLOSE_S) -> None:
+        """`patience_s`: after so long it no longer waits for parts that do not close."""
         self._asked: Loaded | None = None
+        self._patience_s = patience_s
 
     def ask(self, found: Loaded | None) -> None:
         """End the program as a signal would, so that nothing that was accepted is lost."""
         self._asked = found
         if found is not None:
+            late = threading.Timer(self._patience_s, self.finish)
+            late.daemon = True
+            late.start()
             signal.raise_signal(signal.SIGINT if os.name == "nt" else signal.SIGTERM)
 
     def finish(self) -> None:
