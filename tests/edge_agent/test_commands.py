@@ -199,3 +199,52 @@ def test_zero_is_the_default_value(name: str) -> None:
 def test_an_unknown_type_has_no_zero() -> None:
     with pytest.raises(UnknownTypeError):
         zero_message("acme_msgs/msg/Jaw")
+
+
+async def test_a_durable_command_runs_once_and_its_result_stays_until_it_is_stored(agent: Rig, robot: Robot) -> None:
+    heard: list[str] = []
+    robot.node.create_subscription(String, "say", lambda message: heard.append(message.data), 10)
+    await agent.wait_channel("/sim_1/say")
+    now_ns = SystemClock().wall_ns()
+    durable = {"durable": True, "expires_ns": now_ns + 600 * 10**9}
+    payload = codec(String).encode(String(data="once"))
+    message = publish("/sim_1/say", "std_msgs/msg/String", payload)
+    command_id = agent.command(publish=message, **durable)
+    await wait_until_async(lambda: [r.kept for r in agent.half.results if r.command_id == command_id] == [False, True])
+    results = [r for r in agent.half.results if r.command_id == command_id]
+    assert [(r.running, r.ok, r.kept) for r in results] == [(True, False, False), (False, True, True)]
+    repeat = link_pb2.Command(command_id=command_id, publish=message, sent_ns=now_ns, timeout_ms=30_000, **durable)
+    agent.gateway.say(link_pb2.GatewayFrame(command=repeat))
+    await wait_until_async(lambda: sum(r.command_id == command_id for r in agent.half.results) == 3)
+    assert agent.half.results[-1] == results[-1], "the kept result, not `duplicate`"
+    stored = link_pb2.ResultStored(command_id=command_id)
+    agent.gateway.say(link_pb2.GatewayFrame(result_stored=stored))
+    agent.gateway.say(link_pb2.GatewayFrame(command=repeat))
+
+    def told() -> list[str]:
+        agent.gateway.say(link_pb2.GatewayFrame(command=repeat))
+        return [r.code for r in agent.half.results if r.command_id == command_id and r.code]
+
+    await wait_until_async(lambda: "interrupted" in told())  # nobody asks again after ResultStored: it does not run
+    late = agent.command(publish=message, durable=True, expires_ns=now_ns - 1)
+    assert (await agent.result(late)).code == "expired"
+    lease = agent.command(grant_lease=link_pb2.GrantLease(lease_id="L"), **durable)
+    assert (await agent.result(lease)).code == "unsupported"
+    drives = agent.command(publish=publish(CMD_VEL, TWIST, twist(1.0)), **durable)
+    assert (await agent.result(drives)).code == "lease_required"
+    await wait_until_async(lambda: heard == ["once"])
+
+
+async def test_what_moves_the_robot_has_to_be_fresh(agent: Rig, robot: Robot, speeds: list[float]) -> None:
+    await agent.wait_channel(CMD_VEL)
+    message = publish(CMD_VEL, TWIST, twist(0.7))
+    assert (await agent.result(grant(agent))).ok
+    for sent_ns in (0, SystemClock().wall_ns() - 10**9):
+        assert (await agent.result(agent.command(publish=message, lease_id="L", sent_ns=sent_ns))).code == "stale"
+    old = link_pb2.GrantLease(lease_id="M", holder="me", valid_ms=60_000)
+    late = agent.command(grant_lease=old, sent_ns=SystemClock().wall_ns() - 60 * 10**9)
+    assert (await agent.result(late)).code == "expired"
+    assert (await agent.result(agent.command(publish=message, lease_id="M"))).code == "lease_required"
+    call = link_pb2.CallService(service="/sim_1/x/cmd_vel", type_name="std_srvs/srv/Trigger", type_hash="x")
+    assert (await agent.result(agent.command(call_service=call))).code == "lease_required"
+    assert speeds == []

@@ -151,8 +151,9 @@ async def seen_command(services: Services, principal: Principal, command_id: str
 def named(services: Services, principal: Principal, text: str) -> list[str]:
     """The robots in scope that a selector names, by id; SelectorError for a text that is none."""
     selector = Selector.parse(text)
-    robots = [record.robot for record in services.registry.all()]
-    return [r.id for r in robots if principal.sees(r.id) and selector.matches(r.id, r.labels)][:MAX_FLEET]
+    known = [record.robot.id for record in services.registry.all()]
+    labels = services.twins.labels_of
+    return [robot for robot in known if principal.sees(robot) and selector.matches(robot, labels(robot))][:MAX_FLEET]
 
 
 def command_view(item: domain.Command) -> dict[str, Any]:
