@@ -121,6 +121,10 @@ class Limits:
     twin_window_least_s: float = 1.0
     twin_window_most_s: float = 3600.0
     twin_services_at_once: int = 8  # calls of a robot's nodes for parameters and lifecycle that are under way
+    twin_history: int = 100  # changes of a robot's desired state that the gateway keeps
+    twin_values_bytes: int = 64 * MIB  # what all robots reported last, in a gateway's memory; the store has the rest
+    twins_told_per_s: float = 400.0  # robots that a gateway tells what they are to be
+    templates: int = 256  # of twins
     twin_originals_bytes: int = 1 * MIB  # what nodes had before the twin changed it, on the robot's disk
     recording_window_bytes: int = 1 * MIB  # pieces sent past what the gateway has told to be on its disk
     recordings_at_a_time: int = 4  # of one robot on their way to the gateway; further ones wait

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import orjson
@@ -14,6 +15,7 @@ from gateway.store.engine import StoreEngine
 from gateway.store.templates import read_templates
 from gateway.store.twins import changed_twins, newest_change, read_reports, write_reports
 from metaros._proto import link_pb2
+from metaros.limits import LIMITS
 
 __all__ = ["TwinBook", "reported_values"]
 
@@ -21,7 +23,8 @@ log = logging.getLogger(__name__)
 
 TEXT_CHARS = 1024
 STATES = ("applied", "applying", "confirming", "reverted", "refused")
-SAVED_AT_ONCE = 512
+SAVED_AT_ONCE = 256
+LOADED_BYTES = 16 * 1024  # longer values of earlier days stay in the database until somebody asks
 
 Listener = Callable[[str, dict[str, Any]], None]
 
@@ -37,6 +40,8 @@ class TwinBook:
         self._change = 0
         self._templates_change = -1
         self._unsaved: dict[str, Reported] = {}
+        self._values: dict[str, bytes] = {}  # of `reported`, the oldest first
+        self._values_bytes = self._unsaved_bytes = 0
         self._listeners: list[Listener] = []
 
     def listen(self, listener: Listener) -> None:
@@ -49,10 +54,11 @@ class TwinBook:
 
         def job(engine: StoreEngine) -> dict[str, Reported]:
             with engine.transaction(write=False):
-                return read_reports(engine)
+                return read_reports(engine, values_bytes=LOADED_BYTES)
 
-        stored = await self._store.read(job)
-        self.reported = {**stored, **self.reported}
+        for robot, item in (await self._store.read(job)).items():
+            if robot not in self.reported:
+                self._remember(item)
 
     async def refresh(self) -> list[str]:
         """Learn what changed; the robots whose desired state did. StoreError when the database cannot be asked."""
@@ -87,7 +93,7 @@ class TwinBook:
 
     def report(self, robot: str, frame: link_pb2.TwinReport, *, wall_ns: int) -> Reported:
         """A robot says what it is."""
-        item = self.reported[robot] = self._unsaved[robot] = Reported(
+        item = Reported(
             robot=robot,
             at_ns=wall_ns,
             revision=frame.revision,
@@ -98,11 +104,34 @@ class TwinBook:
             sha256=frame.sha256[:32],
             reported=frame.reported,
         )
+        self._remember(item)
+        self._await_saving(item)
         if self._listeners:
             values = reported_values(item)
             for listener in self._listeners:
                 listener(robot, values)
         return item
+
+    def last(self, robot: str) -> Reported | None:
+        """The robot's last report; `reported` is empty where this gateway does not hold it."""
+        item = self.reported.get(robot)
+        return replace(item, reported=self._values.get(robot, b"")) if item is not None else None
+
+    def _remember(self, item: Reported) -> None:
+        """The values apart from the rest, as they are large: those that came longest ago go first."""
+        self.reported[item.robot] = replace(item, reported=b"")
+        self._values_bytes += len(item.reported) - len(self._values.pop(item.robot, b""))
+        self._values[item.robot] = item.reported
+        while self._values_bytes > LIMITS.twin_values_bytes:
+            self._values_bytes -= len(self._values.pop(next(iter(self._values))))
+
+    def _await_saving(self, item: Reported) -> None:
+        """While the store takes nothing, values beyond the bound are not kept for it; the robot's next ones may be."""
+        self._unsaved_bytes -= len(self._unsaved.pop(item.robot).reported) if item.robot in self._unsaved else 0
+        if self._unsaved_bytes + len(item.reported) > LIMITS.twin_values_bytes:
+            item = replace(item, reported=b"{}")
+        self._unsaved[item.robot] = item
+        self._unsaved_bytes += len(item.reported)
 
     async def save(self) -> None:
         """Store the reports that came since the last time; they stay to be stored where that fails."""
@@ -112,6 +141,7 @@ class TwinBook:
             for robot, item in some.items():
                 if self._unsaved.get(robot) is item:
                     del self._unsaved[robot]
+                    self._unsaved_bytes -= len(item.reported)
 
     def heard(self, robots: Iterable[str] | None = None) -> Mapping[str, int]:
         """The newest revision that robots have told they have seen."""

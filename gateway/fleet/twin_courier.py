@@ -21,12 +21,13 @@ from gateway.store.engine import StoreEngine
 from gateway.store.twins import collect_documents, next_change, write_twins
 from metaros._proto import link_pb2
 from metaros.clock import Clock
+from metaros.limits import LIMITS
 
 __all__ = ["TwinCourier"]
 
 log = logging.getLogger(__name__)
 
-PER_S = 400.0  # robots that are told a second
+PER_S = LIMITS.twins_told_per_s
 STEP_S = 0.025
 LOOK_S = 1.0  # how often it is asked what other gateways changed, and reports are stored
 COLLECT_EVERY_S = 3600.0

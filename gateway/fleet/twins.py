@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from gateway.domain.errors import TwinChangedError, UnknownRevisionError
@@ -67,9 +67,9 @@ class TwinDesk:
         self._clock = clock
 
     def reported_of(self, robot: str) -> dict[str, Any] | None:
-        """The values that the robot reported last, as far as this gateway has heard of it; None: nothing ever."""
-        item = self._book.reported.get(robot)
-        return reported_values(item) if item is not None else None
+        """The values that the robot reported last; None where it never did, or this gateway does not hold them."""
+        item = self._book.last(robot)
+        return reported_values(item) if item is not None and item.reported else None
 
     def desired_of(self, robot: str) -> Desired | None:
         """The robot's desired state as this gateway knows it."""
@@ -84,7 +84,8 @@ class TwinDesk:
 
         def job(engine: StoreEngine) -> list[TwinState]:
             with engine.transaction(write=False):
-                said, twins, reports = read_labels(engine), read_twins(engine), read_reports(engine)
+                said, twins = read_labels(engine), read_twins(engine)
+                reports = read_reports(engine, values_bytes=0)
             found = []
             for robot in sorted(said):
                 labels = labels_of(said[robot], twins.get(robot))
@@ -226,7 +227,9 @@ class TwinDesk:
         self, robot: str, desired: Desired | None, stored: Reported | None, labels: Mapping[str, str]
     ) -> TwinState:
         """With the newer of what the store and this gateway have heard of it."""
-        heard = self._book.reported.get(robot)
+        heard = self._book.last(robot)
+        if heard is not None and not heard.reported:
+            heard = replace(heard, reported=stored.reported if stored is not None else b"")
         newest = max((item for item in (stored, heard) if item is not None), key=lambda item: item.at_ns, default=None)
         return TwinState(desired=desired or Desired(robot=robot, sha256=digest(b"{}")), reported=newest, labels=labels)
 

@@ -6,11 +6,12 @@ from gateway.domain.selector import Selector
 from gateway.domain.twin import Template
 from gateway.errors import TooManyError
 from gateway.store.engine import StoreEngine
+from metaros.limits import LIMITS
 from metaros.twin import canonical, read
 
 __all__ = ["MAX_TEMPLATES", "read_templates", "remove_template", "write_template"]
 
-MAX_TEMPLATES = 256
+MAX_TEMPLATES = LIMITS.templates
 
 
 def read_templates(engine: StoreEngine) -> dict[str, Template]:

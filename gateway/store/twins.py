@@ -13,6 +13,7 @@ import orjson
 
 from gateway.domain.twin import Desired, Reported, TwinEntry
 from gateway.store.engine import Row, StoreEngine, placeholders, slices
+from metaros.limits import LIMITS
 
 __all__ = [
     "HISTORY",
@@ -28,7 +29,7 @@ __all__ = [
     "write_twins",
 ]
 
-HISTORY = 100  # entries kept of each robot; the oldest go
+HISTORY = LIMITS.twin_history  # entries kept of each robot; the oldest go
 _COLUMNS = (
     "robot, revision, edition, change, own, document, labels, templates, problem, author, at_ns, reason, confirm_ms"
 )
@@ -161,12 +162,17 @@ def write_reports(engine: StoreEngine, items: Iterable[Reported]) -> None:
     )
 
 
-def read_reports(engine: StoreEngine, robots: Collection[str] | None = None) -> dict[str, Reported]:
-    """What robots reported last, by robot."""
+def read_reports(
+    engine: StoreEngine, robots: Collection[str] | None = None, *, values_bytes: int = 1 << 20
+) -> dict[str, Reported]:
+    """What robots reported last, by robot; `reported` is empty where it is longer than `values_bytes`."""
+    columns = _REPORT.replace(
+        "hash, reported", f"hash, CASE WHEN length(reported) <= {values_bytes:d} THEN reported END"
+    )
     if robots is None:
-        rows: list[Row] = list(engine.fetch(f"SELECT {_REPORT} FROM twin_reports"))
+        rows: list[Row] = list(engine.fetch(f"SELECT {columns} FROM twin_reports"))
     else:
-        rows = _in(engine, f"SELECT {_REPORT} FROM twin_reports WHERE robot IN", robots)
+        rows = _in(engine, f"SELECT {columns} FROM twin_reports WHERE robot IN", robots)
     return {
         row[0]: Reported(
             robot=row[0],
@@ -177,7 +183,7 @@ def read_reports(engine: StoreEngine, robots: Collection[str] | None = None) -> 
             code=row[5],
             message=row[6],
             sha256=bytes.fromhex(row[7]),
-            reported=bytes(row[8]),
+            reported=bytes(row[8]) if row[8] is not None else b"",
         )
         for row in rows
     }

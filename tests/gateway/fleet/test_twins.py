@@ -18,6 +18,7 @@ from gateway.fleet.twin_plan import Edit
 from gateway.fleet.twins import Editor
 from gateway.store import RobotWrite
 from metaros._proto import link_pb2
+from metaros.limits import LIMITS
 from metaros.twin import TwinError
 from tests.gateway.fleet.twin_rig import Rig, rig_on
 from tests.gateway.store.conftest import store_url  # noqa: F401  (a fixture)
@@ -242,3 +243,23 @@ async def test_reports_are_there_after_a_restart(store_url: str, tmp_path: Path)
         state = await two.twins.desk.state("r1")
         assert state.in_step
         assert two.twins.desk.reported_of("r1") == {"documents": 1}
+
+
+async def test_what_robots_report_has_a_bound_in_memory_and_none_is_lost(rig: Rig) -> None:
+    count, size = 300, 256 * 1024  # more than twin_values_bytes
+    await rig.robot("r0")
+    await rig.robot("last")
+    values = b'{"x":"' + b"y" * (size - 10) + b'"}'
+    for number in range(count):
+        name = f"r{number}"
+        rig.fleet.robots.get(name) or rig.fleet.add(name)
+        rig.twins.on_report(name, link_pb2.TwinReport(state="applied", reported=values))
+    rig.twins.on_report("last", link_pb2.TwinReport(state="applied", reported=b'{"x":1}'))
+    assert rig.twins.desk.reported_of("last") == {"x": 1}
+    assert rig.twins.desk.reported_of("r0") is None
+    held = sum(len(rig.twins.book.last(f"r{number}").reported) for number in range(count))  # type: ignore[union-attr]
+    assert LIMITS.twin_values_bytes - 2 * size < held <= LIMITS.twin_values_bytes
+    await rig.twins.book.save()
+    stored = (await rig.twins.desk.state("r0")).reported
+    assert stored is not None
+    assert stored.reported == values
