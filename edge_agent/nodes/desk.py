@@ -17,14 +17,14 @@ from typing import Any, Final
 from edge_agent.nodes.allowed import NodeSettings
 from edge_agent.nodes.bundles import Bundle, Bundles
 from edge_agent.nodes.client import SupervisorLine
-from edge_agent.nodes.errors import NodeRefusedError, NodeTableError
+from edge_agent.nodes.errors import NodeRefusedError
 from edge_agent.nodes.launcher import Launcher
 from edge_agent.nodes.ledger import Ledger
 from edge_agent.nodes.rows import Place, as_json, check_allowed, row_of
 from edge_agent.nodes.trial import Trial
 from metaros.clock import Clock
 from metaros.errors import ConfigError, MetarosError
-from metaros.supervise.table_file import Row, read_rows
+from metaros.supervise.table_file import Row
 from metaros.twin import parse
 from metaros.twin.document import NodeWanted
 
@@ -68,14 +68,13 @@ class NodeDesk:
 
         Raises:
             NodeRefusedError: one of them may not run on this robot; nothing has changed.
-            NodeTableError: together they cannot be run.
+            TwinError: plain rows that are none of a twin's document.
         """
         wanted = dict(_parsed(nodes))
         for node in wanted.values():
             check_allowed(node, self._settings)
             if node.bundle and self._bundles is None:
                 raise NodeRefusedError(f"{node.name}: this robot takes no bundles: it is not enrolled")
-        _check_order(wanted)
         self._wanted = wanted
         for name, node in wanted.items():
             if node.bundle:
@@ -142,7 +141,8 @@ class NodeDesk:
         while True:
             waiting = bool(self._problems or self._trouble)
             try:
-                await asyncio.wait_for(self._work.wait(), again_s if waiting else None)
+                async with asyncio.timeout(again_s if waiting else None):
+                    await self._work.wait()
                 again_s = AGAIN_S[0]
             except TimeoutError:
                 again_s = min(2 * again_s, AGAIN_S[1])
@@ -288,11 +288,3 @@ def _parsed(nodes: Mapping[str, Any] | None) -> Mapping[str, NodeWanted]:
     if nodes and all(isinstance(node, NodeWanted) for node in nodes.values()):
         return nodes
     return parse({"nodes": dict(nodes or {})}).nodes or {}
-
-
-def _check_order(wanted: Mapping[str, NodeWanted]) -> None:
-    rows = [{"name": node.name, "argv": ["-"], "after": list(node.after)} for node in wanted.values()]
-    try:
-        read_rows(rows)
-    except ConfigError as error:
-        raise NodeTableError(str(error)) from None

@@ -2,7 +2,6 @@
 
 CommandError (edge_agent.errors)
 ├── NodeRefusedError      this robot's own settings do not let it run        node_not_allowed
-├── NodeTableError        the nodes as a whole cannot be run                 node_table
 └── SupervisorError       the supervisor does not answer, or said no         supervisor
 """
 
@@ -10,19 +9,13 @@ from __future__ import annotations
 
 from edge_agent.errors import CommandError
 
-__all__ = ["NodeRefusedError", "NodeTableError", "SupervisorError"]
+__all__ = ["NodeRefusedError", "SupervisorError"]
 
 
 class NodeRefusedError(CommandError):
     """The robot's own settings do not let this run here; the message says which and how to allow it."""
 
     code = "node_not_allowed"
-
-
-class NodeTableError(CommandError):
-    """The nodes as a whole cannot be run: a circle, a name that is not there."""
-
-    code = "node_table"
 
 
 class SupervisorError(CommandError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -32,19 +33,17 @@ class Launcher:
     def __init__(self, directory: Path, *, environ: Mapping[str, str] = os.environ) -> None:
         self._directory = directory
         self._environ = environ
-        self._child: subprocess.Popen[bytes] | None = None
+        self._burial: threading.Thread | None = None  # waits for one that we started: else a dead one stays a zombie
 
     @property
     def running(self) -> bool:
         """Whether a supervisor holds the directory."""
-        if self._child is not None:
-            self._child.poll()  # so that a dead one is buried
         return running_pid(self._directory) is not None
 
     @property
     def starting(self) -> bool:
         """Whether one that we have started still lives."""
-        return self._child is not None and self._child.poll() is None
+        return self._burial is not None and self._burial.is_alive()
 
     @property
     def stopped_by_hand(self) -> bool:
@@ -70,7 +69,7 @@ class Launcher:
             )
         argv = [python_of_base(self._environ), "-m", "metaros", "supervisor", "--detached"]
         try:
-            self._child = subprocess.Popen(
+            child = subprocess.Popen(
                 [*argv, "--state-dir", str(self._directory)],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
@@ -81,6 +80,8 @@ class Launcher:
             )
         except OSError as error:
             raise UnavailableError(f"the supervisor cannot be started: {error.strerror}") from None
+        self._burial = threading.Thread(target=child.wait, name="metaros-supervisor", daemon=True)
+        self._burial.start()
 
 
 def _apart() -> dict[str, Any]:

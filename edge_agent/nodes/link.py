@@ -47,7 +47,10 @@ class NodeLink:
             return
         age_s = max(told.age_s, 0.0) + max(self._clock.monotonic_s() - told.arrived_s, 0.0)
         leases = [(one.node, one.lease_id, one.valid_ms / 1000) for one in told.frame.node_leases.leases]
-        self._newest = (leases, self._lease_s() - age_s)
+        at_s = self._lease_s() - age_s
+        if self._newest is not None and at_s < self._newest[1]:
+            return
+        self._newest = (leases, at_s)
         self._came.set()
 
     async def run(self) -> None:

@@ -56,9 +56,10 @@ class SupervisorClient:
         answer: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
         self._waiting[number] = answer
         try:
-            self._writer.write(line)
-            await self._writer.drain()
-            found = await asyncio.wait_for(answer, timeout_s)
+            async with asyncio.timeout(timeout_s):  # wait_for of Python 3.11 may swallow a cancellation
+                self._writer.write(line)
+                await self._writer.drain()
+                found = await answer
         except TimeoutError:
             raise TimeoutError_(f"the supervisor did not answer {verb} within {timeout_s:g} s") from None
         except OSError as error:

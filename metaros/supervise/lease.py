@@ -54,6 +54,7 @@ class Leases:
 
     def __init__(self) -> None:
         self._held: dict[str, Lease] = {}
+        self._given_at_s = float("-inf")
 
     def __len__(self) -> int:
         return len(self._held)
@@ -63,15 +64,17 @@ class Leases:
         return self._held.get(node)
 
     def replace(self, given: Iterable[tuple[str, str, float]], *, age_s: float, now_s: float) -> None:
-        """Take (node, lease id, seconds) for all that are held; the rest is taken back. They were given `age_s` ago."""
+        """Take (node, lease id, seconds) for all that are held; the rest is taken back. They were given `age_s` ago:
+        words that are older than the last ones, and come late, change nothing.
+        """
+        given_at_s = now_s - max(age_s, 0.0)
+        if given_at_s < self._given_at_s:
+            return
+        self._given_at_s = given_at_s
         held: dict[str, Lease] = {}
         for node, lease_id, valid_s in given:
             valid_s = min(max(valid_s, 0.0), MOST_S)
-            lease = Lease(lease_id, now_s - max(age_s, 0.0) + valid_s, valid_s)
-            before = self._held.get(node)
-            if before is not None and before.lease_id == lease_id and before.until_s > lease.until_s:
-                lease = before  # an older word of the same lease, come late
-            held[node] = lease
+            held[node] = Lease(lease_id, given_at_s + valid_s, valid_s)
         for node, lease in self._held.items():  # taken back: stop now, dead by its old end
             if node not in held and lease.until_s > now_s:
                 held[node] = replace(lease, taken_back=True)

@@ -57,7 +57,8 @@ class Verbs:
         if request.get("life") == service.life and request.get("since") == service.revision and wait_s:
             changed = service.changed
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(changed.wait(), wait_s)
+                async with asyncio.timeout(wait_s):
+                    await changed.wait()
         return service.list_()
 
     async def _set_table(self, request: Request) -> Answer:

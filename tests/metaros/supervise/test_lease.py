@@ -47,8 +47,17 @@ def test_the_age_of_the_words_counts() -> None:
     assert given_lease(10.0, age_s=-5.0).duty("arm", GRACE_S, 109.99) is Duty.KILL  # nobody's clock lengthens it
 
 
-def test_an_older_word_of_the_same_lease_shortens_nothing() -> None:
+def test_a_newer_word_may_shorten_it() -> None:
     leases = given_lease(10.0)
+    leases.replace([("arm", "a", 2.0)], age_s=0.0, now_s=101.0)
+    lease = leases.get("arm")
+    assert lease is not None
+    assert lease.until_s == 103.0
+
+
+def test_an_older_word_changes_nothing() -> None:
+    leases = given_lease(10.0)
+    leases.replace([], age_s=5.0, now_s=100.1)
     leases.replace([("arm", "a", 10.0)], age_s=5.0, now_s=100.1)
     lease = leases.get("arm")
     assert lease is not None

@@ -1,0 +1,109 @@
+"""What may run on a robot is the robot's own word."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from edge_agent.config import load_settings
+from edge_agent.nodes.allowed import NodeSettings, allowed_entries
+from edge_agent.nodes.errors import NodeRefusedError
+from edge_agent.nodes.rows import Place, as_json, row_of
+from metaros.errors import ConfigError
+from metaros.supervise.table_file import read_rows
+from metaros.twin import parse
+from metaros.twin.document import NodeWanted
+
+PLACE = Place(namespace="/r1", zenoh_port=7447, python="/py")
+
+
+def wanted(**row: Any) -> NodeWanted:
+    nodes = parse({"nodes": {"n": row}}).nodes
+    assert nodes is not None
+    return nodes["n"]
+
+
+def settings(*rows: dict[str, Any], **values: Any) -> NodeSettings:
+    return NodeSettings(allowed=allowed_entries(list(rows), "f"), **values)
+
+
+def test_it_comes_from_the_agents_file(tmp_path: Path) -> None:
+    path = tmp_path / "agent.toml"
+    path.write_text('[nodes]\nfree_commands = true\nhealth_s = 5\n[[allowed]]\nname = "l"\ncommand = ["l", "-v"]\n')
+    found = load_settings(path).nodes
+    assert found.free_commands
+    assert found.health_s == 5
+    assert found.allowed["l"].command == ("l", "-v")
+    assert load_settings(None).nodes == NodeSettings()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[nodes]\nfree_commands = 1", "free_commands"),
+        ("[nodes]\nfree = true", r"nodes\.free"),
+        ("[nodes]\nhealth_s = 0", "health_s"),
+        ("allowed = 3", "allowed"),
+        ('[[allowed]]\nname = "a"', "exactly one"),
+        ('[[allowed]]\nname = "a"\ncommand = ["x"]\nmodule = "y"', "exactly one"),
+        ('[[allowed]]\nname = "a b"\ncommand = ["x"]', "name"),
+        ('[[allowed]]\nname = "a"\ncommand = "x"', "command"),
+        ('[[allowed]]\nname = "a"\ncommand = []', "command"),
+        ('[[allowed]]\nname = "a"\nclass = "x"', "class"),
+        ('[[allowed]]\nname = "a"\nmodule = "x:y"', "module"),
+        ('[[allowed]]\nname = "a"\ncommand = ["x"]\nargs = ["y"]', "args"),
+        ('[[allowed]]\nname = "a"\ncommand = ["x"]\nenv = {A = 1}', "env"),
+        ('[[allowed]]\nname = "a"\ncommand = ["x"]\ncolour = 1', "colour"),
+        ('[[allowed]]\nname = "a"\ncommand = ["x"]\n[[allowed]]\nname = "a"\ncommand = ["x"]', "already"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "agent.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=said):
+        load_settings(path)
+
+
+def test_an_entry_runs_as_the_robot_wrote_it() -> None:
+    row = row_of(wanted(allowed="l"), settings({"name": "l", "command": ["/bin/l", "-v"], "env": {"A": "1"}}), PLACE)
+    assert row.argv == ("/bin/l", "-v")
+    assert row.env["A"] == "1"
+    assert row.env["METAROS_ZENOH_PORT"] == "7447"
+
+
+def test_a_module_gets_name_namespace_and_parameters() -> None:
+    row = row_of(wanted(allowed="m", parameters={"rate_hz": 5.0}), settings({"name": "m", "module": "my.node"}), PLACE)
+    ros = ("--ros-args", "-r", "__node:=n", "-r", "__ns:=/r1", "-p", "rate_hz:=5.0")
+    assert row.argv == ("/py", "-m", "metaros.cli.launch_child", "module", "my.node", *ros)
+    assert row.own_guard
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ({"command": ["sh", "-c", "x"]}, "no free commands"),
+        ({"allowed": "other"}, "'other' is not in this robot's"),
+        ({"allowed": "l", "args": ["-c", "x"]}, "no arguments"),
+        ({"allowed": "l", "parameters": {"a": 1}}, "no parameters"),
+        ({"bundle": "b", "version": "1.0"}, "is not here"),
+    ],
+)
+def test_everything_else_is_refused_by_name(row: dict[str, Any], said: str) -> None:
+    with pytest.raises(NodeRefusedError, match=said):
+        row_of(wanted(**row), settings({"name": "l", "command": ["l"]}), PLACE)
+
+
+def test_what_the_robot_opens_is_open() -> None:
+    free = settings({"name": "l", "command": ["l"], "args": True, "parameters": True}, free_commands=True)
+    assert row_of(wanted(command=["sh", "-c", "x"]), free, PLACE).argv == ("sh", "-c", "x")
+    row = row_of(wanted(allowed="l", args=["-x"], parameters={"a": "ü"}), free, PLACE)
+    assert row.argv == ("l", "-x", "--ros-args", "-r", "__ns:=/r1", "-p", 'a:="ü"')
+
+
+def test_every_row_is_one_that_the_supervisor_takes() -> None:
+    node = wanted(allowed="l", restart="on-failure", critical=True, nice=3, migratable=True, run=False)
+    row = row_of(node, settings({"name": "l", "command": ["l"]}), PLACE)
+    assert read_rows([as_json(row)]) == (row,)
+    assert (row.restart, row.critical, row.nice, row.migratable, row.run) == ("on-failure", True, 3, True, False)
