@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -136,7 +137,14 @@ class Gateway:
             actuator_topics=self.settings.actuator_topics,
         )
         self.orders = OrderDesk(
-            self.store, self.commands, self.fleet, self.registry.get, self.links.send, clock=self.clock, limits=limits
+            self.store,
+            self.commands,
+            self.fleet,
+            self.registry.get,
+            self.links.send,
+            clock=self.clock,
+            local={"save_recording": self._save_recording},
+            limits=limits,
         )
         self.twins = Twins(self.store, self.links.send, self._labels_said, clock=self.clock)
 
@@ -285,6 +293,12 @@ class Gateway:
     def _labels_said(self, robot_id: str) -> dict[str, str]:
         record = self.registry.find(robot_id)
         return dict(record.robot.labels) if record is not None else {}
+
+    async def _save_recording(self, robot_id: str, request: Mapping[str, Any]) -> dict[str, str]:
+        asked = await self.recordings.request(
+            robot_id, last_s=float(request["last_s"]), topics=tuple(request.get("topics", ()))
+        )
+        return {"recording": asked.id}
 
     def _robot_side(self) -> RobotSide:
         def tell(robot_id: str, wanted: link_pb2.RecordingWanted) -> None:

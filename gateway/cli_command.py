@@ -25,7 +25,7 @@ _SPAN = re.compile(r"(\d{1,9}(?:\.\d{1,6})?)(s|m|h|d)?")
 _UNIT_S = {"s": 1.0, "m": 60.0, "h": 3600.0, "d": 86_400.0, None: 1.0}
 
 Id = Annotated[str, typer.Argument(metavar="ID", help="The command, as `metaros command list` shows it.")]
-Kind = Annotated[str, typer.Argument(metavar="KIND", help="publish, call_service, node_verb, read_log or set_uplink.")]
+Kind = Annotated[str, typer.Argument(metavar="KIND", help="As publish, call_service, node_verb, read_log.")]
 Fields = Annotated[
     list[str] | None, typer.Argument(metavar="FIELD=VALUE…", help="What the kind asks for; values as JSON, else text.")
 ]

@@ -14,7 +14,7 @@ State = Literal["issued", "delivered", "running", "done", "failed", "expired", "
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+    model_config = ConfigDict(extra="forbid", strict=True)  # 0 is no false here
 
 
 class CommandRequest(_Model):
@@ -23,7 +23,7 @@ class CommandRequest(_Model):
     `sent_ns` is the wall clock of who made it, for what moves the robot; 0 is now.
     """
 
-    kind: Literal["publish", "call_service", "node_verb", "read_log", "set_uplink"]
+    kind: Literal["publish", "call_service", "node_verb", "read_log", "save_recording", "set_uplink"]
     request: dict[str, Any] = Field(default_factory=dict)
     durable: bool = False
     expires_s: float = Field(default=LIMITS.command_expires_s, gt=0, le=LIMITS.command_expires_most_s)

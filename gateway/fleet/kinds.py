@@ -95,6 +95,13 @@ async def _set_uplink(fleet: FleetDesk, robot: str, request: Request) -> link_pb
     return link_pb2.Command(set_uplink=link_pb2.SetUplink(bytes_per_s=bytes_per_s))
 
 
+async def _save_recording(fleet: FleetDesk, robot: str, request: Request) -> link_pb2.Command:
+    """The gateway's own desk of recordings asks the robot, again and again until it has the file."""
+    if not all(isinstance(topic, str) for topic in request.get("topics", ())):
+        raise InvalidRequestError("request.topics are patterns of topics")
+    return link_pb2.Command()
+
+
 KINDS: tuple[Kind, ...] = (
     Kind(
         "publish",
@@ -118,6 +125,7 @@ KINDS: tuple[Kind, ...] = (
         ("node",),
         _read_log,
     ),
+    Kind("save_recording", "recordings.save", {"last_s": (int, float), "topics": list}, ("last_s",), _save_recording),
     Kind("set_uplink", "robots.configure", {"bytes_per_s": (int, type(None))}, ("bytes_per_s",), _set_uplink),
 )
 _BY_NAME = {kind.name: kind for kind in KINDS}

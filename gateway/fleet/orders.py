@@ -6,7 +6,7 @@ import asyncio
 import hashlib
 import logging
 from collections import deque
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
@@ -29,9 +29,9 @@ from gateway.errors import (
     BodyTooLargeError,
     CommandRefusedError,
     InvalidRequestError,
+    RequestError,
     RobotError,
     StoreError,
-    TooManyError,
     UnknownRobotError,
 )
 from gateway.fleet.command_rows import CommandRows, Database
@@ -52,6 +52,7 @@ POLL_S = 0.5  # another gateway may have changed what is waited for
 NOTES = 4096  # of older doors that wait for the store; further ones leave no row
 NOTE_S = 0.2
 KEY_CHARS = 200
+Local = Callable[[str, Mapping[str, Any]], Awaitable[Any]]  # robot and request; what it answers, as JSON
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,8 +95,11 @@ class OrderDesk:
         send: SendFrame,
         *,
         clock: Clock,
+        local: Mapping[str, Local] | None = None,
         limits: Limits = LIMITS,
     ) -> None:
+        """`local` are kinds that another feature of this gateway carries out, and keeps until the robot comes."""
+        self._local = dict(local or {})
         self._rows = CommandRows(database)
         self._commands = commands
         self._fleet = fleet
@@ -248,6 +252,8 @@ class OrderDesk:
             raise InvalidRequestError(f"timeout_s is more than 0 and at most {MAX_TIMEOUT_S:g}")
         if order.durable and not 0 < order.expires_s <= self._limits.command_expires_most_s:
             raise InvalidRequestError(f"expires_s is more than 0 and at most {self._limits.command_expires_most_s:g}")
+        if order.durable and order.kind in self._local:
+            raise InvalidRequestError(f"{order.kind} waits for its robot by itself: leave durable away")
         key = order.idempotency
         if key is not None and not (0 < len(key) <= KEY_CHARS and key.isprintable()):
             raise InvalidRequestError(f"Idempotency-Key is 1 to {KEY_CHARS} printable characters")
@@ -278,17 +284,23 @@ class OrderDesk:
         end: dict[str, Any] = {"state": FAILED, "code": "timeout", "message": "the request ended before its robot"}
         delivered_ns = self._clock.wall_ns()
         try:
-            result = await self._commands.run(
-                command.robot, wire, timeout_s=command.timeout_ms / 1000, command_id=wire_id(command.id)
-            )
-            payload = result.payload if len(result.payload) <= self._limits.result_bytes else b""
-            end = {"state": DONE, "result": await read_result(self._fleet, wire, payload)}
-        except (RobotError, TooManyError) as error:
+            end = {"state": DONE, "result": await self._outcome(command, wire)}
+        except (RobotError, RequestError) as error:
             end = _failure(error)
         finally:
             values = {"delivered_ns": delivered_ns, "ended_ns": self._clock.wall_ns(), **end}
             await asyncio.shield(asyncio.ensure_future(self._store_end(command.id, values)))
         return replace(command, **values)
+
+    async def _outcome(self, command: Command, wire: link_pb2.Command) -> str:
+        """What came back, as JSON; "" for nothing."""
+        if (local := self._local.get(command.kind)) is not None:
+            return orjson.dumps(await local(command.robot, orjson.loads(command.request))).decode()
+        result = await self._commands.run(
+            command.robot, wire, timeout_s=command.timeout_ms / 1000, command_id=wire_id(command.id)
+        )
+        payload = result.payload if len(result.payload) <= self._limits.result_bytes else b""
+        return await read_result(self._fleet, wire, payload)
 
     async def _store_end(self, command_id: str, values: dict[str, Any]) -> None:
         try:
@@ -345,7 +357,7 @@ class OrderDesk:
             event.set()
 
 
-def _failure(error: RobotError | TooManyError) -> dict[str, Any]:
+def _failure(error: RobotError | RequestError) -> dict[str, Any]:
     """How it ended, of an error that the robot or its link gave."""
     code = (error.agent_code or error.code) if isinstance(error, CommandRefusedError) else error.code
     return {"state": FAILED, "code": code[:64], "message": str(error)[:500].replace("\0", "")}

@@ -110,6 +110,19 @@ async def test_one_command_for_each_robot_that_is_named(tmp_path: Path) -> None:
         assert (wrong.status_code, wrong.json()["code"]) == (400, "selector_invalid")
 
 
+async def test_a_recording_is_asked_for_by_its_own_desk(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
+        body = {"kind": "save_recording", "request": {"last_s": 5, "topics": ["/a/**"]}}
+        done = (await http.post(SEND, json=body)).json()
+        assert done["state"] == "done"
+        found = (await http.get(f"/api/v1/recordings/{done['result']['recording']}")).json()
+        assert (found["robot"], found["topics"]) == ("sim_1", ["/a/**"])
+        assert (await agent.next("command")).command.save_recording.recording_id == found["id"]
+        failed = (await http.post(SEND, json={**body, "request": {"last_s": -5}})).json()
+        assert (failed["state"], failed["code"]) == ("failed", "invalid_request")
+        assert (await http.post(SEND, json={**body, "durable": True})).status_code == 400
+
+
 async def test_requests_that_do_not_fit(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready):
         for body in (
