@@ -98,4 +98,4 @@ def route_paths() -> list[str]:
 def _paths() -> Iterator[str]:
     for router in ROUTERS:
         for route in router.routes:
-            yield str(getattr(route, "path", ""))
+            yield str(getattr(route, "path", "")).replace(":path}", "}")  # as OpenAPI and the docs write it
