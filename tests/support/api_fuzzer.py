@@ -22,6 +22,8 @@ RULES = {
     "GET /api/v1/robots/{robot_id}/timeline": "times",
     "POST /api/v1/robots/{robot_id}/publish": "a topic's name and type, and a message of it",
     "POST /api/v1/robots/{robot_id}/services/call": "a service's name and type, and a request of it",
+    "POST /api/v1/commands": "a selector's grammar",
+    "POST /api/v1/robots/{robot_id}/commands": "what each kind of command asks for",
     "POST /api/v1/robots/{robot_id}/recordings": "either a length or a span",
     "POST /api/v1/users": "passwords that are hard to guess; an admin sees every robot",
     "PATCH /api/v1/users/{name}": "the same",
@@ -32,6 +34,14 @@ RULES = {
     "POST /api/v1/enrol/renew": "certificates and a CSR",
     "POST /api/v1/enrolment-tokens": "a robot's name",
     "POST /api/v1/robots/{robot_id}/revoke": "a reason",
+    "PUT /api/v1/robots/{robot_id}/twin": "a twin's document",
+    "PATCH /api/v1/robots/{robot_id}/twin": "the same",
+    "PATCH /api/v1/robots/{robot_id}/labels": "labels' own grammar",
+    "POST /api/v1/robots/{robot_id}/twin/revert": "what makes a whole document with the templates of now",
+    "GET /api/v1/twins": "the grammar of selectors",
+    "PATCH /api/v1/twins": "a selector, and a part of a twin's document",
+    "PUT /api/v1/templates/{name}": "the same, and a name",
+    "DELETE /api/v1/templates/{name}": "what is left of robots' documents has to be whole",
 }
 LONGEST_URI = 8000
 AWAY = ("robot_offline", "command_timeout")  # a robot that does not answer is no fault of the gateway's

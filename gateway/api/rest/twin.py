@@ -13,6 +13,7 @@ from starlette.responses import Response
 from gateway.api import models_twin as models
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
+from gateway.api.models_identity import Nothing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.services import services_of
@@ -121,9 +122,11 @@ async def revert(
     "/robots/{robot_id}/twin/retry",
     dependencies=[allow("twin.write")],
     responses={200: {"model": models.TwinChange}, **PRECONDITIONS},
+    openapi_extra=body_document(Nothing),
 )
 async def retry(request: Request, robot_id: str, reason: Reason = "", confirm_within_s: Window = None) -> Response:
     """The same document under a new revision: for a robot that refused it or went back."""
+    await read_body(request, Nothing)
     edit = Edit(again=True)
     return await _edited(request, robot_id, edit, dry_run=False, reason=reason or "again", window=confirm_within_s)
 
