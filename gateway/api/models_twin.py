@@ -7,7 +7,6 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 __all__ = [
-    "Labels",
     "LabelsChange",
     "Revert",
     "Template",
@@ -98,6 +97,7 @@ class TwinChange(BaseModel):
     changed: bool
     changes: list[Change]
     own_changes: list[Change]
+    own_labels: dict[str, str]
     more: int = Field(description="changes beyond those that are listed")
 
 
@@ -143,13 +143,6 @@ class LabelsChange(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     labels: dict[str, str | None] = Field(max_length=64)
-
-
-class Labels(BaseModel):
-    """A robot's labels: what it says itself, and over it what people gave it."""
-
-    labels: dict[str, str]
-    own_labels: dict[str, str]
 
 
 class TemplateRequest(BaseModel):

@@ -82,6 +82,7 @@ def outcome_view(item: Outcome, *, dry_run: bool) -> dict[str, Any]:
         "changed": item.changed,
         "changes": _shown(changes),
         "own_changes": _shown(own),
+        "own_labels": dict(item.after.labels),
         "more": max(0, len(changes) - SHOWN_CHANGES) + max(0, len(own) - SHOWN_CHANGES),
     }
 
@@ -96,7 +97,8 @@ def outcomes_view(items: Sequence[Outcome], *, dry_run: bool) -> dict[str, Any]:
         if view is None:
             view = views[key] = outcome_view(item, dry_run=dry_run)
         names = {"robot": item.after.robot, "revision": item.after.revision, "edition": item.after.edition}
-        results.append({**view, **names, "changed": item.changed})
+        labels = dict(item.after.labels)
+        results.append({**view, **names, "changed": item.changed, "own_labels": labels})
     changed = sum(1 for item in items if item.changed)
     return {"dry_run": dry_run, "robots": len(items), "changed": changed, "results": results}
 

@@ -134,7 +134,7 @@ async def retry(request: Request, robot_id: str, reason: Reason = "", confirm_wi
 @router.patch(
     "/robots/{robot_id}/labels",
     dependencies=[allow("twin.write")],
-    responses={200: {"model": models.Labels}, **PRECONDITIONS},
+    responses={200: {"model": models.TwinChange}, **PRECONDITIONS},
     openapi_extra=body_document(models.LabelsChange),
 )
 async def label(request: Request, robot_id: str, dry_run: DryRun = False, reason: Reason = "") -> Response:
@@ -203,8 +203,6 @@ async def _answer(request: Request, outcome: Outcome, *, dry_run: bool) -> Respo
     after = outcome.after
     view = await asyncio.to_thread(outcome_view, outcome, dry_run=dry_run)
     note(request, detail=f"{'dry run: ' if dry_run else ''}revision {after.revision}.{after.edition}")
-    if outcome.after.labels != outcome.before.labels:
-        view["own_labels"] = dict(after.labels)
     return JsonResponse(view, headers={"ETag": f'"{after.revision}.{after.edition}"'})
 
 
