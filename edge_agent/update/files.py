@@ -62,18 +62,17 @@ def remove_file(path: Path, *, calls: Any = os) -> None:
 
 def sync_folder(path: Path, *, calls: Any = os) -> None:
     """Make new and deleted names last; Windows has no such call and needs none."""
-    if sys.platform == "win32":
-        return
-    descriptor = calls.open(path, os.O_RDONLY)
-    try:
-        calls.fsync(descriptor)
-    finally:
-        calls.close(descriptor)
+    if sys.platform != "win32":
+        descriptor = calls.open(path, os.O_RDONLY)
+        try:
+            calls.fsync(descriptor)
+        finally:
+            calls.close(descriptor)
 
 
 def sync_all(folder: Path) -> None:
     """Put everything below a folder on the disk: by one call for all where there is one, else file by file."""
-    if hasattr(os, "sync"):
+    if sys.platform == "linux":  # elsewhere the call does not wait
         os.sync()  # an environment has thousands of files, and an SD card takes 10 ms for each
     else:
         sync_files(folder)
