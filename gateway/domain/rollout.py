@@ -230,7 +230,13 @@ def abort(rollout: Rollout, reason: str, now_ns: int) -> Rollout:
     """End it: who waits is left out, and who has the version, or is at it, keeps it. ValueError when it is over."""
     if rollout.state not in OPEN:
         raise ValueError(f"it is {rollout.state} already")
-    return replace(rollout, state="aborted", reason=reason, changed_ns=now_ns, changed=frozenset())
+    taken_back = {
+        robot: replace(member, state="waiting", wave=0, since_ns=now_ns)
+        for robot, member in rollout.members.items()
+        if member.state == "starting"
+    }
+    over = replace(rollout, state="aborted", reason=reason, changed_ns=now_ns, changed=frozenset())
+    return _with(over, taken_back, now_ns)
 
 
 def health_of(plan: Plan, reported: Mapping[str, object] | None) -> tuple[bool, str]:

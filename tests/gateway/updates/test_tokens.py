@@ -1,0 +1,59 @@
+"""Robots' tokens: good at every gateway of the store for a day, and not for the revoked."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+from gateway.store import Store
+from gateway.store.retention import Retention
+from gateway.updates.tokens import FetchTokens
+from metaros.clock import ManualClock
+from metaros.limits import LIMITS
+from tests.support.postgres import PostgresServer
+
+NOW_NS = 1_800_000_000 * 10**9
+
+
+@asynccontextmanager
+async def tokens(folder: Path, url: str, clock: ManualClock, revoked: set[str]) -> AsyncIterator[FetchTokens]:
+    retention = Retention(age_s=100.0, size_bytes=1 << 30)
+    store = Store(folder, clock=clock, retention=retention, queue_bytes=1 << 20, url=url)
+    store.start()
+    try:
+        made = FetchTokens(store, clock=clock, revoked=revoked.__contains__)
+        assert made.make("r1") == ""  # before it knows the store's secret
+        await made.load()
+        yield made
+    finally:
+        await store.close()
+
+
+async def test_a_token_at_two_gateways(tmp_path: Path, postgres: PostgresServer) -> None:
+    url, clock, revoked = postgres.schema(), ManualClock(wall_ns=NOW_NS), set[str]()
+    async with (
+        tokens(tmp_path / "a", url, clock, revoked) as first,
+        tokens(tmp_path / "b", url, clock, revoked) as second,
+    ):
+        text = first.make("r1.lab")
+        for door in (first, second):
+            found = await door.by_key(text)
+            assert found is not None
+            assert (found.kind, found.id, found.robots) == ("robot", "r1.lab", ("r1.lab",))
+            assert await door.by_session(text) is None
+        clock.advance(LIMITS.fetch_token_s - 1)
+        assert await second.by_key(text) is not None
+        clock.advance(1)
+        assert await second.by_key(text) is None
+        fresh = second.make("r1.lab")
+        assert await first.by_key(fresh) is not None
+        revoked.add("r1.lab")
+        assert await first.by_key(fresh) is None
+
+
+async def test_another_store_has_another_secret(tmp_path: Path) -> None:
+    clock = ManualClock(wall_ns=NOW_NS)
+    async with tokens(tmp_path / "a", "", clock, set()) as first, tokens(tmp_path / "b", "", clock, set()) as second:
+        assert await first.by_key(first.make("r1")) is not None
+        assert await second.by_key(first.make("r1")) is None
