@@ -47,7 +47,7 @@ def run_gateway(config: GatewayConfig) -> None:
     log_to(config.folder / "gateway.log")
     if config.host != "127.0.0.1":  # in a network namespace of the campaign's own there is nobody else
         gateway.settings.is_loopback = gateway.binding.is_loopback = lambda host: True
-        vars(gateway.ingest.link_service)["_is_local"] = lambda peer: True
+        vars(gateway.ingest.link_service)["is_local_peer"] = lambda peer: True
     if config.busy:
         vars(gateway.store.compactor)["CompactPace"] = lambda: BUSY_COMPACTION
         vars(gateway.store.writer)["Pace"] = lambda: BUSY_WRITER
