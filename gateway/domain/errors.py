@@ -1,13 +1,13 @@
 """The errors of twins, templates, selectors and commands; `gateway.errors` has the tree they belong to.
 
-    RequestError
-    ├── SelectorError           a selector or a label breaks the grammar            selector_invalid
-    ├── UnknownTemplateError    there is no such template                           unknown_template
-    ├── UnknownRevisionError    the revision of a twin is not kept, or never was    unknown_revision
-    ├── TwinChangedError        somebody else was faster than this edit             twin_changed
-    ├── UnknownCommandError     there is no such command                            unknown_command
-    ├── IdempotencyConflictError  the key was used for another request              idempotency_conflict
-    └── CommandDeliveredError   too late to take the command back                   command_delivered
+RequestError
+├── SelectorError           a selector or a label breaks the grammar            selector_invalid
+├── UnknownTemplateError    there is no such template                           unknown_template
+├── UnknownRevisionError    the revision of a twin is not kept, or never was    unknown_revision
+├── TwinChangedError        somebody else was faster than this edit             twin_changed
+├── UnknownCommandError     there is no such command                            unknown_command
+├── IdempotencyConflictError  the key was used for another request              idempotency_conflict
+└── CommandDeliveredError   too late to take the command back                   command_delivered
 """
 
 from __future__ import annotations
