@@ -66,6 +66,8 @@ class SupervisorClient:
             raise UnavailableError(f"the supervisor is gone: {error}") from None
         finally:
             self._waiting.pop(number, None)
+            if answer.done() and not answer.cancelled():
+                answer.exception()  # seen, also where we were cancelled meanwhile
         if not found.get("ok"):
             raise _CAUSES.get(str(found.get("code")), PeerError)(str(found.get("message")))
         return found
