@@ -79,6 +79,7 @@ def test_it_says_when_to_look_again() -> None:
     leases = given_lease(10.0)
     graces = {"arm": GRACE_S, "other": 1.0}
     stop_s = leases.next_s(graces, 100.0)
+    assert stop_s is not None
     assert stop_s == pytest.approx(110.0 - KILL_BEFORE_S - MARGIN_S - GRACE_S)
     assert leases.next_s(graces, stop_s) == pytest.approx(110.0 - KILL_BEFORE_S)
     assert leases.next_s(graces, 110.0) is None
