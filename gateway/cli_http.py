@@ -119,7 +119,7 @@ class GatewayClient:
         """
         asked = urlencode({k: v for k, v in (query or {}).items() if v is not None}, doseq=True)
         kind = {} if body is None else {"Content-Type": "application/json"}
-        connection = open_connection(self.url, timeout_s=self._timeout_s)
+        connection, response = open_connection(self.url, timeout_s=self._timeout_s), None
         try:
             try:
                 connection.request(
@@ -136,6 +136,8 @@ class GatewayClient:
                 raise _refusal(answer)
             yield answer
         finally:
+            if response is not None:  # a socket of `Connection: close` is the answer's, not the connection's
+                response.close()
             connection.close()
 
 
