@@ -35,7 +35,7 @@ class RefusedSignIn:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on; a browser's problem becomes the way to the sign-in page."""
-        if scope["type"] != "http" or scope["path"] not in PLACES or wants_json(scope["headers"]):
+        if scope["type"] != "http" or scope["path"] not in PLACES or not wants_page(scope["headers"]):
             await self._app(scope, receive, send)
             return
         scope.setdefault("state", {})
@@ -56,10 +56,9 @@ class RefusedSignIn:
         await self._app(scope, receive, led)
 
 
-def wants_json(headers: Iterable[tuple[bytes, bytes]]) -> bool:
-    """Whether a program asks: one that names JSON, and no page."""
-    accept = b",".join(value for name, value in headers if name.lower() == b"accept").lower()
-    return b"json" in accept and b"text/html" not in accept
+def wants_page(headers: Iterable[tuple[bytes, bytes]]) -> bool:
+    """Whether a browser asks: on its way to a page it says that it takes HTML."""
+    return any(name.lower() == b"accept" and b"text/html" in value.lower() for name, value in headers)
 
 
 def is_refusal(start: Message) -> bool:

@@ -62,7 +62,7 @@ async def start(request: Request) -> Response:
 async def callback(request: Request, code: Text = "", state: Text = "", error: Text = "") -> Response:
     """Where the provider sends the browser back: a session, and the dashboard; else the sign-in page, with a code.
 
-    Programs that ask for JSON get the problem instead (`gateway.api.refused_sign_in`).
+    Programs, which take no HTML, get the problem instead (`gateway.api.refused_sign_in`).
     """
     client, services = _client(request), services_of(request)
     if error or not code or not state:
