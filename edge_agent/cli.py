@@ -12,6 +12,7 @@ import typer
 from edge_agent.cli_enrol import enrol_command
 from edge_agent.cli_status import status_command
 from metaros.errors import MetarosError
+from metaros.inert import InertFormatter, inert_lines
 
 __all__ = ["register"]
 
@@ -56,7 +57,9 @@ def run_command(
     from edge_agent.config import load_settings  # heavy, and the next one too: Zenoh, gRPC, numpy
     from edge_agent.main import run
 
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(name)s %(levelname)s %(message)s")
+    handler = logging.StreamHandler()
+    handler.setFormatter(InertFormatter("%(asctime)s %(name)s %(levelname)s %(message)s"))
+    logging.basicConfig(level=logging.INFO, handlers=[handler])
     overrides = {
         "name": name,
         "namespace": namespace,
@@ -72,5 +75,5 @@ def run_command(
     try:
         run(load_settings(config, overrides))
     except MetarosError as error:
-        typer.echo(f"metaros agent: {error}", err=True)
+        typer.echo(inert_lines(f"metaros agent: {error}"), err=True)
         raise typer.Exit(2) from error

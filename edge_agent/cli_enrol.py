@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from metaros.errors import MetarosError
+from metaros.inert import inert, inert_lines
 
 __all__ = ["enrol_command"]
 
@@ -35,9 +36,9 @@ def enrol_command(
         directory = state_dir or default_state_dir(robot)
         identity = enrol(parse_token(text), url=gateway, robot_id=robot, state_dir=directory)
     except MetarosError as error:
-        typer.echo(f"metaros agent enrol: {error}", err=True)
+        typer.echo(inert_lines(f"metaros agent enrol: {error}"), err=True)
         raise typer.Exit(2) from error
-    typer.echo(f"enrolled {identity.robot} in fleet {identity.fleet}")
+    typer.echo(inert(f"enrolled {identity.robot} in fleet {identity.fleet}"))
     more = f" --state-dir {state_dir}" if state_dir else ""
     typer.echo(f"start it: metaros agent --name {identity.robot}{more}")
     typer.echo("keep others on this machine from driving it: metaros router --zenoh-profile protected", err=True)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from edge_agent.blackbox.source import Source
     from edge_agent.channels import Channel
     from edge_agent.config import Settings
+    from edge_agent.outbox.pending import Seal
 
 __all__ = ["BLACK_BOX_STREAM", "KEYRING_NAME", "Sealing", "open_sealing"]
 
@@ -38,17 +39,24 @@ class Sealing:
         self._path = path
         self._robot = robot
         self._clock = clock
+        self.refused = 0  # samples of channels that nobody knows: kept nowhere, as they cannot be sealed
         self._origins: dict[int, Origin] = {}  # a channel's number means one thing for ever
         self._mark = mark_of(path)
         self._sealer = Sealer(Keyring.load(path), clock)
         self._look_s = clock.monotonic_s() + LOOK_S
 
-    def accepted(self, channel_of: Callable[[int], Channel | None]) -> Callable[[int, int, int, bytes], bytes]:
-        """For the outbox: what is kept of a payload of (stream, epoch, seq)."""
+    def accepted(self, channel_of: Callable[[int], Channel | None]) -> Seal:
+        """For the outbox: what is kept of a payload of (stream, epoch, seq); None where nothing may be kept.
 
-        def keep(stream: int, epoch: int, seq: int, payload: bytes) -> bytes:
+        Whether a channel that is not known is to be sealed nobody can say, so its samples are never kept in clear.
+        """
+
+        def keep(stream: int, epoch: int, seq: int, payload: bytes) -> bytes | None:
             channel = channel_of(stream & CHANNEL_MASK)
-            if channel is None or not channel.sealed:
+            if channel is None:
+                self._refuse(stream)
+                return None
+            if not channel.sealed:
                 return payload
             return self._seal(channel, payload, stream, epoch, seq)
 
@@ -68,6 +76,11 @@ class Sealing:
             return payload
         publisher = int.from_bytes(hashlib.sha256(source.publisher.gid).digest()[:8], "big")
         return self._seal(source.channel, payload, BLACK_BOX_STREAM, publisher, sequence & (1 << 64) - 1)
+
+    def _refuse(self, stream: int) -> None:
+        if not self.refused:  # once: the count, and the gaps that the outbox declares, say the rest
+            LOG.error("samples of stream %d are dropped: its channel is not known, so neither is its seal", stream)
+        self.refused += 1
 
     def _seal(self, channel: Channel, payload: bytes, stream: int, epoch: int, seq: int) -> bytes:
         now_s = self._clock.monotonic_s()

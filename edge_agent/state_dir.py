@@ -7,19 +7,29 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Final
 
 from edge_agent.errors import DiskError
 from metaros.errors import ConfigError
 
 __all__ = ["default_state_dir", "locked"]
 
+_PLAIN: Final = re.compile(r"[A-Za-z0-9_.-]{1,64}\Z")
+
 
 def default_state_dir(name: str) -> Path:
-    """Where the agent of a robot keeps its state when nobody says."""
+    """Where the agent of a robot keeps its state when nobody says.
+
+    Raises:
+        ConfigError: the name is no plain part of a path, so this would be another directory.
+    """
+    if not _PLAIN.match(name) or name in (".", ".."):
+        raise ConfigError(f"{name[:80]!r} is no id of a robot: 1 to 64 letters, digits, _, . and -")
     return Path.home() / ".metaros" / "agent" / name
 
 

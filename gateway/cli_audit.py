@@ -13,6 +13,7 @@ from gateway.cli_options import ObjectsUrl, StoreUrl
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, counted
 from metaros.errors import ConfigError
+from metaros.inert import inert
 
 __all__ = ["register"]
 
@@ -99,9 +100,9 @@ def _row(item: dict[str, Any]) -> tuple[str, ...]:
 
 def _show(out: Output, found: dict[str, Any]) -> None:
     for fault in found["faults"]:
-        out.line(f"row {fault['number']}: {fault['fault']}: {fault['detail']}")
+        out.line(inert(f"row {fault['number']}: {fault['fault']}: {fault['detail']}"))
     if found["heads_error"]:
-        out.line(f"the exported heads cannot be read: {found['heads_error']}")
+        out.line(inert(f"the exported heads cannot be read: {found['heads_error']}"))
     heads = f"{counted(found['heads'], 'exported head')}, {found['heads_sealed']} sealed with this gateway's key"
     out.line(f"{'the log holds' if found['ok'] else 'THE LOG DOES NOT HOLD'}: {counted(found['rows'], 'row')}, {heads}")
-    out.line(f"head: row {found['rows']} {found['hash']}")
+    out.line(inert(f"head: row {found['rows']} {found['hash']}"))

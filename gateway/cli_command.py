@@ -14,8 +14,9 @@ import typer
 from gateway.cli_http import GatewayClient, GatewayOption, open_gateway, path_part
 from gateway.errors import GatewayError
 from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted, inert
+from metaros.cli.output import Output, counted
 from metaros.errors import UsageError
+from metaros.inert import inert
 
 __all__ = ["register"]
 

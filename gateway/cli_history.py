@@ -13,6 +13,7 @@ import typer
 
 from gateway.cli_http import Answer, GatewayClient, GatewayOption, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
+from metaros.inert import inert
 
 __all__ = ["register"]
 
@@ -97,10 +98,11 @@ def _messages(
             out.object_line(message)
             continue
         shown = message["message"] if "error" not in message else message["error"]
-        out.line(f"{message['stamp']}  {message['topic']}  {json.dumps(shown, ensure_ascii=False)}")
+        out.line(inert(f"{message['stamp']}  {message['topic']}  {json.dumps(shown, ensure_ascii=False)}"))
     lost = sum(gap["count"] for gap in gaps)
     if lost:
-        out.note(f"{lost} samples of that time are lost: {', '.join(sorted({gap['reason'] for gap in gaps}))}")
+        reasons = ", ".join(sorted({gap["reason"] for gap in gaps}))
+        out.note(inert(f"{lost} samples of that time are lost: {reasons}"))
 
 
 def _pages(

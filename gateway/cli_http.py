@@ -126,7 +126,7 @@ class GatewayClient:
         """
         asked = urlencode({k: v for k, v in (query or {}).items() if v is not None}, doseq=True)
         kind = {} if body is None else {"Content-Type": "application/json"}
-        connection = open_connection(self.url, timeout_s=self._timeout_s)
+        connection, response = open_connection(self.url, timeout_s=self._timeout_s), None
         content: Any = None if body is None else json.dumps(body).encode()
         if file is not None:
             content, kind = file.open("rb"), {"Content-Length": str(file.stat().st_size)}
@@ -146,6 +146,8 @@ class GatewayClient:
                 raise _refusal(answer)
             yield answer
         finally:
+            if response is not None:  # a socket of `Connection: close` is the answer's, not the connection's
+                response.close()
             connection.close()
             if file is not None:
                 content.close()

@@ -12,6 +12,7 @@ from gateway.cli_http import GatewayOption, path_part
 from gateway.cli_options import StoreUrl
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output
+from metaros.inert import inert
 
 __all__ = ["register"]
 
@@ -55,8 +56,8 @@ def _create(
     if out.json:
         out.objects(made)
         return
-    out.line(made["key"])
-    out.note(f"key {made['id']}, {made['role']}: it is not shown again")
+    out.line(inert(made["key"]))
+    out.note(f"key {inert(made['id'])}, {inert(made['role'])}: it is not shown again")
 
 
 def _create_here(data_dir: Path | None, store: str, wanted: dict[str, Any]) -> Any:

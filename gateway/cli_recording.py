@@ -13,16 +13,20 @@ from typing import Annotated, Any
 import typer
 
 from gateway.cli_http import GatewayClient, GatewayOption, open_gateway, path_part
+from gateway.domain.robot import is_robot_id
 from gateway.errors import GatewayError
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, human_bytes
 from metaros.errors import ConfigError, PeerError, UsageError
+from metaros.inert import inert
 
 __all__ = ["register"]
 
 LOOK_S = 0.3
 UNFINISHED = ("requested", "cutting", "transferring")
 _SPAN = re.compile(r"(\d{1,9}(?:\.\d{1,6})?)(ms|s|m|h)?")
+_TIME = re.compile(r"[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}")
+_SHA256 = re.compile(r"[0-9a-f]{64}")
 _UNIT_S = {"ms": 0.001, "s": 1.0, "m": 60.0, "h": 3600.0, None: 1.0}
 
 Id = Annotated[str, typer.Argument(metavar="ID", help="The recording, as `metaros recording list` shows it.")]
@@ -78,12 +82,12 @@ def _save(
     body = {**span, "topics": topics or []}
     saved = client.post(f"/api/v1/robots/{path_part(robot)}/recordings", body)
     if wait:
-        out.note(f"recording {saved['id']} of {robot}")
+        out.note(inert(f"recording {saved['id']} of {robot}"))
         saved = _follow(client, saved, out)
     if out.json:
         out.objects(saved)
     else:
-        out.line(saved["id"])
+        out.line(inert(saved["id"]))
     if saved["state"] == "failed":
         raise GatewayError(f"the recording failed: {saved['message'] or saved['code']}")
 
@@ -100,15 +104,32 @@ def _get(
         item = _follow(client, item, out)
     if item["state"] != "stored":
         raise GatewayError(f"the recording failed: {item['message'] or item['code']}")
-    path = file if file is not None else Path(f"{item['robot']}_{(item['first'] or item['start'])[:19]}Z.mcap")
+    path = file if file is not None else Path(_file_name(item))
+    if not path.name or path.is_dir():
+        raise ConfigError(f"{path} is a folder: name a file")
     path = path.with_name(path.name.replace(":", "-"))
-    partial = path.with_name(f"{path.name}.{item['sha256'][:8]}.partial")
+    partial = path.with_name(f"{path.name}.{_sha256(item)[:8]}.partial")
     try:
         _download(client, item, partial, out)
         partial.replace(path)
     except OSError as error:
         raise ConfigError(f"cannot write {path}: {error.strerror or error}") from error
     out.line(str(path))
+
+
+def _file_name(item: dict[str, Any]) -> str:
+    """The robot's name and the time. A gateway says both, and shall not say where on this disk we write."""
+    robot, at = str(item["robot"]), str(item["first"] or item["start"])[:19]
+    if not is_robot_id(robot) or not _TIME.fullmatch(at):
+        raise PeerError(f"what answers is no gateway: a recording of {robot[:80]!r} at {at!r}")
+    return f"{robot}_{at}Z.mcap"
+
+
+def _sha256(item: dict[str, Any]) -> str:
+    digest = str(item["sha256"])
+    if not _SHA256.fullmatch(digest):
+        raise PeerError(f"what answers is no gateway: a checksum of {digest[:80]!r}")
+    return digest
 
 
 def _delete(recording_id: Id, gateway: GatewayOption = "") -> None:
@@ -122,7 +143,7 @@ def _follow(client: GatewayClient, item: dict[str, Any], out: Output) -> dict[st
     while item["state"] in UNFINISHED:
         text = _progress(item)
         if text != shown and (out.tty or _stage(text) != _stage(shown)):
-            out.note(text)
+            out.note(inert(text))
         shown = text
         pause.wait(LOOK_S)
         item = client.get(f"/api/v1/recordings/{path_part(item['id'])}")
@@ -140,6 +161,8 @@ def _download(client: GatewayClient, item: dict[str, Any], partial: Path, out: O
         with client.open("GET", item["url"], headers=headers) as answer:
             with partial.open("ab" if answer.status == 206 else "wb") as target:
                 for piece in answer.pieces():
+                    if target.tell() + len(piece) > total:
+                        raise PeerError(f"what came is not the recording: it is larger than {human_bytes(total)}")
                     target.write(piece)
                     _meter(target.tell(), total, out)
     digest = hashlib.sha256()

@@ -8,8 +8,9 @@ import typer
 
 from gateway.cli_http import GatewayOption, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, inert
+from metaros.cli.output import Output
 from metaros.errors import UsageError
+from metaros.inert import inert
 
 __all__ = ["register"]
 
@@ -36,8 +37,8 @@ def _token(
     if out.json:
         out.objects(made)
         return
-    out.line(made["command"])
-    out.note(f"run it on the robot before {made['expires'][:16]}Z; it works once and is not shown again")
+    out.line(inert(made["command"]))
+    out.note(f"run it on the robot before {inert(made['expires'][:16])}Z; it works once and is not shown again")
 
 
 def _list(gateway: GatewayOption = "", output: FormatOption = Format.TEXT) -> None:

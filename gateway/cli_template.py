@@ -8,7 +8,8 @@ import typer
 
 from gateway.cli_http import GatewayOption, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, inert
+from metaros.cli.output import Output
+from metaros.inert import inert
 
 __all__ = ["add_templates"]
 

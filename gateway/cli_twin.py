@@ -12,8 +12,9 @@ import typer
 from gateway.cli_http import GatewayClient, GatewayOption, open_gateway, path_part
 from gateway.cli_template import add_templates
 from metaros.cli.options import Format, FormatOption
-from metaros.cli.output import Output, counted, inert
+from metaros.cli.output import Output, counted
 from metaros.errors import ConfigError, UsageError
+from metaros.inert import inert
 from metaros.twin import ABSENT, Change, read
 
 __all__ = ["Confirm", "DryRun", "Reason", "read_document", "register", "send", "show_change", "show_changes"]

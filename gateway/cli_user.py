@@ -22,6 +22,7 @@ from metaros.cli.credentials import local_gateway
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, counted
 from metaros.errors import UsageError
+from metaros.inert import inert
 
 __all__ = ["register", "register_signin"]
 
@@ -72,7 +73,7 @@ def _add(
     if out.json:
         out.objects(made)
     else:
-        out.line(f"{made['name']}: {made['role']}, robots {' '.join(made['robots'])}")
+        out.line(inert(f"{made['name']}: {made['role']}, robots {' '.join(made['robots'])}"))
 
 
 def _add_here(data_dir: Path | None, store: str, wanted: dict[str, Any]) -> Any:
@@ -245,8 +246,8 @@ def _signin(
     if out.json:
         out.objects(made)
         return
-    out.line(made["url"])
-    out.note(f"signs {made['user']} in once, within 15 minutes")
+    out.line(inert(made["url"]))
+    out.note(f"signs {inert(made['user'])} in once, within 15 minutes")
 
 
 def _link_here(data_dir: Path | None, store: str, name: str, url: str) -> dict[str, str]:

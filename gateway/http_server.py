@@ -23,6 +23,7 @@ from metaros.clock import Clock
 __all__ = ["protocols"]
 
 SURPLUS_BYTES = 32 * 1024 * 1024  # of a body that nobody asked for, behind its answer
+SURPLUS_PAUSE_S = 0.1  # between two reads of it: it is read for the sake of who sends, and is not to cost others
 SLICE_BYTES = 4096  # of a socket's data between two looks at how many frames they were
 BURST_S = 4.0
 LINK_FRAMES = 60.0  # a robot's link may send so many times the frames of a viewer
@@ -52,6 +53,7 @@ class HttpProtocol(HttpToolsProtocol):
         self._too_large = False
         self._body_open = False
         self._surplus = 0
+        self._resting = False
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Count it in, or end it."""
@@ -124,7 +126,16 @@ class HttpProtocol(HttpToolsProtocol):
             self._surplus += len(body)
             if self._surplus > SURPLUS_BYTES:
                 self.transport.close()
+            elif not self._resting:
+                self._resting = True
+                self.transport.pause_reading()
+                self.loop.call_later(SURPLUS_PAUSE_S, self._read_on)
         super().on_body(body)
+
+    def _read_on(self) -> None:
+        self._resting = False
+        if not self.transport.is_closing():
+            self.transport.resume_reading()
 
     def on_message_complete(self) -> None:
         """All of it is there."""

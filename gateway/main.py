@@ -30,6 +30,7 @@ from gateway.tls import HttpTls, strict_transport
 from gateway.tls_accept import TlsAcceptor
 from metaros.clock import Clock, SystemClock
 from metaros.errors import ConfigError
+from metaros.inert import InertFormatter
 from metaros.limits import LIMITS
 from metaros.signals import on_stop
 
@@ -200,7 +201,9 @@ def new_event_loop() -> asyncio.AbstractEventLoop:
 def run(settings: Settings, *, status_file: Path | None = None) -> None:
     """Run until SIGINT or SIGTERM; prints where it listens."""
     os.umask(0o077)  # what a gateway keeps is for its own user
-    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    handler = logging.StreamHandler()
+    handler.setFormatter(InertFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    logging.basicConfig(level=logging.WARNING, handlers=[handler])
 
     access = LocalAccess(settings.data_dir)
 

@@ -153,8 +153,7 @@ class Outbox:
             return None
         if reason := self._no_room(name):
             self._count(pending.lose_all(reason, self._clock.wall_ns()), name)
-        log = self.logs[name]
-        streams = pending.take()
+        log, streams = self.logs[name], pending.take()
         frames = pack(
             streams,
             lambda stream: log.last.get(stream, 0) + 1,
@@ -163,6 +162,7 @@ class Outbox:
             limits=self._limits,
             epoch=self.live_epoch,
             seal=self.seal,
+            on_lost=lambda: self._count(1, name),
         )
         self._writing.add(name)
         return FlushJob(name, log.append_job(list(frames), era=self.state.era), streams)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +17,9 @@ __all__ = ["ROW_BYTES", "Lost", "Pending", "Row", "Sample", "Seal", "pack"]
 ROW_BYTES = 20
 Row = tuple[int, float]  # series id, value
 Sample = tuple[int, bytes | Row]  # stamp ns, CDR or a metric row
-Seal = Callable[[int, int, int, bytes], bytes]  # of stream, epoch, seq and payload: what is kept of it
+# Of stream, epoch, seq and payload: what is kept of it; None: nothing may be.
+Seal = Callable[[int, int, int, bytes], bytes | None]
+UNSEALED = "not_sealed"  # why there is a gap where a sample could not be sealed
 
 
 @dataclass(slots=True)
@@ -106,11 +109,16 @@ def pack(
     limits: Limits,
     epoch: int = 0,
     seal: Seal | None = None,
+    on_lost: Callable[[], None] = lambda: None,
 ) -> Iterator[Frame]:
-    """The frames of what was gathered, numbered on from `next_seq(stream)`, each sample as `seal` makes it."""
+    """The frames of what was gathered, numbered on from `next_seq(stream)`, each sample as `seal` makes it.
+
+    A sample that `seal` keeps nothing of becomes lost, in `streams` too, and `on_lost` is called.
+    """
     for stream_id, queue in streams.items():
         seq = next_seq(stream_id)
-        for run in runs(sealed(queue, seal, stream_id, epoch, seq) if seal else queue, limits):
+        made = sealed(queue, partial(seal, stream_id, epoch), seq, wall_ns, on_lost) if seal else queue
+        for run in runs(made, limits):
             if isinstance(run, Lost):
                 gap = Gap(seq, seq + run.count - 1, run.reason, run.from_ns, run.to_ns)
                 yield Frame.of_gap(stream_id, gap, wall_ns=wall_ns, mono_ns=mono_ns)
@@ -121,16 +129,31 @@ def pack(
             seq += len(run)
 
 
-def sealed(queue: list[Sample | Lost], seal: Seal, stream_id: int, epoch: int, seq: int) -> list[Sample | Lost]:
-    """The queue with every payload as `seal` makes it under its number; what was gathered stays as it was."""
+def sealed(
+    queue: list[Sample | Lost],
+    seal: Callable[[int, bytes], bytes | None],
+    seq: int,
+    wall_ns: int,
+    on_lost: Callable[[], None],
+) -> list[Sample | Lost]:
+    """The queue with every payload as `seal` makes it under its number; what was gathered stays as it was.
+
+    But a sample that nothing may be kept of is lost there, too: another try at writing does not count it again.
+    """
     made: list[Sample | Lost] = []
-    for item in queue:
+    for index, item in enumerate(queue):
         if isinstance(item, Lost):
-            made.append(item)
+            add_lost(made, replace(item))  # its own: the next loss may be joined to it
             seq += item.count
             continue
         stamp_ns, data = item
-        made.append((stamp_ns, seal(stream_id, epoch, seq, data)) if isinstance(data, bytes) else item)
+        kept = seal(seq, data) if isinstance(data, bytes) else data
+        if kept is None:
+            queue[index] = lost = Lost(1, UNSEALED, wall_ns, wall_ns)
+            add_lost(made, replace(lost))
+            on_lost()
+        else:
+            made.append((stamp_ns, kept))
         seq += 1
     return made
 

@@ -15,6 +15,7 @@ from gateway.api.guard import Guard
 from gateway.api.openapi import describe_permissions
 from gateway.api.problem import install_problems
 from gateway.api.rate import RateLimited
+from gateway.api.refused_sign_in import RefusedSignIn
 from gateway.api.rest import (
     audit,
     auth,
@@ -86,7 +87,7 @@ def create_api(services: Services) -> ASGIApp:
     known = Authenticate(
         logged, services.door, anonymous=settings.anonymous_viewers, host=settings.host, rates=services.rates
     )
-    guarded = Guard(known, hosts=settings.server_names, origins=settings.allow_origins)
+    guarded = Guard(RefusedSignIn(known), hosts=settings.server_names, origins=settings.allow_origins)
     return Proxies(guarded, settings.proxies, only=settings.proxied_only)
 
 

@@ -20,8 +20,8 @@ from joserfc.errors import JoseError
 from joserfc.jwk import KeySet
 
 from gateway.domain.principal import Role
-from gateway.errors import CredentialsError, DamagedError
-from gateway.identity.errors import ProviderError
+from gateway.errors import DamagedError
+from gateway.identity.errors import OidcRefusedError, ProviderError
 from gateway.identity.master import MasterKey
 from gateway.identity.oidc_http import Reach, fetch
 from gateway.identity.oidc_settings import OidcSettings
@@ -96,7 +96,7 @@ class OidcClient:
         """Who has signed in.
 
         Raises:
-            CredentialsError: this browser began no such sign-in, or the provider's answer does not hold.
+            OidcRefusedError: this browser began no such sign-in, or the provider's answer does not hold.
             ProviderError: the provider cannot be asked.
         """
         begun = self._opened(cookie, state)
@@ -116,7 +116,7 @@ class OidcClient:
             authorization=self._authorization(),
         )
         if status != 200:
-            raise CredentialsError("the provider did not take the code: sign in again")
+            raise OidcRefusedError("oidc_code", "the provider did not take the code: sign in again")
         token = _document(body).get("id_token")
         if not isinstance(token, str):
             raise ProviderError("the provider sent no id_token")
@@ -127,10 +127,10 @@ class OidcClient:
             sealed = base64.urlsafe_b64decode(cookie + "=" * (-len(cookie) % 4))
             begun: dict[str, Any] = orjson.loads(self._master.open(_PURPOSE, "begun", sealed))
         except (ValueError, DamagedError) as error:
-            raise CredentialsError("this browser began no sign-in here: begin again") from error
+            raise OidcRefusedError("oidc_state", "this browser began no sign-in here: begin again") from error
         same = hmac.compare_digest(begun["state"].encode(), state.encode("utf-8", "replace"))
         if not same or self._clock.wall_ns() >= begun["expires_ns"]:
-            raise CredentialsError("this sign-in is another one, or too old: begin again")
+            raise OidcRefusedError("oidc_state", "this sign-in is another one, or too old: begin again")
         return begun
 
     def _authorization(self) -> str:
@@ -151,7 +151,7 @@ class OidcClient:
             try:
                 found = jwt.decode(token, provider.keys, algorithms=list(ALGORITHMS))
             except (JoseError, ValueError) as error:
-                raise CredentialsError("the provider's token is not signed by its keys") from error
+                raise OidcRefusedError("oidc_token", "the provider's token is not signed by its keys") from error
         rules = jwt.JWTClaimsRegistry(
             now=self._clock.wall_ns() // 10**9,
             leeway=LEEWAY_S,
@@ -165,19 +165,21 @@ class OidcClient:
         try:
             rules.validate(found.claims)
         except (JoseError, ValueError, TypeError) as error:
-            raise CredentialsError(f"the provider's token is not for this sign-in: {error}"[:300]) from error
+            raise OidcRefusedError(
+                "oidc_token", f"the provider's token is not for this sign-in: {error}"[:300]
+            ) from error
         several = isinstance(found.claims["aud"], list) and len(found.claims["aud"]) > 1
         if (several or "azp" in found.claims) and found.claims.get("azp") != self.settings.client_id:
-            raise CredentialsError("the provider's token was made for another program")
+            raise OidcRefusedError("oidc_token", "the provider's token was made for another program")
         return found.claims
 
     def _person(self, claims: dict[str, Any]) -> Person:
         subject, own = claims["sub"], self.settings
         if not isinstance(subject, str) or not 1 <= len(subject) <= 255:
-            raise CredentialsError("the provider's token names nobody")
+            raise OidcRefusedError("oidc_token", "the provider's token names nobody")
         role = own.role_of(claims)
         if role is None:
-            raise CredentialsError("none of this user's groups has a role here")
+            raise OidcRefusedError("oidc_role", "none of this user's groups has a role here")
         return Person(f"{own.issuer} {subject}", str(claims.get(own.name_claim) or subject), role)
 
     async def _known(self, *, again: bool = False) -> _Provider:

@@ -6,7 +6,7 @@ import hashlib
 import re
 
 from gateway.domain.principal import EVERY_ROBOT, Role
-from gateway.errors import CredentialsError
+from gateway.identity.errors import OidcRefusedError
 from gateway.identity.oidc import Person
 from gateway.identity.sessions import open_session, sweep
 from gateway.identity.signin import SignedIn
@@ -29,7 +29,7 @@ def sign_in_person(
     somebody else's account.
 
     Raises:
-        CredentialsError: the user is disabled here.
+        OidcRefusedError: the user is disabled here.
         LastAdminError: their groups take the role of the last admin away.
         TooManyError: there are too many users.
     """
@@ -45,7 +45,7 @@ def sign_in_person(
             now_ns=now_ns,
         )
     elif user.disabled:
-        raise CredentialsError("this user is disabled here")
+        raise OidcRefusedError("oidc_disabled", "this user is disabled here")
     elif user.role != person.role:
         user = change_user(engine, user.name, role=person.role, robots=reach)
     sweep(engine, now_ns=now_ns)

@@ -11,7 +11,7 @@ from gateway.errors import LinkBusyError, LinkError, ProtocolError
 from gateway.ingest.links import Lane, Links
 from metaros._proto import link_pb2
 
-__all__ = ["serve_lane"]
+__all__ = ["LaneGoneError", "serve_lane"]
 
 log = logging.getLogger(__name__)
 
@@ -22,8 +22,12 @@ Read = Callable[[], Awaitable[link_pb2.AgentFrame | None]]
 Write = Callable[[link_pb2.GatewayFrame], Awaitable[None]]
 
 
+class LaneGoneError(LinkError):
+    """The connection ended under a frame that was being written: nobody is left to be told anything."""
+
+
 async def serve_lane(links: Links, read: Read, write: Write, *, peer: Peer) -> bool:
-    """Run a lane from its Hello to its end. `read` gives None once the connection is over.
+    """Run a lane from its Hello to its end. `read` gives None once the connection is over, `write` LaneGoneError.
 
     False when the agent took not even the last words: the connection has to be cut.
     """
@@ -39,6 +43,9 @@ async def serve_lane(links: Links, read: Read, write: Write, *, peer: Peer) -> b
                 admitted = await links.gate.admit(first.hello, peer, lambda challenge: _ask(challenge, read, write))
             links.knocks.admitted(admitted.robot)
             lane = await links.join(first.hello, admitted)
+    except LaneGoneError as error:  # whoever comes and goes fills no log
+        log.debug("a lane ended before it was open: %s", error)
+        return True
     except LinkError as error:
         if not isinstance(error, LinkBusyError):  # whoever floods fills no log
             log.warning("a link was refused: %s", error)
@@ -84,8 +91,11 @@ async def _read(links: Links, lane: Lane, read: Read) -> None:
 
 
 async def _write(lane: Lane, write: Write) -> None:
-    while (frame := await lane.outbox.next()) is not None:
-        await write(frame)
+    try:
+        while (frame := await lane.outbox.next()) is not None:
+            await write(frame)
+    except LaneGoneError as error:
+        log.debug("a lane of %s ended: %s", lane.robot_id, error)
 
 
 async def _in_time(writing: Awaitable[None]) -> bool:

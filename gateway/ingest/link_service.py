@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import ipaddress
+import logging
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
 from typing import Any
 from urllib.parse import unquote
 
 import grpc
+from google.protobuf.message import DecodeError
 
 from gateway.domain.identity import Peer
 from gateway.domain.networks import is_loopback_address, read_address
-from gateway.ingest.lane_shell import serve_lane
+from gateway.ingest.lane_shell import LaneGoneError, serve_lane
 from gateway.ingest.links import Links
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.errors import ConfigError
@@ -27,6 +29,8 @@ __all__ = [
     "make_server",
     "tls_credentials",
 ]
+
+log = logging.getLogger(__name__)
 
 FORWARDED = frozenset({"forwarded", "x-forwarded-for", "x-real-ip"})
 STREAMS = 128  # of one connection; an agent has a connection for each of its three lanes
@@ -48,11 +52,22 @@ class LinkService(link_pb2_grpc.LinkServicer):
         async def read() -> link_pb2.AgentFrame | None:
             nonlocal frames  # begun by the first read: of a lane that is refused at once nothing is read
             frames = frames or aiter(request_iterator)
-            return await anext(frames, None)
+            try:
+                return await anext(frames, None)
+            except DecodeError:  # gRPC would log each with its traceback: anybody could fill the log
+                log.debug("what came on a lane is no AgentFrame")
+                return None
+
+        async def write(frame: link_pb2.GatewayFrame) -> None:
+            try:
+                await context.write(frame)
+            except (grpc.aio.InternalError, grpc.aio.UsageError) as error:
+                # The robot's process or its network went: gRPC fails the write under way, and refuses later ones.
+                raise LaneGoneError(f"gRPC did not take a frame: {error}") from error
 
         name, local = context.peer(), is_local_peer(context.peer()) and not forwarded(context)
         peer = Peer(_certificate(context), local, address_of_peer(name))
-        await serve_lane(self._links, read, context.write, peer=peer)
+        await serve_lane(self._links, read, write, peer=peer)
 
 
 @dataclass(frozen=True, slots=True)

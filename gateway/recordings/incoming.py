@@ -8,16 +8,19 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
+from gateway.domain.recording import is_recording_id
 from gateway.errors import StoreError
 
 __all__ = ["Incoming", "PartialFile"]
 
 SUFFIX = ".partial"
 READ_BYTES = 1024 * 1024
+_SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 class PartialFile:
@@ -94,7 +97,9 @@ class Incoming:
         self._reserve_bytes = reserve_bytes
 
     def file(self, recording_id: str, *, sha256: str, size_bytes: int) -> PartialFile:
-        """The file of a recording with that content, with what came earlier."""
+        """The file of a recording with that content, with what came earlier; ValueError for what would be a path."""
+        if not is_recording_id(recording_id) or not _SHA256.fullmatch(sha256):
+            raise ValueError(f"{recording_id[:40]!r} of {sha256[:80]!r}: no id of a recording, or no checksum")
         path = self._folder / f"{recording_id}-{sha256[:16]}{SUFFIX}"
         partial = PartialFile(path, reserve_bytes=self._reserve_bytes)
         if partial.size() > size_bytes:
@@ -102,13 +107,16 @@ class Incoming:
         return partial
 
     def discard(self, recording_id: str) -> None:
-        """Delete whatever there is of a recording."""
+        """Delete whatever there is of a recording; ValueError for what is no id."""
+        if not is_recording_id(recording_id):
+            raise ValueError(f"{recording_id[:40]!r}: no id of a recording")
         for path in self._folder.glob(f"{recording_id}-*{SUFFIX}"):
             path.unlink(missing_ok=True)
 
     def ids(self) -> set[str]:
         """The recordings of which there is something."""
-        return {path.name.partition("-")[0] for path in self._folder.glob(f"*{SUFFIX}")}
+        found = {path.name.partition("-")[0] for path in self._folder.glob(f"*{SUFFIX}")}
+        return set(filter(is_recording_id, found))  # what else is there is not ours
 
 
 def _sync_folder(folder: Path) -> None:

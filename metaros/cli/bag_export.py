@@ -48,7 +48,7 @@ def export(
 ) -> None:
     """Turn a recording into JSON lines, one CSV table a topic, or picture files."""
     from metaros.cli.output import Output, counted
-    from metaros.errors import UsageError
+    from metaros.errors import ConfigError, UsageError
     from metaros.record import export_csv, export_images, export_json, open_bag
 
     out, source = Output(output), open_bag(bag)
@@ -59,14 +59,18 @@ def export(
         if target is None:
             export_json(messages, sys.stdout)
             return
-        with _new(target).open("x", encoding="utf-8") as file:
-            made = {target: export_json(messages, file)}
     elif target is None:
         raise UsageError(f"--format {kind} writes files: name a folder")
-    elif kind is Kind.CSV:
-        made = export_csv(messages, _new(target), fields=fields or ())
-    else:
-        made = export_images(messages, _new(target))
+    try:
+        if kind is Kind.JSON:
+            with _new(target).open("x", encoding="utf-8") as file:
+                made = {target: export_json(messages, file)}
+        elif kind is Kind.CSV:
+            made = export_csv(messages, _new(target), fields=fields or ())
+        else:
+            made = export_images(messages, _new(target))
+    except OSError as error:
+        raise ConfigError(f"cannot write {target}: {error.strerror or error}") from error
     if out.json:
         out.objects([{"path": str(path), "count": count} for path, count in made.items()])
         return

@@ -106,7 +106,7 @@ def _run(
     from metaros.record import Recorder
 
     with running.stop_on_signals() as stop, _save_signal() as asked, connect(*where, spin_time=0.5) as context:
-        recorder = Recorder(context, path, notice=lambda text: out.note(f"{_clear()}{text}"), **settings)
+        recorder = Recorder(context, path, notice=lambda text: _over(out, text), **settings)
         try:
             running.write_status(running.status_file(status_file), node=recorder.node_name, recording=str(path))
             ring = settings["ring"]
@@ -191,9 +191,9 @@ def _watch(
             if asked.is_set():
                 asked.clear()
                 try:
-                    out.note(f"{_clear()}saved {recorder.save()}")
+                    _over(out, f"saved {recorder.save()}")
                 except MetarosError as error:
-                    out.note(f"{_clear()}not saved: {error}")
+                    _over(out, f"not saved: {error}")
             if key and key() == " ":
                 (recorder.resume if recorder.paused else recorder.pause)()
             if sys.stderr.isatty() and not out.json:
@@ -213,6 +213,12 @@ def _progress(report: RecordingReport, elapsed_s: float) -> None:
         f"   {human_bytes(report.size_bytes)}{ring}{waiting}{bad}\r"
     )
     sys.stderr.flush()
+
+
+def _over(out: Output, text: str) -> None:
+    """A remark in the place of the progress line."""
+    sys.stderr.write(_clear())
+    out.note(text)
 
 
 def _clear() -> str:

@@ -41,7 +41,7 @@ NOUNS = (
     Noun("status", "metaros.cli.status", SYSTEM, "What runs, on which ports"),
     Noun("doctor", "metaros.cli.doctor", SYSTEM, "Check every hop; name the one that fails, and the fix"),
     Noun("launch", "metaros.cli.launch", SYSTEM, "Keep a table of nodes running: FILE, status, restart, stop"),
-    Noun("supervisor", "metaros.cli.supervisor", SYSTEM, "Keep a robot's nodes running, beside its agent: status, stop"),
+    Noun("supervisor", "metaros.cli.supervisor", SYSTEM, "Keep a robot's nodes running: status, stop"),
     Noun("router", "metaros.cli.router", SYSTEM, "Host the Zenoh router of this machine"),
     Noun("broker", "metaros.cli.broker", SYSTEM, "Bridge ZeroMQ programs, old and new, to ROS topics", "zmq"),
     Noun("agent", "", SYSTEM, "A robot's agent: forward its topics to a gateway", "agent"),

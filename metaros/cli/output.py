@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Container, Iterable, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 from metaros.cli.options import Format
+from metaros.inert import inert, inert_json
 
 __all__ = ["Output", "counted", "human_bytes", "human_seconds", "inert"]
+
+_STYLE: Final = re.compile(r"\x1b\[([\d;]*)m")
 
 
 class Output:
@@ -20,6 +24,7 @@ class Output:
         self.json = format_ is Format.JSON
         self.tty = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
         self.colour = self.tty and "NO_COLOR" not in os.environ
+        self._styles: set[str] = set()  # that this command uses; others come from outside
 
     def table(
         self,
@@ -55,25 +60,42 @@ class Output:
 
     def objects(self, value: Any) -> None:
         """One JSON document."""
-        self.line(json.dumps(value, indent=2 if self.tty else None, ensure_ascii=False))
+        self._write(inert_json(json.dumps(value, indent=2 if self.tty else None, ensure_ascii=False)))
 
     def object_line(self, value: Mapping[str, Any]) -> None:
         """One JSON object of a stream, flushed so that a pipe sees it now."""
-        self.line(json.dumps(value, ensure_ascii=False))
+        self._write(inert_json(json.dumps(value, ensure_ascii=False)))
 
     def line(self, text: str = "") -> None:
-        """A plain line."""
-        sys.stdout.write(f"{text}\n")
-        sys.stdout.flush()
+        """Plain text, with colours of `style`; nothing else in it is obeyed by a terminal."""
+        self._write(self._shown(text))
 
     def note(self, text: str) -> None:
         """A remark for people, on stderr, so that it never mixes with data."""
+        text = self._shown(text)
         sys.stderr.write(f"\x1b[2m{text}\x1b[0m\n" if self.colour else f"{text}\n")
         sys.stderr.flush()
 
     def style(self, text: str, code: str) -> str:
         """`text` with an ANSI style on a colour terminal."""
+        self._styles |= {code, "0"}
         return f"\x1b[{code}m{text}\x1b[0m" if self.colour else text
+
+    def _write(self, text: str) -> None:
+        sys.stdout.write(f"{text}\n")
+        sys.stdout.flush()
+
+    def _shown(self, text: str) -> str:
+        """The text with line ends, tabs and, on a colour terminal, styles; the rest of control codes written out."""
+        return text if text.isprintable() else "\n".join(map(self._row, text.split("\n")))
+
+    def _row(self, row: str) -> str:
+        shown, end = "", 0
+        for found in _STYLE.finditer(row) if self.colour else ():
+            if found[1] in self._styles:
+                shown += _but_tabs(row[end : found.start()]) + found[0]
+                end = found.end()
+        return shown + _but_tabs(row[end:])
 
     def _columns(self, rows: list[list[str]]) -> None:
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -95,14 +117,8 @@ class Output:
         Console().print(table)
 
 
-def inert(text: str) -> str:
-    """The text with what a terminal obeys, or shows as something else, written out: `\\x1b`, `\\n`, `\\u202e`.
-
-    Names come from robots and people; one must neither colour the screen, nor begin a new row, nor turn another round.
-    """
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+def _but_tabs(text: str) -> str:
+    return "\t".join(map(inert, text.split("\t")))
 
 
 def counted(number: int, word: str) -> str:

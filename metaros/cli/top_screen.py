@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from metaros.cli.output import counted, human_bytes
 from metaros.cli.top_drops import DROP_COLUMNS, drop_cells
+from metaros.inert import inert
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -114,7 +115,7 @@ def _table(columns: Sequence[str], rows: Sequence[Sequence[str]], limit: int, *,
         )
     shown = rows if len(rows) <= limit else rows[: limit - 1]
     for row in shown:
-        table.add_row(*(Text(cell, style="dim" if cell == "–" else "") for cell in row))
+        table.add_row(*(Text(inert(cell), style="dim" if cell == "–" else "") for cell in row))
     if len(shown) < len(rows):
         table.add_row(Text(f"… and {len(rows) - len(shown)} more", style="dim"))
     return table

@@ -131,4 +131,6 @@ def _suggestion(plan: Plan) -> str:
 def _escape(text: str) -> str:
     from rich.markup import escape
 
-    return escape(text)
+    from metaros.inert import inert_lines
+
+    return escape(inert_lines(text))

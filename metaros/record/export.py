@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import struct
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -15,6 +16,7 @@ import numpy as np
 
 from metaros.errors import FieldError, RecordingError
 from metaros.idl.json import to_json
+from metaros.inert import inert_json
 from metaros.record.bag import BagMessage
 
 __all__ = ["export_csv", "export_images", "export_json", "png"]
@@ -34,6 +36,9 @@ _ENCODINGS: Final = {  # channels, bytes each, order for PNG
     "bgra8": (4, 1, [2, 1, 0, 3]),
 }
 _COLOUR: Final = {1: 0, 3: 2, 4: 6}  # PNG's colour types
+_ODD: Final = re.compile(r"[^A-Za-z0-9_~-]")
+_NAME_CHARS: Final = 160  # of a file's name; systems take 255 bytes
+_FORMULA: Final = ("=", "+", "-", "@", "\t", "\r")
 _TABLES: Final = 200  # CSV files that are open at a time: one a topic
 
 
@@ -50,14 +55,15 @@ def export_json(messages: Iterable[BagMessage], output: TextIO) -> int:
             "sequence": message.sequence,
             "message": to_json(message.decode()),
         }
-        output.write(json.dumps(line, ensure_ascii=False) + "\n")
+        output.write(inert_json(json.dumps(line, ensure_ascii=False)) + "\n")
     return count
 
 
 def export_csv(messages: Iterable[BagMessage], folder: Path, *, fields: Sequence[str] = ()) -> dict[Path, int]:
     """One table a topic: `log_ns`, `publish_ns`, and a column a field; returns the files with their rows.
 
-    Without `fields` every field has a column; arrays are JSON in one cell. FieldError for a field that is not there.
+    Without `fields` every field has a column; arrays are JSON in one cell. A text that begins like a formula has a `'`
+    before it. FieldError for a field that is not there.
     """
     rows: dict[Path, int] = {}
     with ExitStack() as stack:
@@ -76,7 +82,7 @@ def export_csv(messages: Iterable[BagMessage], folder: Path, *, fields: Sequence
             writer, columns = writers[path]
             if missing := [name for name in columns if name not in values]:
                 raise FieldError(f"{message.topic.name} has no field {missing[0]!r}")
-            writer.writerow([message.log_ns, message.publish_ns, *(values[name] for name in columns)])
+            writer.writerow([message.log_ns, message.publish_ns, *(_cell(values[name]) for name in columns)])
             rows[path] = rows.get(path, 0) + 1
     return rows
 
@@ -136,7 +142,27 @@ def _picture(image: Any) -> tuple[bytes, str]:
 
 
 def _file_name(message: BagMessage) -> str:
-    return message.topic.name.strip("/").replace("/", ".") or "root"
+    """The topic as one plain part of a path; a recording may be from anybody, and say `/..` for a topic."""
+    parts = message.topic.name.strip("/").split("/")
+    name = ".".join(_ODD.sub(_percent, part) for part in parts) or "root"
+    if len(name) > _NAME_CHARS:
+        name = f"{name[:_NAME_CHARS]}%{zlib.crc32(name.encode()):08x}"
+    return name
+
+
+def _percent(found: re.Match[str]) -> str:
+    return "".join(f"%{byte:02x}" for byte in found[0].encode(errors="surrogatepass"))
+
+
+def _cell(value: Any) -> Any:
+    """A value as a table takes it: a text that a spreadsheet would take for a formula is quoted, numbers are not."""
+    if not isinstance(value, str) or not value.startswith(_FORMULA):
+        return value
+    try:
+        float(value)
+    except ValueError:
+        return f"'{value}"
+    return value
 
 
 def _flat(value: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

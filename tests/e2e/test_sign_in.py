@@ -263,7 +263,14 @@ def test_signing_in_elsewhere_leads_back_too(tmp_path: Path, free_port: int, ope
             button = page.get_by_role("link", name="Sign in with Example Lab")
             expect(button).to_be_visible()
             save(page, "signin-oidc-dark")
+            provider.claims = {"groups": []}
             button.click()
+            refusal = page.get_by_role("alert").filter(has_text="Single sign-on did not work")
+            expect(refusal).to_contain_text("none of your groups has a role here")
+            assert page.url.startswith(running.url + "/signin?refused=oidc_role")
+            save(page, "signin-refused-dark")
+            provider.claims = {}
+            button.click()  # and this one still leads back
             signed_in(page, "ada-l", "operator")
             expect(page.locator(".timebar[data-mode=past]")).to_be_visible()
             assert page.url == running.url + PLACE

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import httpx
 import psutil
 import pytest
 from playwright.sync_api import Page, expect
@@ -151,6 +152,8 @@ def test_robot_page_shows_pose_scan_camera_and_plots(up: Up, open_page: OpenPage
 
 
 def test_the_past_is_scrubbed_and_its_minute_is_saved(up: Up, open_page: OpenPage) -> None:
+    at = f"{up.url}/api/v1/robots/sim_3/at?format=json&topic=scan&max_age=5m&t="
+    wait_until(lambda: httpx.get(f"{at}-11s", timeout=30).json()["messages"] != [])  # so long has it been there
     page = open_page(f"{up.url}/robots/sim_3?span=15m")
     page.wait_for_function("() => Number(document.querySelector('.strip')?.dataset.messages) > 50")
     page.get_by_role("slider", name="Instant shown").focus()

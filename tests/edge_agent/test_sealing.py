@@ -17,6 +17,7 @@ from edge_agent.channels import Channel, Channels
 from edge_agent.config import Settings, load_settings
 from edge_agent.live import LiveQueue
 from edge_agent.outbox import LOGS, Outbox
+from edge_agent.outbox.segment import Kind
 from edge_agent.pipeline import Arrival, Pipeline
 from edge_agent.sealing import Sealing, open_sealing
 from edge_agent.topics import Seal, TopicRule, TopicTable
@@ -79,6 +80,8 @@ class Robot:
         """(stream, seq, payload) of what a log has to send, singly."""
         found = []
         for item in taken(self.outbox, log):
+            if item.frame.kind is Kind.GAP:
+                continue
             batch = link_pb2.Batch.FromString(item.frame.body)
             at = 0
             for index in range(item.frame.count):
@@ -296,3 +299,23 @@ def test_the_black_box_and_its_clips_are_sealed_and_open_with_the_key(tmp_path: 
     read = [(item.topic.name, item.sequence, item.data) for item in open_bag(tmp_path / "open.mcap").messages()]
     assert [item for item in read if item[0] == "/secret"] == [("/secret", n, MARKER) for n in (1, 2, 3)]
     assert [item for item in read if item[0] == "/plain"] == [("/plain", n, b"plain") for n in (1, 2, 3)]
+
+
+def test_a_sample_whose_channel_nobody_knows_is_dropped_and_never_in_clear(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    disk = SimDisk(random.Random(1))
+    robot = Robot(tmp_path, rule("/plain", "clear"), disk=disk)
+    robot.put(robot.channel("/plain"), b"plain")
+    for unknown in (4711, 4711, 4712):
+        robot.outbox.append(unknown, "bulk", 1, MARKER)
+    failed = robot.outbox.flush_job("bulk")
+    assert failed is not None
+    robot.outbox.refused(failed, "disk_error")  # a second try counts them once all the same
+    robot.put(robot.channel("/plain"), b"plain")
+    robot.outbox.append(4711, "bulk", 1, MARKER)
+    accept(robot.outbox)
+    assert [payload for _, _, payload in robot.sent("bulk")] == [b"plain"]
+    assert not [name for log in LOGS for name in disk.names(log) if MARKER in disk.read(name, 0, disk.size(name))]
+    assert (robot.sealing.refused, robot.outbox.lost["bulk"]) == (4, 5)  # and what was on its way to the disk
+    assert [record.getMessage()[:26] for record in caplog.records] == ["samples of stream 4711 are"]

@@ -8,6 +8,7 @@ export const REASONS: Record<string, string> = {
   disk_slow: "disk too slow",
   disk_error: "disk error",
   disk_corrupt: "damaged on disk",
+  not_sealed: "could not be sealed",
   too_large: "sample too large",
   not_held: "the robot no longer has it",
   damaged: "damaged in the store",

@@ -50,10 +50,13 @@ export function leaveFor(back: string): void {
 export function comeBack(): void {
   const kept = sessionStorage.getItem(BACK_KEY);
   sessionStorage.removeItem(BACK_KEY);
-  if (!kept || location.pathname !== "/" || location.search) return;
+  const refused = location.pathname === "/signin"; // there, and led here: the next try leads back all the same
+  if (!kept || (!refused && here() !== "/")) return;
   try {
     const [leftMs, back] = JSON.parse(kept) as [number, string];
-    if (Date.now() - leftMs < BACK_MS) replace(backFrom(back));
+    if (Date.now() - leftMs >= BACK_MS) return;
+    if (refused) setParam("back", backFrom(back), "/");
+    else replace(backFrom(back));
   } catch {
     // somebody else wrote it
   }

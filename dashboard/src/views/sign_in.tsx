@@ -6,6 +6,7 @@ import { accountApi } from "../api/account";
 import { ApiError, saidOf, waitWords } from "../api/client";
 import { become, ended, session, shutOut, signedIn, stale, type Account } from "../api/session";
 import "../ui/sign_in.css";
+import { refusalWords } from "../ui/refusals";
 import { backFrom, here, leaveFor, place, replace } from "../ui/url";
 import { PasswordForm } from "./password";
 
@@ -71,10 +72,13 @@ function FirstPassword({ onDone }: { onDone: () => void }) {
 }
 
 function SignIn({ badLink, onDone }: { badLink: boolean; onDone: () => void }) {
+  const refused = place.value.path === "/signin" && refusalWords(place.value.params.get("refused"));
   return (
     <>
       <h1>Sign in</h1>
-      {badLink ? (
+      {refused ? (
+        <p class="signin-lead signin-stale" role="alert">{refused}</p>
+      ) : badLink ? (
         <p class="signin-lead signin-stale" role="alert">
           This link is not good any more: it works once, within 15 minutes. Make another one with <code>metaros signin</code>.
         </p>

@@ -13,9 +13,11 @@ from gateway.api import models, models_oidc
 from gateway.api.allow import allow
 from gateway.api.audited import note
 from gateway.api.problem import JsonResponse
+from gateway.api.refused_sign_in import refused_because
 from gateway.api.services import services_of
 from gateway.api.session_cookie import set_session
 from gateway.errors import CredentialsError
+from gateway.identity.errors import OidcRefusedError
 from gateway.identity.oidc import BEGUN_S, OidcClient
 
 __all__ = ["router"]
@@ -58,13 +60,21 @@ async def start(request: Request) -> Response:
 
 @router.get("/callback", status_code=302, dependencies=[allow("sessions.open")], responses=REFUSALS)
 async def callback(request: Request, code: Text = "", state: Text = "", error: Text = "") -> Response:
-    """Where the provider sends the browser back: a session, and the dashboard."""
+    """Where the provider sends the browser back: a session, and the dashboard; else the sign-in page, with a code.
+
+    Programs, which take no HTML, get the problem instead (`gateway.api.refused_sign_in`).
+    """
     client, services = _client(request), services_of(request)
     if error or not code or not state:
-        raise CredentialsError(f"the provider signed nobody in: {error[:100] or 'it sent no code'}")
-    person = await client.finish(code=code, state=state, cookie=request.cookies.get(COOKIE, ""))
+        refused_because(request.scope, "oidc_denied")
+        raise OidcRefusedError("oidc_denied", f"the provider signed nobody in: {error[:100] or 'it sent no code'}")
     address = request.client.host if request.client is not None else ""
-    done = await services.accounts.sign_in_person(person, robots=client.settings.robots, address=address)
+    try:
+        person = await client.finish(code=code, state=state, cookie=request.cookies.get(COOKIE, ""))
+        done = await services.accounts.sign_in_person(person, robots=client.settings.robots, address=address)
+    except OidcRefusedError as refusal:
+        refused_because(request.scope, refusal.why)
+        raise
     principal = await services.door.by_session(done.session.token)
     if principal is None:  # removed in this very moment
         raise CredentialsError("this user is gone")

@@ -14,8 +14,7 @@ from gateway.api.rate import address_of
 from gateway.api.services import services_of
 from gateway.api.ws.cut import STALLED, cut
 from gateway.domain.identity import Peer
-from gateway.errors import LinkError
-from gateway.ingest.lane_shell import serve_lane
+from gateway.ingest.lane_shell import LaneGoneError, serve_lane
 from metaros._proto import link_pb2
 
 __all__ = ["SUBPROTOCOL", "router"]
@@ -74,4 +73,4 @@ class _Frames:
             await self._socket.send({"type": "websocket.send", "bytes": frame.SerializeToString()})
         except (WebSocketDisconnect, RuntimeError) as error:
             self.gone = True
-            raise LinkError("the socket is gone") from error
+            raise LaneGoneError("the socket is gone") from error

@@ -17,6 +17,8 @@ from tests.gateway.harness import client, running_gateway
 from tests.support.oidc_server import CLIENT_ID, CLIENT_SECRET, OidcServer, oidc_server
 
 START, BACK = "/api/v1/auth/oidc/start", "/api/v1/auth/oidc/callback"
+JSON = {"Accept": "application/json"}
+PAGE = {"Accept": "text/html,application/xhtml+xml,application/xml;q=0.9,*/*;q=0.8"}
 
 
 @pytest.fixture
@@ -55,7 +57,19 @@ async def at_provider(browser: httpx.AsyncClient) -> dict[str, str]:
 
 
 async def sign_in(browser: httpx.AsyncClient) -> httpx.Response:
-    return await browser.get(BACK, params=await at_provider(browser))
+    return await back(browser, await at_provider(browser))
+
+
+async def back(browser: httpx.AsyncClient, params: dict[str, str]) -> httpx.Response:
+    """Come back as a program does, which hears in JSON why it is refused."""
+    return await browser.get(BACK, params=params, headers=JSON)
+
+
+async def led_to(browser: httpx.AsyncClient, path: str, params: dict[str, str] | None = None) -> str:
+    """Where a browser ends up."""
+    answer = await browser.get(path, params=params, headers=PAGE)
+    assert (answer.status_code, answer.content) == (302, b"")
+    return answer.headers["location"]
 
 
 async def me(browser: httpx.AsyncClient) -> dict[str, Any]:
@@ -161,14 +175,14 @@ async def test_a_provider_with_new_keys(tmp_path: Path, provider: OidcServer) ->
 async def test_somebody_elses_sign_in(tmp_path: Path, provider: OidcServer) -> None:
     async with world(tmp_path, provider) as (ready, browser), client(ready, key="") as other:
         params = await at_provider(browser)
-        assert (await other.get(BACK, params=params)).status_code == 401  # no cookie
+        assert (await back(other, params)).status_code == 401  # no cookie
         await at_provider(other)
-        assert (await other.get(BACK, params=params)).status_code == 401  # another state
-        assert (await browser.get(BACK, params={**params, "state": params["state"] + "x"})).status_code == 401
-        assert (await browser.get(BACK, params={**params, "code": "guessed"})).status_code == 401
-        assert (await browser.get(BACK, params={"error": "access_denied", "state": params["state"]})).status_code == 401
-        assert (await browser.get(BACK, params=params)).status_code == 302
-        again = await browser.get(BACK, params=params)
+        assert (await back(other, params)).status_code == 401  # another state
+        assert (await back(browser, {**params, "state": params["state"] + "x"})).status_code == 401
+        assert (await back(browser, {**params, "code": "guessed"})).status_code == 401
+        assert (await back(browser, {"error": "access_denied", "state": params["state"]})).status_code == 401
+        assert (await back(browser, params)).status_code == 302
+        again = await back(browser, params)
         assert again.status_code == 401  # a code works once
 
 
@@ -190,7 +204,7 @@ async def test_a_provider_that_answers_badly(
 ) -> None:
     provider.answers[path] = answer
     async with world(tmp_path, provider) as (_, browser):
-        got = await browser.get(START)
+        got = await browser.get(START, headers=JSON)
         assert (got.status_code, got.json()["code"]) == (503, "provider_unavailable")
 
 
@@ -212,8 +226,45 @@ async def test_a_provider_that_answers_badly(
 async def test_where_the_provider_must_not_lead(tmp_path: Path, provider: OidcServer, said: dict[str, Any]) -> None:
     provider.discovery = said
     async with world(tmp_path, provider) as (_, browser):
-        got = await browser.get(START)
+        got = await browser.get(START, headers=JSON)
         assert (got.status_code, got.json()["code"]) == (503, "provider_unavailable")
+
+
+async def test_a_refused_browser_is_led_to_the_sign_in_page_with_a_code(tmp_path: Path, provider: OidcServer) -> None:
+    async with world(tmp_path, provider) as (ready, browser), client(ready, key="") as other:
+        params = await at_provider(browser)
+        said = {"error": "access_denied", "error_description": "<b>call 0123</b>", "state": params["state"]}
+        assert await led_to(browser, BACK, said) == "/signin?refused=oidc_denied"
+        assert await led_to(other, BACK, params) == "/signin?refused=oidc_state"
+        assert await led_to(browser, BACK, {**params, "code": "guessed"}) == "/signin?refused=oidc_code"
+        provider.claims = {"aud": "another"}
+        assert await led_to(browser, BACK, await at_provider(browser)) == "/signin?refused=oidc_token"
+        provider.claims = {"groups": []}
+        assert await led_to(browser, BACK, await at_provider(browser)) == "/signin?refused=oidc_role"
+        provider.claims = {}
+        assert await led_to(browser, BACK, await at_provider(browser)) == "/"
+        admin = (ready.data_dir / "local.key").read_text().strip()
+        async with client(ready, key=admin) as http:
+            assert (await http.patch("/api/v1/users/ada-l", json={"disabled": True})).status_code == 200
+            assert await led_to(browser, BACK, await at_provider(browser)) == "/signin?refused=oidc_disabled"
+            params = await at_provider(browser)
+            provider.answers["/token"] = (200, b"{}", {})
+            assert await led_to(browser, BACK, params) == "/signin?refused=provider_unavailable"
+            rows = (await http.get("/api/v1/audit", params={"action": "sessions.open"})).json()["rows"]
+    refused = [(row["status"], row["code"]) for row in rows if row["code"]]
+    assert (401, "bad_credentials") in refused  # where the browser was led changes nothing for the log
+
+
+async def test_a_browser_is_led_back_from_a_provider_that_is_away(tmp_path: Path, provider: OidcServer) -> None:
+    provider.answers["/.well-known/openid-configuration"] = (500, b"{}", {})
+    async with world(tmp_path, provider) as (_, browser):
+        assert await led_to(browser, START) == "/signin?refused=provider_unavailable"
+
+
+async def test_browsers_that_are_refused_count_as_failed_sign_ins(tmp_path: Path, provider: OidcServer) -> None:
+    async with world(tmp_path, provider) as (_, browser):
+        seen = [await led_to(browser, BACK, {"error": "x"}) for _ in range(11)]
+        assert (seen[0], seen[-1]) == ("/signin?refused=oidc_denied", "/signin?refused=too_many_requests")
 
 
 async def test_without_a_provider(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from gateway.store.audit_heads import head_names
 from gateway.store.retention import Retention
 from metaros.clock import Clock, ManualClock
 from metaros.limits import LIMITS
+from tests.support.postgres import PostgresServer
 from tests.support.waiting import wait_until_async
 
 SMALL = replace(LIMITS, audit_queue=3, audit_refusals_per_hour=5)
@@ -40,9 +41,8 @@ async def open_log(folder: Path, *, url: str = "", clock: Clock | None = None) -
         await store.close()
 
 
-async def test_two_gateways_on_one_store(tmp_path: Path, store_url: str) -> None:
-    if not store_url:
-        pytest.skip("a file has one gateway")
+async def test_two_gateways_on_one_store(tmp_path: Path, postgres: PostgresServer) -> None:
+    store_url = postgres.schema()
     async with open_log(tmp_path / "a", url=store_url) as (one, _), open_log(tmp_path / "b", url=store_url) as (two, _):
         for _ in range(10):
             await asyncio.gather(one.record(action="x"), two.record(action="y"), one.record(action="z"))

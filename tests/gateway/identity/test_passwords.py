@@ -11,6 +11,7 @@ from argon2 import PasswordHasher
 
 from gateway.errors import InvalidRequestError, TooManyRequestsError
 from gateway.identity.passwords import Passwords, check_password, hash_password
+from tests.support.waiting import wait_until_async
 
 FAST = {"time_cost": 1, "memory_cost": 64, "parallelism": 1}
 
@@ -75,6 +76,7 @@ async def test_two_at_a_time_and_a_bounded_queue(passwords: Passwords, hasher: C
     with pytest.raises(TooManyRequestsError) as refused:
         await passwords.verify(stored, "correct horse battery")
     assert refused.value.retry_after_s > 0
+    await wait_until_async(lambda: hasher.most == 2)
     hasher.go.set()
     assert await asyncio.gather(*checks) == [True] * 8
     assert hasher.most == 2

@@ -65,7 +65,12 @@ async def test_asked_at_one_gateway_while_the_robot_is_at_the_other(tmp_path: Pa
         two = await stack.enter_async_context(running_gateway(tmp_path / "2", **shared))
         http = await stack.enter_async_context(client(one))
         robot = await stack.enter_async_context(RecordingRobot(two))
-        asked = await save(http)
+        path, body = "/api/v1/robots/sim_1/recordings", {"last_s": 60}
+        async with asyncio.timeout(60):  # the other gateway knows the robot by the store, where it is a moment later
+            while (answer := await http.post(path, json=body)).status_code == 404:
+                continue
+        assert answer.status_code == 202, answer.text
+        asked = answer.json()
         command = await robot.asked()  # the other gateway looks every few seconds
         assert command.save_recording.recording_id == asked["id"]
         json = {"Content-Type": "application/json"}
