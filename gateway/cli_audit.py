@@ -43,11 +43,8 @@ def _list(
     out = Output(output)
     query: dict[str, Any] = {"limit": limit, "before": before, "action": action or None, "name": name or None}
     found = open_gateway(gateway).get("/api/v1/audit", **query)["rows"][::-1]
-    if out.json:
-        out.objects(found)
-        return
     names = ("Number", "Time", "Who", "From", "Action", "Target", "Answer", "Detail")
-    out.table(names, [_row(item) for item in found], empty="no rows", right=(0,))
+    out.listing(names, found, _row, empty="no rows", right=(0,))
 
 
 def _verify(

@@ -91,11 +91,8 @@ def _list(
     out = Output(output)
     client = client_or_none(data_dir, store, gateway)
     found = client.get("/api/v1/keys")["keys"] if client is not None else _list_here(data_dir, store)
-    if out.json:
-        out.objects(found)
-        return
     names = ("Id", "Name", "User", "Role", "Robots", "Scopes", "Expires", "Used")
-    out.table(names, [_row(item) for item in found], empty="no keys")
+    out.listing(names, found, _row, empty="no keys")
 
 
 def _list_here(data_dir: Path | None, store: str) -> list[dict[str, Any]]:

@@ -57,11 +57,8 @@ def _list(
     """The recordings of a gateway, the newest first."""
     out = Output(output)
     found = open_gateway(gateway).get("/api/v1/recordings", robot=robot, limit=limit)["recordings"]
-    if out.json:
-        out.objects(found)
-        return
     names = ("Id", "Robot", "State", "From (UTC)", "Span", "Messages", "Size")
-    out.table(names, [_row(item) for item in found], empty="no recordings", right=(4, 5, 6))
+    out.listing(names, found, _row, empty="no recordings", right=(4, 5, 6))
 
 
 def _save(

@@ -45,11 +45,8 @@ def _list(gateway: GatewayOption = "", output: FormatOption = Format.TEXT) -> No
     """The identities there are, and what looks wrong with them."""
     out = Output(output)
     found = open_gateway(gateway).get("/api/v1/identities")["identities"]
-    if out.json:
-        out.objects(found)
-        return
     names = ("Robot", "State", "Enrolled", "Certificate ends", "Note")
-    out.table(names, [_row(item) for item in found], empty="no robot is enrolled")
+    out.listing(names, found, _row, empty="no robot is enrolled")
 
 
 def _row(item: dict[str, Any]) -> tuple[str, ...]:

@@ -105,11 +105,8 @@ def _list(
     out = Output(output)
     client = client_or_none(data_dir, store, gateway)
     found = client.get("/api/v1/users")["users"] if client is not None else _list_here(data_dir, store)
-    if out.json:
-        out.objects(found)
-        return
     names = ("Name", "Role", "Robots", "Signs in by", "Last", "State")
-    out.table(names, [_row(item) for item in found], empty="no users")
+    out.listing(names, found, _row, empty="no users")
 
 
 def _list_here(data_dir: Path | None, store: str) -> list[dict[str, Any]]:

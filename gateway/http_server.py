@@ -39,10 +39,33 @@ class HeadTooLargeError(Exception):
     """Ends the parsing of a head."""
 
 
-class HttpProtocol(HttpToolsProtocol):
-    """One connection."""
+class Counted(asyncio.Protocol):
+    """What both protocols of a port tell its crowd of one connection."""
 
     crowd: Crowd
+    _guest: Guest | None
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Count it out."""
+        if self._guest is not None:
+            self.crowd.leave(self._guest)
+        super().connection_lost(exc)
+
+    def pause_writing(self) -> None:
+        """The other end does not keep up."""
+        if self._guest is not None:
+            self._guest.full = True
+        super().pause_writing()
+
+    def resume_writing(self) -> None:
+        """It does again."""
+        if self._guest is not None:
+            self._guest.full = False
+        super().resume_writing()
+
+
+class HttpProtocol(Counted, HttpToolsProtocol):
+    """One connection."""
 
     def __init__(self, *args: Any, guest: Guest | None = None, **kwargs: Any) -> None:
         """`guest` is set where the connection was counted already."""
@@ -65,12 +88,6 @@ class HttpProtocol(HttpToolsProtocol):
         else:
             self.crowd.secured(self._guest, transport)
 
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Count it out."""
-        if self._guest is not None:
-            self.crowd.leave(self._guest)
-        super().connection_lost(exc)
-
     def data_received(self, data: bytes) -> None:
         """Parse; a head that is too large or too late ends the connection."""
         if self.transport.is_closing() or self._guest is None:
@@ -83,18 +100,6 @@ class HttpProtocol(HttpToolsProtocol):
             self._head_bytes += len(data)
             if self._head_bytes > self.crowd.limits.head_bytes:
                 self._refuse_head()
-
-    def pause_writing(self) -> None:
-        """The other end does not keep up."""
-        if self._guest is not None:
-            self._guest.full = True
-        super().pause_writing()
-
-    def resume_writing(self) -> None:
-        """It does again."""
-        if self._guest is not None:
-            self._guest.full = False
-        super().resume_writing()
 
     def on_message_begin(self) -> None:
         """A request starts."""
@@ -183,10 +188,9 @@ class HttpProtocol(HttpToolsProtocol):
         self.transport.close()
 
 
-class SocketProtocol(WebSocketsSansIOProtocol):
+class SocketProtocol(Counted, WebSocketsSansIOProtocol):
     """One WebSocket, from its handshake on."""
 
-    crowd: Crowd
     clock: Clock
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -203,24 +207,6 @@ class SocketProtocol(WebSocketsSansIOProtocol):
         self._guest = self.crowd.of(transport)
         if self._guest is not None:
             self.crowd.work(self._guest)  # its request is over, the socket is not
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Count it out."""
-        if self._guest is not None:
-            self.crowd.leave(self._guest)
-        super().connection_lost(exc)
-
-    def pause_writing(self) -> None:
-        """The other end does not keep up."""
-        if self._guest is not None:
-            self._guest.full = True
-        super().pause_writing()
-
-    def resume_writing(self) -> None:
-        """It does again."""
-        if self._guest is not None:
-            self._guest.full = False
-        super().resume_writing()
 
     def handle_connect(self, event: Request) -> None:
         """How large messages may be, and how many: a robot's link carries more."""

@@ -6,7 +6,7 @@ import json
 import os
 import re
 import sys
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from typing import Any, Final, Literal
 
 from metaros.cli.options import Format
@@ -47,6 +47,21 @@ class Output:
             self._rich_table(columns, texts, right)
         else:
             self._columns(texts)
+
+    def listing(
+        self,
+        columns: Sequence[str],
+        items: Sequence[Any],
+        row: Callable[[Any], Sequence[object]],
+        *,
+        empty: str = "",
+        right: Container[int] = (),
+    ) -> None:
+        """What a `list` command found: the items themselves as JSON, or `row` of each as a table."""
+        if self.json:
+            self.objects(items)
+        else:
+            self.table(columns, [row(item) for item in items], empty=empty, right=right)
 
     def names(self, names: Sequence[str], *, count: bool = False) -> None:
         """Names, one a line; or only how many they are."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
-import sys
 from pathlib import Path
 
 import httpx
@@ -19,31 +17,15 @@ from gateway.store.engines import open_engine
 from gateway.store.ledger import in_transaction
 from metaros.errors import UsageError
 from tests.gateway.harness import client, running_gateway
+from tests.support.command_line import ask_metaros
 
 PASSWORD = "correct horse battery"
 
 
 async def metaros(folder: Path, *arguments: str, stdin: str = "", **env: str) -> tuple[int, str, str]:
     """Run it with a home of its own; exit code, standard output, standard error."""
-    process = await asyncio.create_subprocess_exec(
-        sys.executable,
-        "-m",
-        "metaros",
-        *arguments,
-        cwd=folder,
-        env={**os.environ, "HOME": str(folder), "METAROS_RUNTIME_DIR": str(folder / "run"), **env},
-        stdin=asyncio.subprocess.PIPE,
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.PIPE,
-    )
-    try:
-        async with asyncio.timeout(120):
-            out, err = await process.communicate(stdin.encode())
-    finally:
-        if process.returncode is None:
-            process.kill()
-            await process.wait()
-    return process.returncode or 0, out.decode(), err.decode()
+    home = {"HOME": str(folder), "METAROS_RUNTIME_DIR": str(folder / "run"), **env}
+    return await ask_metaros(*arguments, folder=folder, stdin=stdin, **home)
 
 
 async def test_a_key_made_before_the_gateway_has_ever_run_opens_it(tmp_path: Path) -> None:

@@ -2,36 +2,22 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import os
 import sqlite3
-import sys
 from pathlib import Path
 
 from gateway.domain.principal import Role
 from gateway.store.sqlite import DATABASE
 from tests.gateway.harness import RING, client, running_gateway
+from tests.support.command_line import ask_metaros
 
 ADMIN = RING.add(role=Role.ADMIN, name="test admin")
 
 
 async def metaros(*arguments: str, url: str = "") -> tuple[int, str, str]:
     """Run it; exit code, standard output, standard error."""
-    process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "metaros", "audit", *arguments),
-        env={**os.environ, "METAROS_GATEWAY_URL": url, "METAROS_KEY": ADMIN, "COLUMNS": "250"},
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.PIPE,
-    )
-    try:
-        async with asyncio.timeout(120):
-            out, err = await process.communicate()
-    finally:
-        if process.returncode is None:
-            process.kill()
-            await process.wait()
-    return process.returncode or 0, out.decode(), err.decode()
+    return await ask_metaros("audit", *arguments, METAROS_GATEWAY_URL=url, METAROS_KEY=ADMIN, COLUMNS="250")
 
 
 async def test_list_and_verify(tmp_path: Path) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
-import sys
 from pathlib import Path
 
 import pytest
@@ -15,36 +13,15 @@ from gateway.main import Ready
 from metaros.errors import ConfigError, UnavailableError
 from tests.gateway.harness import OPERATOR_KEY, running_gateway
 from tests.gateway.recordings.robot import RecordingRobot, content
+from tests.support.command_line import ask_metaros
 
 BLOB = content(700_000)
 
 
 async def metaros(ready: Ready, *arguments: str, folder: Path) -> tuple[int, str, str]:
     """Run it; exit code, standard output, standard error."""
-    process = await asyncio.create_subprocess_exec(
-        sys.executable,
-        "-m",
-        "metaros",
-        "recording",
-        *arguments,
-        cwd=folder,
-        env={
-            **os.environ,
-            "METAROS_GATEWAY_URL": ready.url,
-            "METAROS_KEY": OPERATOR_KEY,
-            "http_proxy": "http://127.0.0.1:9",
-        },
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.PIPE,
-    )
-    try:
-        async with asyncio.timeout(120):
-            out, err = await process.communicate()
-    finally:
-        if process.returncode is None:
-            process.kill()
-            await process.wait()
-    return process.returncode or 0, out.decode(), err.decode()
+    environ = {"METAROS_GATEWAY_URL": ready.url, "METAROS_KEY": OPERATOR_KEY, "http_proxy": "http://127.0.0.1:9"}
+    return await ask_metaros("recording", *arguments, folder=folder, **environ)
 
 
 async def test_save_list_get_delete(tmp_path: Path) -> None:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from collections import defaultdict
 from pathlib import Path
 
@@ -13,6 +10,7 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
+from tests.support.command_line import run_metaros
 from tests.support.stack import Stack
 from tests.support.waiting import wait_until
 
@@ -29,19 +27,6 @@ def published(folder: Path) -> Samples:
             for _schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
                 found[channel.topic][message.publish_time] = message.data
     return found
-
-
-def metaros(*arguments: str) -> str:
-    """Run the command line to its end; what it printed."""
-    done = subprocess.run(
-        [sys.executable, "-m", "metaros", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        env={**os.environ, "NO_COLOR": "1"},
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 @pytest.mark.slow
@@ -61,12 +46,12 @@ def test_three_robots_come_back_as_they_were_published(tmp_path: Path) -> None:
         assert recorder.process.returncode == 0, recorder.output
         path = tmp_path / "export.mcap"
         options = [option for robot in ROBOTS for option in ("--robot", robot)]
-        printed = metaros("history", "export", str(path), *options, "--start", "-10m", "--gateway", stack.url)
+        printed = run_metaros("history", "export", str(path), *options, "--start", "-10m", "--gateway", stack.url)
         assert str(path) in printed
         check(path, published(bag))
-        info = json.loads(metaros("bag", "info", str(path), "-o", "json"))
+        info = json.loads(run_metaros("bag", "info", str(path), "-o", "json"))
         assert info["accounted"]
-        messages = metaros(
+        messages = run_metaros(
             "history",
             "messages",
             "sim_2",

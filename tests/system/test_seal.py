@@ -9,18 +9,18 @@ from __future__ import annotations
 
 import base64
 import json
-import os
 import secrets
-import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import pytest
+from websockets.sync.client import ClientConnection
 
 import metaros
 from metaros.idl import message_class
 from metaros.record import open_bag
+from tests.support.command_line import run_metaros
 from tests.support.stack import Stack
 from tests.support.viewer import open_socket, records, subscribe
 from tests.support.waiting import wait_until
@@ -43,19 +43,7 @@ match = "/r1/plain"
 class = "bulk"
 """
 CHARGE = 0.625
-
-
-def run(*arguments: str) -> str:
-    """Run the command line to its end; what it printed."""
-    done = subprocess.run(
-        [sys.executable, "-m", "metaros", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        env={**os.environ, "NO_COLOR": "1"},
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+HIDDEN = ("/r1/secret", "/r1/battery")
 
 
 def memory(pid: int) -> Iterator[bytes]:
@@ -108,6 +96,73 @@ def payloads(path: Path, topic: str) -> list[bytes]:
     return [message.data for message in open_bag(path).messages([topic])]
 
 
+class Source:
+    """A node of r1 with a topic that is sealed, one that is not, and one whose features alone are told."""
+
+    def __init__(self, context: metaros.Context, *, secret: bytes, plain: bytes) -> None:
+        node = self._node = metaros.Node("source", namespace="/r1", context=context)
+        self._text, self._battery = message_class(TEXT), message_class(BATTERY)
+        self._markers = {"secret": secret.decode(), "plain": plain.decode()}
+        self._texts = {
+            name: node.create_publisher(self._text, name, metaros.qos_reliable_all) for name in self._markers
+        }
+        self._charge = node.create_publisher(self._battery, "battery", metaros.qos_reliable_all)
+
+    def publish(self) -> bool:
+        """One of each."""
+        for name, marker in self._markers.items():
+            self._texts[name].publish(self._text(data=marker))
+        self._charge.publish(self._battery(percentage=CHARGE, location=self._markers["secret"]))
+        return True
+
+
+def received(stack: Stack) -> int:
+    """How many of the sealed and of the clear topic the gateway has at least."""
+    topics = stack.topics("r1")
+    return min(topics.get(f"/r1/{name}", {}).get("received", 0) for name in ("secret", "plain"))
+
+
+def live(viewer: ClientConnection, topics: Collection[str]) -> dict[str, bytes]:
+    """A payload of each of these, as a viewer gets it."""
+    seen: dict[str, bytes] = {}
+    names: dict[int, str] = {}
+    while not seen.keys() >= set(topics):
+        frame = viewer.recv(timeout=60)
+        if isinstance(frame, str):
+            said = json.loads(frame)
+            if said["op"] == "channel":
+                names[said["channel"]] = said["topic"]
+            continue
+        seen.update((names[record.channel], record.payload) for record in records(frame))
+    return seen
+
+
+def taken_out(stack: Stack, folder: Path, *, plain: bytes) -> tuple[Path, Path]:
+    """All that the gateway gives: a clip of the black box and an export, after it was asked for messages and series."""
+    clip, sealed, where = folder / "clip.mcap", folder / "sealed.mcap", ("--gateway", stack.url)
+    run_metaros("recording", "save", "r1", "--last", "5m", *where)
+    (saved,) = json.loads(run_metaros("recording", "list", "r1", "-o", "json", *where))
+    run_metaros("recording", "get", saved["id"], "--file", str(clip), *where)
+    assert run_metaros("gateway", "store", "compact", "--data-dir", str(folder / "data"))
+    assert "sealed" in run_metaros("history", "messages", "r1", "--topics", "secret", "-o", "json", *where)
+    assert plain.decode() in run_metaros("history", "messages", "r1", "--topics", "plain", "-o", "json", *where)
+    assert "battery.percentage" in json.dumps(stack.get("/api/v1/robots/r1/metrics"))
+    run_metaros("history", "export", str(sealed), "--robot", "r1", "--start", "-10m", *where)
+    return clip, sealed
+
+
+def check_opened(sealed: Path, keyring: Path, *, secret: bytes, plain: bytes) -> None:
+    """The key opens everything of an export, under both of its keys."""
+    opened = sealed.with_name("opened.mcap")
+    keys = ("-k", str(keyring), "--sealed", "**/secret", "-o", "json")
+    told = json.loads(run_metaros("seal", "open", str(sealed), str(opened), *keys))
+    kept = payloads(sealed, "/r1/secret")
+    assert (told["opened"], told["refused"]) == (len(kept) + len(payloads(sealed, "/r1/battery")), [])
+    assert len({payload[1:9] for payload in kept}) == 2  # sealed by both keys
+    assert all(secret in payload for topic in HIDDEN for payload in payloads(opened, topic))
+    assert all(plain in payload for payload in payloads(opened, "/r1/plain"))
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="reads another process's memory by /proc")
 def test_the_gateways_disk_and_memory_hold_nothing_readable_and_the_key_opens_what_it_gives(
@@ -117,9 +172,10 @@ def test_the_gateways_disk_and_memory_hold_nothing_readable_and_the_key_opens_wh
     secret, plain = (f"{name}-{secrets.token_hex(16)}".encode() for name in ("secret", "plain"))
     hidden = written(secret)
     config, state = tmp_path / "agent.toml", tmp_path / "agent-r1"
+    keyring = state / "seal.keys"
     config.write_text(CONFIG)
     state.mkdir()
-    run("seal", "key", "new", str(state / "seal.keys"))
+    run_metaros("seal", "key", "new", str(keyring))
     with Stack(tmp_path) as stack:
         stack.router()
         gateway = stack.gateway()
@@ -128,77 +184,31 @@ def test_the_gateways_disk_and_memory_hold_nothing_readable_and_the_key_opens_wh
             metaros.Context(connect=f"tcp/127.0.0.1:{stack.zenoh_port}") as context,
             open_socket(stack.url, "/api/v1/stream", key=stack.key) as viewer,
         ):
-            node = metaros.Node("source", namespace="/r1", context=context)
-            make, battery = message_class(TEXT), message_class(BATTERY)
-            publishers = {
-                name: node.create_publisher(make, name, metaros.qos_reliable_all) for name in ("secret", "plain")
-            }
-            charge = node.create_publisher(battery, "battery", metaros.qos_reliable_all)
-
-            def publish() -> bool:
-                """One of each."""
-                for name, marker in (("secret", secret), ("plain", plain)):
-                    publishers[name].publish(make(data=marker.decode()))
-                charge.publish(battery(percentage=CHARGE, location=secret.decode()))
-                return True
-
-            def received(count: int) -> bool:
-                topics = stack.topics("r1")
-                return all(topics.get(f"/r1/{n}", {}).get("received", 0) >= count for n in ("secret", "plain"))
-
-            wait_until(lambda: {"/r1/secret", "/r1/plain", "/r1/battery"} <= stack.topics("r1").keys())
+            source = Source(context, secret=secret, plain=plain)
+            wait_until(lambda: {*HIDDEN, "/r1/plain"} <= stack.topics("r1").keys())
             subscribe(viewer, 1, "r1", "/r1/*")
-            wait_until(lambda: publish() and received(20))
-            seen: dict[str, bytes] = {}
-            names: dict[int, str] = {}
-            while not {"/r1/secret", "/r1/plain", "/r1/battery"} <= seen.keys():
-                frame = viewer.recv(timeout=60)
-                if isinstance(frame, str):
-                    said = json.loads(frame)
-                    if said["op"] == "channel":
-                        names[said["channel"]] = said["topic"]
-                    continue
-                seen.update((names[record.channel], record.payload) for record in records(frame))
+            wait_until(lambda: source.publish() and received(stack) >= 20)
+            seen = live(viewer, {*HIDDEN, "/r1/plain"})
             assert plain in seen["/r1/plain"]
-            assert not [topic for topic in ("/r1/secret", "/r1/battery") if secret in seen[topic]]
-            encodings = {topic: facts["encoding"] for topic, facts in stack.topics("r1").items()}
-            assert (encodings["/r1/secret"], encodings["/r1/battery"]) == ("sealed/cdr", "sealed/cdr")
-            run("seal", "key", "rotate", str(state / "seal.keys"))
-            wait_until(lambda: publish() and "sealing with key" in agent.output)
+            assert not [topic for topic in HIDDEN if secret in seen[topic]]
+            assert {stack.topics("r1")[topic]["encoding"] for topic in HIDDEN} == {"sealed/cdr"}
+            run_metaros("seal", "key", "rotate", str(keyring))
+            wait_until(lambda: source.publish() and "sealing with key" in agent.output)
             before = stack.topics("r1")["/r1/secret"]["received"]
-            wait_until(lambda: publish() and received(before + 5))
+            wait_until(lambda: source.publish() and received(stack) >= before + 5)
         monkeypatch.setenv("METAROS_KEY", stack.key)
-        where = ("--gateway", stack.url)
-        run("recording", "save", "r1", "--last", "5m", *where)
-        clip = tmp_path / "clip.mcap"
-        (saved,) = json.loads(run("recording", "list", "r1", "-o", "json", *where))
-        run("recording", "get", saved["id"], "--file", str(clip), *where)
-        assert run("gateway", "store", "compact", "--data-dir", str(tmp_path / "data"))
-        shown = run("history", "messages", "r1", "--topics", "secret", "-o", "json", *where)
-        assert "sealed" in shown
-        assert plain.decode() in run("history", "messages", "r1", "--topics", "plain", "-o", "json", *where)
-        series = stack.get("/api/v1/robots/r1/metrics")
-        assert "battery.percentage" in json.dumps(series)
-        sealed = tmp_path / "sealed.mcap"
-        run("history", "export", str(sealed), "--robot", "r1", "--start", "-10m", *where)
+        clip, sealed = taken_out(stack, tmp_path, plain=plain)
         stored = {path.name for path in (tmp_path / "data").rglob("*")}
         assert {"gateway.sqlite", "gateway.sqlite-wal", "gateway.sqlite-shm"} <= stored
         assert found(files(tmp_path / "data"), *hidden, plain) == {plain}
         assert found(memory(gateway.process.pid), *hidden, plain) == {plain}
         assert found(files(state), *hidden, plain) == {plain}  # outbox and black box on the robot's disk
-    for topic in ("/r1/secret", "/r1/battery"):
+    for topic in HIDDEN:
         for file in (clip, sealed):
             assert payloads(file, topic)
             assert not [payload for payload in payloads(file, topic) if secret in payload]
     assert any(plain in payload for payload in payloads(clip, "/r1/plain"))
-    opened = tmp_path / "opened.mcap"
-    keys = ("-k", str(state / "seal.keys"), "--sealed", "**/secret", "-o", "json")
-    told = json.loads(run("seal", "open", str(sealed), str(opened), *keys))
-    kept = payloads(sealed, "/r1/secret")
-    assert (told["opened"], told["refused"]) == (len(kept) + len(payloads(sealed, "/r1/battery")), [])
-    assert len({payload[1:9] for payload in kept}) == 2  # sealed by both keys
-    assert all(secret in payload for topic in ("/r1/secret", "/r1/battery") for payload in payloads(opened, topic))
-    assert all(plain in payload for payload in payloads(opened, "/r1/plain"))
+    check_opened(sealed, keyring, secret=secret, plain=plain)
 
 
 def test_the_search_knows_a_marker_however_it_is_written() -> None:
