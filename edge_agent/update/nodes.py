@@ -49,8 +49,15 @@ class NodeBundles:
         return found.folder if found is not None else None
 
     def ready(self, name: str, version: str) -> NodeBundle | None:
-        """A complete bundle, if it is here and not below the floor. Raises BundleError: that is no name and version."""
-        folder = self._place(name, version)
+        """A complete bundle, if it is here.
+
+        Raises:
+            UpdateFloorError: it is here perhaps, and below the floor: nobody brings it back from the disk, either.
+            BundleError: that is no name and version.
+        """
+        folder, source = self._place(name, version), self._source()
+        if source is not None:
+            source.floor.check(name, version)
         if read_table(folder / COMPLETE).get("version") != version:
             return None
         argv = read_table(folder / FACTS).get("argv")

@@ -23,7 +23,7 @@ __all__ = [
     "made_of",
 ]
 
-CODE_KEYS = ("bundle", "version", "command", "args")  # of a node: what runs there, an admin's to say
+CODE_KEYS = ("bundle", "version", "allowed", "command", "args")  # of a node: what runs there, an admin's to say
 CONFIRM_S = 60.0  # a change that nobody gave another window
 _TEMPLATE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 

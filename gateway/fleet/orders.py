@@ -52,6 +52,7 @@ POLL_S = 0.5  # another gateway may have changed what is waited for
 NOTES = 4096  # of older doors that wait for the store; further ones leave no row
 NOTE_S = 0.2
 KEY_CHARS = 200
+UNSHOWN = frozenset({"lease_id"})  # whoever reads the history would have the robot: the id is all that a lease asks for
 Local = Callable[[str, Mapping[str, Any]], Awaitable[Any]]  # robot and request; what it answers, as JSON
 
 
@@ -260,7 +261,8 @@ class OrderDesk:
 
     def _made(self, order: Order, principal: Principal) -> Command:
         now_ns = self._clock.wall_ns()
-        request = orjson.dumps(dict(order.request)).decode()
+        shown = {key: value for key, value in order.request.items() if key not in UNSHOWN}
+        request = orjson.dumps(shown).decode()
         if len(request) > self._limits.command_request_bytes:
             raise BodyTooLargeError(f"a command's request has at most {self._limits.command_request_bytes} bytes")
         return Command(

@@ -9,6 +9,8 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from gateway.domain.errors import SelectorError
+from gateway.domain.selector import MAX_LABELS
 from gateway.domain.twin import CONFIRM_S, Desired, Template, changes_code, effective, made_of
 from gateway.errors import UnknownRobotError
 from gateway.store.engine import StoreEngine
@@ -71,6 +73,9 @@ class Outcome:
     @property
     def code(self) -> str:
         """The path by which the robot would run other code; "" for none."""
+        if self.error is not None:  # it comes into force once the document can be made again, whoever brings that about
+            sections = {change.path.split("/")[1] for change in self.own_changes}
+            return next((name for name in ("nodes", "agent") if name in sections), "")
         if self.before.document == self.after.document:
             return ""
         return changes_code(read(self.before.document), read(self.after.document))
@@ -115,6 +120,10 @@ class Plan:
         before = self.require(robot)
         own = self._own(before, edit)
         given = merge(dict(before.labels), edit.labels) if edit.labels else before.labels
+        if len(given) > max(MAX_LABELS, len(before.labels)):
+            raise SelectorError(
+                f"{robot}: a robot is given at most {MAX_LABELS} labels, and this would be {len(given)}"
+            )
         named = made_of(self.templates.values(), robot, {**self.said[robot], **given})
         marks = tuple(item.mark for item in named)
         whole = self._whole(named, marks, own)

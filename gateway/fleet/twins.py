@@ -236,9 +236,11 @@ class TwinDesk:
 
 def require_no_code(outcomes: Sequence[Outcome]) -> None:
     """ForbiddenError when a robot would run other code than before."""
-    seen: dict[tuple[bytes, bytes], str] = {}
+    seen: dict[tuple[bytes, ...], str] = {}
     for item in outcomes:
-        key = item.before.document, item.after.document
+        key: tuple[bytes, ...] = item.before.document, item.after.document
+        if item.error is not None:
+            key += item.before.own, item.after.own
         if key not in seen:
             seen[key] = item.code
         if path := seen[key]:

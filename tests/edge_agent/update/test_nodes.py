@@ -91,6 +91,19 @@ async def test_what_is_refused_leaves_nothing_that_counts(world: World) -> None:
             found.ready(name, version)
 
 
+async def test_what_is_below_the_floor_does_not_come_back_from_the_disk(world: World) -> None:
+    robot, _, _ = world
+    found = bundles(robot)
+    await found.get("shell", "1.0.0")
+    await found.get("shell", "1.0.2")
+    robot.source.floor.rise("shell", "1.0.1")
+    with pytest.raises(UpdateFloorError):
+        found.ready("shell", "1.0.0")
+    with pytest.raises(UpdateFloorError):
+        await found.get("shell", "1.0.0")
+    assert found.ready("shell", "1.0.2") is not None
+
+
 async def test_a_robot_without_an_enrolment_takes_none(tmp_path: Path) -> None:
     with pytest.raises(UpdateOffError):
         await NodeBundles(tmp_path, lambda: None).get("shell", "1.0.0")

@@ -98,8 +98,10 @@ def test_what_counts_as_other_code() -> None:
     assert changes_code(old, {}) == ""
     assert changes_code(old, {"nodes": {"a": {**node, "version": "1.1"}}}) == "nodes.a.version"
     assert changes_code(old, {"nodes": {"a": {"allowed": "a"}}}) == "nodes.a.bundle"
-    assert changes_code({}, {"nodes": {"a": {"allowed": "a"}}}) == ""
-    assert changes_code({}, {"nodes": {"a": {"allowed": "a", "args": ["x"]}}}) == "nodes.a.args"
+    assert changes_code({}, {"nodes": {"a": {"allowed": "a"}}}) == "nodes.a.allowed"
+    assert changes_code({"nodes": {"a": {"allowed": "a"}}}, {"nodes": {"a": {"allowed": "a", "nice": 3}}}) == ""
+    one = {"nodes": {"a": {"allowed": "a"}}}
+    assert changes_code(one, {"nodes": {"a": {"allowed": "a", "args": ["x"]}}}) == "nodes.a.args"
     assert changes_code({}, {"agent": {"version": "2.0"}}) == "agent.version"
     assert changes_code({"agent": {"version": "2.0"}}, {}) == ""
     assert (is_template_name("cams-2.1"), is_template_name("../x"), is_template_name("")) == (True, False, False)

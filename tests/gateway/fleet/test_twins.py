@@ -12,7 +12,7 @@ import pytest
 
 from gateway.domain.errors import SelectorError, TwinChangedError, UnknownRevisionError
 from gateway.domain.robot import Robot
-from gateway.domain.selector import Selector
+from gateway.domain.selector import MAX_LABELS, Selector
 from gateway.errors import ForbiddenError, UnknownRobotError
 from gateway.fleet.twin_plan import Edit
 from gateway.fleet.twins import Editor
@@ -103,6 +103,44 @@ async def test_what_runs_on_a_robot_is_an_admins_to_change(rig: Rig) -> None:
     with pytest.raises(ForbiddenError):
         await rig.twins.desk.edit("r1", labels, OPERATOR, dry_run=False)
     await rig.twins.desk.edit("r1", labels, ADMIN, dry_run=False)
+
+
+async def test_code_does_not_hide_behind_a_document_that_cannot_be_made(rig: Rig) -> None:
+    """A robot's own words (its labels) bring two templates together that do not fit: until somebody mends it its
+    document stays, and what is laid into its own part meanwhile comes into force later, by whoever mends it."""
+    robot = await rig.robot("r1", a="1")
+    await template(rig, "first", "a", {"nodes": {"lidar": {"bundle": "lidar-node", "version": "1.0.0"}}})
+    await template(rig, "other", "b", {"nodes": {"lidar": {"allowed": "lidar"}}})
+    robot.labels["b"] = "1"
+    rig.store.submit(RobotWrite(Robot("r1", labels=robot.labels), 2))
+    await rig.store.flush()
+    rig.cut("r1")
+    rig.link("r1")
+    await rig.work(lambda: bool((found := rig.twins.desk.desired_of("r1")) and found.problem))
+
+    async def many(document: dict[str, Any], editor: Editor) -> Any:
+        edit = Edit(patch=document)
+        return await rig.twins.desk.edit_many(
+            Selector.parse("robot=r1"), edit, editor, sees=lambda _: True, dry_run=False
+        )
+
+    for evil in ({"nodes": {"x": {"bundle": "evil", "version": "1.0"}}}, {"agent": {"version": "0.1"}}):
+        with pytest.raises(ForbiddenError):
+            await many(evil, OPERATOR)
+    assert (await many({"budget": {"bytes_per_s": 9000}}, OPERATOR))[0].changed
+    mended = Edit(document={"nodes": {"lidar": {"bundle": None, "version": None}}})
+    assert (await rig.twins.desk.edit("r1", mended, ADMIN, dry_run=False)).after.problem == ""
+
+
+async def test_labels_are_bounded_in_sum(rig: Rig) -> None:
+    await rig.robot("r1")
+    for start in range(0, MAX_LABELS, 16):
+        labels = Edit(labels={f"l{start + n}": "x" for n in range(16)})
+        await rig.twins.desk.edit("r1", labels, OPERATOR, dry_run=False)
+    with pytest.raises(SelectorError, match="64 labels"):
+        await rig.twins.desk.edit("r1", Edit(labels={"more": "x"}), OPERATOR, dry_run=False)
+    await rig.twins.desk.edit("r1", Edit(labels={"more": "x", "l0": None}), OPERATOR, dry_run=False)
+    assert len((await rig.twins.desk.state("r1")).labels) == MAX_LABELS
 
 
 async def test_templates_reach_whom_they_name_and_the_own_document_wins(rig: Rig) -> None:
