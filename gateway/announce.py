@@ -33,6 +33,7 @@ class Ready:
     tls: bool = False
     public_host: str = ""  # by which other machines reach it; "": none can
     roots_pem: str = ""  # under which its own certificate is; "": no TLS
+    api_grpc_port: int = 0  # of people's programs
 
     @property
     def url(self) -> str:
@@ -63,8 +64,8 @@ def ready_line(settings: Settings, where: Ready) -> str:
     note = f" ({', '.join(moved)})" if moved else ""
     others = f" (others: {where.public_url})" if where.public_url not in ("", where.url) else ""
     store = f"  store {shown(settings.store_url)}" if settings.store_url else ""
-    robots = f"{where.host}:{where.grpc_port}"
-    return f"gateway ready: {where.url}{others}  robots {robots}  data {where.data_dir}{store}{note}"
+    ports = f"robots {where.host}:{where.grpc_port}  programs {where.host}:{where.api_grpc_port}"
+    return f"gateway ready: {where.url}{others}  {ports}  data {where.data_dir}{store}{note}"
 
 
 def write_status(path: Path, where: Ready) -> None:
@@ -75,6 +76,7 @@ def write_status(path: Path, where: Ready) -> None:
         "host": where.host,
         "http_port": where.http_port,
         "grpc_port": where.grpc_port,
+        "api_grpc_port": where.api_grpc_port,
         "url": where.url,
         "public_url": where.public_url,
         "data_dir": str(where.data_dir),

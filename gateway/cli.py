@@ -29,6 +29,9 @@ Port = Annotated[
 RobotsPort = Annotated[
     int | None, typer.Option(min=0, max=65535, help="Port robots connect to; default 8081, or a free one.")
 ]
+ProgramsPort = Annotated[
+    int | None, typer.Option(min=0, max=65535, help="Port of the API over gRPC; default 8082, or a free one.")
+]
 AllowHost = Annotated[list[str] | None, typer.Option(help="Another name browsers may call this gateway by.")]
 AllowOrigin = Annotated[list[str] | None, typer.Option(help="Origin of another page that may use this gateway.")]
 TickMs = Annotated[float, typer.Option(min=0.0, max=100.0, help="How long live samples wait to share one write.")]
@@ -53,7 +56,7 @@ CaKey = Annotated[Path | None, typer.Option(dir_okay=False, help="PEM of that is
 CertificateHours = Annotated[float, typer.Option(min=24.0, max=168.0, help="How long a robot's certificate is valid.")]
 Oidc = Annotated[Path | None, typer.Option(metavar="FILE", help="JSON: the identity provider where people sign in.")]
 Tls = Annotated[
-    str, typer.Option(metavar="auto|on|off", help="TLS on both ports; auto: beyond this machine, and with --tls-cert.")
+    str, typer.Option(metavar="auto|on|off", help="TLS on every port; auto: beyond this machine, and with --tls-cert.")
 ]
 TlsCert = Annotated[
     Path | None, typer.Option(dir_okay=False, help="PEM of a certificate made elsewhere, its chain behind it.")
@@ -84,6 +87,7 @@ def _gateway(
     host: Host = "127.0.0.1",
     port: Port = None,
     grpc_port: RobotsPort = None,
+    api_grpc_port: ProgramsPort = None,
     data_dir: DataDir = None,
     store: StoreUrl = "",
     objects: ObjectsUrl = "",

@@ -17,15 +17,16 @@ import uvicorn
 
 from gateway.announce import LocalAccess, Ready, ready_line, write_status
 from gateway.api.grpc.authenticate import Gate
-from gateway.api.grpc.fleet import add_fleet
+from gateway.api.grpc.serving import add_fleet
 from gateway.app import Gateway
 from gateway.crowd import Crowd, Guest, open_files
 from gateway.domain.networks import is_within, read_address
+from gateway.grpc_server import ServerTls, make_server, tls_credentials
 from gateway.http_server import protocols
 from gateway.identity.door import Door
-from gateway.ingest.link_service import ServerTls, make_server, tls_credentials
+from gateway.ingest.link_service import add_links
 from gateway.ports import listen
-from gateway.settings import DEFAULT_GRPC_PORT, DEFAULT_HTTP_PORT, Settings
+from gateway.settings import DEFAULT_API_GRPC_PORT, DEFAULT_GRPC_PORT, DEFAULT_HTTP_PORT, Settings
 from gateway.tls import HttpTls, strict_transport
 from gateway.tls_accept import TlsAcceptor
 from metaros.clock import Clock, SystemClock
@@ -38,6 +39,8 @@ __all__ = ["Ready", "run", "serve"]
 
 GRPC_GRACE_S = 0.5
 HTTP_GRACE_S = 1
+ROBOTS_CONNECTIONS = 32_768  # three of a robot
+PROGRAMS_CONNECTIONS = 1024
 
 
 class _HttpServer(uvicorn.Server):
@@ -103,10 +106,12 @@ async def serve(
 async def _serve(
     gateway: Gateway, listener: socket.socket, stop: asyncio.Event, on_ready: Callable[[Ready], None]
 ) -> None:
-    robots, grpc_port = _robots_server(gateway)
+    robots, gateway.grpc_port = _robots_server(gateway)
+    programs, api_grpc_port = _programs_server(gateway)
     crowd = _crowd(gateway)
     http = _HttpServer(_http_config(gateway, crowd), crowd=crowd, tls=gateway.tls)
     await robots.start()
+    await programs.start()
     try:
         async with asyncio.TaskGroup() as group:
             web = group.create_task(http.serve(sockets=[listener]))
@@ -114,48 +119,80 @@ async def _serve(
             sweeping = group.create_task(crowd.run())
             starting = group.create_task(http.up.wait())
             await asyncio.wait({web, starting}, return_when=asyncio.FIRST_COMPLETED)
-            on_ready(_ready(gateway, int(listener.getsockname()[1]), grpc_port))
+            on_ready(_ready(gateway, int(listener.getsockname()[1]), api_grpc_port))
             await stop.wait()
             gateway.links.close()
-            await robots.stop(GRPC_GRACE_S)
+            await asyncio.gather(robots.stop(GRPC_GRACE_S), programs.stop(GRPC_GRACE_S))
             http.should_exit = True
             work.cancel()
             sweeping.cancel()
     finally:
-        await robots.stop(0)
+        await asyncio.gather(robots.stop(0), programs.stop(0))
         crowd.close()
 
 
-def _ready(gateway: Gateway, http_port: int, grpc_port: int) -> Ready:
+def _ready(gateway: Gateway, http_port: int, api_grpc_port: int) -> Ready:
     own = gateway.settings
-    roots = gateway.identities.authorities.roots_pem if own.tls_on else ""
-    return Ready(own.host, http_port, grpc_port, own.data_dir, own.tls_on, own.public_host, roots)
+    return Ready(
+        own.host,
+        http_port,
+        gateway.grpc_port,
+        own.data_dir,
+        tls=own.tls_on,
+        public_host=own.public_host,
+        roots_pem=gateway.identities.authorities.roots_pem if own.tls_on else "",
+        api_grpc_port=api_grpc_port,
+    )
 
 
 def _robots_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
-    """The gRPC server on its port; a default port that is taken moves to a free one."""
-    host = gateway.settings.host
-    # gRPC reports a taken port late and without its owner, so the port is tried first.
-    with listen(host, gateway.settings.grpc_port, default=DEFAULT_GRPC_PORT, flag="--grpc-port") as probe:
-        port = int(probe.getsockname()[1])
-    gateway.grpc_port = port
-    credentials = tls_credentials(lambda: _robots_tls(gateway)) if gateway.settings.robots_tls else None
-    gate = Gate(lambda: gateway.services)
+    """Where robots connect, and its port."""
+    own = gateway.settings
     return make_server(
-        gateway.links,
-        host=host,
-        port=port,
-        credentials=credentials,
-        beside=lambda server: add_fleet(server, gate),
+        lambda server: add_links(server, gateway.links),
+        host=own.host,
+        port=_free_port(own.host, own.grpc_port, default=DEFAULT_GRPC_PORT, flag="--grpc-port"),
+        connections=ROBOTS_CONNECTIONS,
+        credentials=tls_credentials(lambda: _robots_tls(gateway)) if own.robots_tls else None,
     )
+
+
+def _programs_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
+    """Where people's programs connect, and its port."""
+    own, gate = gateway.settings, Gate(lambda: gateway.services)
+    return make_server(
+        lambda server: add_fleet(server, gate),
+        host=own.host,
+        port=_free_port(own.host, own.api_grpc_port, default=DEFAULT_API_GRPC_PORT, flag="--api-grpc-port"),
+        connections=PROGRAMS_CONNECTIONS,
+        credentials=tls_credentials(lambda: _programs_tls(gateway)) if own.robots_tls else None,
+    )
+
+
+def _free_port(host: str, port: int | None, *, default: int, flag: str) -> int:
+    """A port that can be had; a default one that is taken moves to a free one.
+
+    gRPC reports a taken port late and without its owner, so it is tried first.
+    """
+    with listen(host, port, default=default, flag=flag) as probe:
+        return int(probe.getsockname()[1])
 
 
 def _robots_tls(gateway: Gateway) -> ServerTls:
     """What the robots' port shows and asks for, now."""
+    return ServerTls((_own_pair(gateway),), clients=gateway.identities.authorities.roots_pem.encode())
+
+
+def _programs_tls(gateway: Gateway) -> ServerTls:
+    """What the programs' port shows, now: as the HTTP port does."""
+    return ServerTls(gateway.tls.pairs() if gateway.tls is not None else (_own_pair(gateway),))
+
+
+def _own_pair(gateway: Gateway) -> tuple[bytes, bytes]:
     pair = gateway.identities.pair
     if pair is None:
-        raise ConfigError("the gateway has no certificate for its robots' port")
-    return ServerTls(pair.chain_pem, pair.key_pem, gateway.identities.authorities.roots_pem.encode())
+        raise ConfigError("the gateway has no certificate for its gRPC ports")
+    return pair.chain_pem, pair.key_pem
 
 
 def _crowd(gateway: Gateway) -> Crowd:

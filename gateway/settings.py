@@ -12,10 +12,18 @@ from gateway.names import is_wildcard, machine_names, outward_address
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS
 
-__all__ = ["DEFAULT_GRPC_PORT", "DEFAULT_HTTP_PORT", "Settings", "default_data_dir", "is_loopback"]
+__all__ = [
+    "DEFAULT_API_GRPC_PORT",
+    "DEFAULT_GRPC_PORT",
+    "DEFAULT_HTTP_PORT",
+    "Settings",
+    "default_data_dir",
+    "is_loopback",
+]
 
 DEFAULT_HTTP_PORT = 8080
 DEFAULT_GRPC_PORT = 8081
+DEFAULT_API_GRPC_PORT = 8082
 MIB = 1024 * 1024
 _FLEET = re.compile(r"[a-z0-9][a-z0-9.-]{0,62}")
 
@@ -31,7 +39,8 @@ class Settings:
 
     host: str = "127.0.0.1"
     port: int | None = None
-    grpc_port: int | None = None
+    grpc_port: int | None = None  # of robots
+    api_grpc_port: int | None = None  # of people's programs
     data_dir: Path = field(default_factory=default_data_dir)
     store_url: str = field(default="", repr=False)  # PostgreSQL; "": a file in the data directory
     objects_url: str = ""  # "": a directory in the data directory

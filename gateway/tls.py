@@ -68,6 +68,13 @@ class HttpTls:
         context.sni_callback = self._choose
         return context
 
+    def pairs(self) -> tuple[tuple[bytes, bytes], ...]:
+        """Chain and key in PEM of each certificate, for a server that takes the first one which holds the name.
+
+        Such a server shows the very first where there is no name: who calls by an address gets the supplied one.
+        """
+        return tuple(slot.pair() for slot in (self._supplied, self._own) if slot is not None)
+
     def _choose(self, connection: ssl.SSLObject, name: str | None, _context: ssl.SSLContext) -> None:
         supplied = self._supplied is not None and self._files is not None and self._files.holds(name)
         connection.context = self._supplied.context() if supplied and self._supplied else self._own.context()
@@ -100,11 +107,18 @@ class _Slot:
                 log.error("the changed certificate is not used, the one before is: %s", error)
         return self._context
 
+    def pair(self) -> tuple[bytes, bytes]:
+        """Chain and key of the context."""
+        self.context()
+        return self._pair
+
     def _load(self) -> ssl.SSLContext:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         context.set_alpn_protocols(["http/1.1"])
-        _load_chain(context, *self._read(), self._folder)
+        pair = self._read()
+        _load_chain(context, *pair, self._folder)
+        self._pair = pair
         return context
 
 

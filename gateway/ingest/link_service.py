@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import logging
-from collections.abc import AsyncIterator, Callable
-from dataclasses import dataclass
+from collections.abc import AsyncIterator
 from typing import Any
 from urllib.parse import unquote
 
@@ -17,25 +16,12 @@ from gateway.domain.networks import is_loopback_address, read_address
 from gateway.ingest.lane_shell import LaneGoneError, serve_lane
 from gateway.ingest.links import Links
 from metaros._proto import link_pb2, link_pb2_grpc
-from metaros.errors import ConfigError
-from metaros.limits import LIMITS, Limits
 
-__all__ = [
-    "LinkService",
-    "ServerTls",
-    "address_of_peer",
-    "forwarded",
-    "is_local_peer",
-    "make_server",
-    "tls_credentials",
-]
+__all__ = ["LinkService", "add_links", "address_of_peer", "forwarded", "is_local_peer"]
 
 log = logging.getLogger(__name__)
 
 FORWARDED = frozenset({"forwarded", "x-forwarded-for", "x-real-ip"})
-STREAMS = 128  # of one connection; an agent has a connection for each of its three lanes
-CONNECTIONS = 32_768
-IDLE_MS = 60_000  # a connection without a lane is closed after so long
 Context = grpc.aio.ServicerContext[link_pb2.AgentFrame, link_pb2.GatewayFrame]
 
 
@@ -70,76 +56,9 @@ class LinkService(link_pb2_grpc.LinkServicer):
         await serve_lane(self._links, read, write, peer=peer)
 
 
-@dataclass(frozen=True, slots=True)
-class ServerTls:
-    """What the server shows (chain and key in PEM), and the roots under which robots' certificates have to be."""
-
-    chain_pem: bytes
-    key_pem: bytes
-    roots_pem: bytes
-
-
-def tls_credentials(current: Callable[[], ServerTls]) -> grpc.ServerCredentials:
-    """Credentials that ask every client for a certificate; `current` is asked at each handshake, on gRPC's threads."""
-    first = current()
-    told = [first]
-
-    def changed() -> Any:  # None: as before
-        now = current()
-        if now == told[0]:
-            return None
-        told[0] = now
-        return _configuration(now)
-
-    return grpc.dynamic_ssl_server_credentials(_configuration(first), changed, require_client_authentication=True)
-
-
-def make_server(
-    links: Links,
-    *,
-    host: str,
-    port: int,
-    credentials: grpc.ServerCredentials | None = None,
-    beside: Callable[[grpc.aio.Server], None] = lambda server: None,
-    limits: Limits = LIMITS,
-) -> tuple[grpc.aio.Server, int]:
-    """A gRPC server bound to a port (0: any) that no other process shares; ConfigError when it is taken.
-
-    `beside` adds the services that are not robots'. With `credentials` it speaks TLS, and who a robot is says its
-    certificate.
-    """
-    server = grpc.aio.server(
-        options=[
-            ("grpc.so_reuseport", 0),
-            ("grpc.max_receive_message_length", limits.frame_bytes),
-            ("grpc.max_send_message_length", limits.frame_bytes),
-            ("grpc.keepalive_time_ms", 10_000),
-            ("grpc.keepalive_timeout_ms", 5_000),
-            # Agents ping every heartbeat: that must never look like a flood, whatever the jitter.
-            ("grpc.http2.min_ping_interval_without_data_ms", 1_000),
-            ("grpc.http2.max_ping_strikes", 32),
-            ("grpc.max_concurrent_streams", STREAMS),
-            ("grpc.max_metadata_size", limits.head_bytes),
-            ("grpc.server_handshake_timeout_ms", round(limits.head_s * 1000)),
-            ("grpc.max_connection_idle_ms", IDLE_MS),
-            ("grpc.max_allowed_incoming_connections", CONNECTIONS),
-        ]
-    )
+def add_links(server: grpc.aio.Server, links: Links) -> None:
+    """Serve robots' links."""
     link_pb2_grpc.add_LinkServicer_to_server(LinkService(links), server)
-    beside(server)
-    try:
-        address = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
-        if credentials is None:
-            bound = server.add_insecure_port(address)
-        else:
-            bound = server.add_secure_port(address, credentials)
-    except RuntimeError as error:
-        raise ConfigError(f"port {port} for robots cannot be opened: {error}") from error
-    return server, bound
-
-
-def _configuration(tls: ServerTls) -> grpc.ServerCertificateConfiguration:
-    return grpc.ssl_server_certificate_configuration([(tls.key_pem, tls.chain_pem)], root_certificates=tls.roots_pem)
 
 
 def _certificate(context: Context) -> bytes | None:

@@ -170,7 +170,7 @@ async def world(folder: Path, router: str, heard: list[float], *, checks: bool) 
 
         stack.push_async_callback(end)
         http = await stack.enter_async_context(client(ready))
-        channel = await stack.enter_async_context(grpc.aio.insecure_channel(f"127.0.0.1:{ready.grpc_port}"))
+        channel = await stack.enter_async_context(grpc.aio.insecure_channel(f"127.0.0.1:{ready.api_grpc_port}"))
         made = World(ready, http, fleet_pb2_grpc.FleetStub(channel), heard)
         await until_online(made)
         yield made

@@ -1,21 +1,25 @@
 """Every RPC, asked by everybody: what is registered declares a permission, and answers exactly as the table says.
 
-Link is robots': a key counts as nothing there. Fleet is people's: only a key counts. Over TLS nobody is heard at all
-without a certificate of the fleet.
+Link is robots', on a port of its own: a key counts as nothing there, and over TLS nobody is heard at all without a
+certificate of the fleet. Fleet is people's, on theirs: only a key counts, and a robot's certificate is nothing.
 """
 
 from __future__ import annotations
 
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import grpc
 import pytest
 
 from gateway.api.allow import RPCS
+from gateway.api.grpc.authenticate import Gate
 from gateway.api.grpc.errors import CODE_KEY
-from gateway.api.grpc.fleet import FleetService
+from gateway.api.grpc.serving import add_fleet
 from gateway.domain.principal import Principal, Role
+from gateway.identity.ca import key_pem
 from gateway.identity.permissions import permission
 from gateway.ingest.link_service import LinkService
 from gateway.main import Ready
@@ -100,7 +104,7 @@ async def test_every_registered_rpc_declares_a_permission(tmp_path: Path, regist
 def test_the_handlers_are_those_of_the_description() -> None:
     seen = Registered()
     link_pb2_grpc.add_LinkServicer_to_server(LinkService.__new__(LinkService), seen)
-    fleet_pb2_grpc.add_FleetServicer_to_server(FleetService.__new__(FleetService), seen)
+    add_fleet(cast(Any, seen), Gate.__new__(Gate))
     files = (link_pb2.DESCRIPTOR, fleet_pb2.DESCRIPTOR)
     services = [service for file in files for service in file.services_by_name.values()]
     assert seen.methods == {f"/{one.full_name}/{method.name}" for one in services for method in one.methods}
@@ -131,6 +135,17 @@ FLEET = sorted(path.rpartition("/")[2] for path in RPCS if "Fleet" in path)
 GATE = {"sign_in", "bad_credentials", "forbidden", "unknown_robot", "unknown_command"}
 
 
+@asynccontextmanager
+async def programs(ready: Ready, chain_pem: str | None = None, key: Any = None) -> AsyncIterator[grpc.aio.Channel]:
+    """A channel to the programs' port, as the gateway speaks there; with a robot's certificate where one is given."""
+    where = f"127.0.0.1:{ready.api_grpc_port}"
+    held = (key_pem(key), chain_pem.encode()) if key is not None and chain_pem is not None else (None, None)
+    credentials = grpc.ssl_channel_credentials(ready.roots_pem.encode(), *held)
+    opened = grpc.aio.secure_channel(where, credentials) if ready.tls else grpc.aio.insecure_channel(where)
+    async with opened as channel:
+        yield channel
+
+
 async def knock(stub: fleet_pb2_grpc.FleetStub, method: str, key: str) -> tuple[grpc.StatusCode, str]:
     """The status and code of a call that could do nothing if it were let in: the robot is another one, or offline."""
     description = fleet_pb2.DESCRIPTOR.services_by_name["Fleet"].methods_by_name[method]
@@ -156,12 +171,13 @@ async def knock(stub: fleet_pb2_grpc.FleetStub, method: str, key: str) -> tuple[
     return grpc.StatusCode.OK, ""
 
 
+@pytest.mark.parametrize("tls", ["off", "on"])
 @pytest.mark.parametrize("anonymous", [True, False])
-async def test_everybody_at_every_method_of_the_fleet(tmp_path: Path, anonymous: bool) -> None:
-    async with running_gateway(tmp_path, door=RING, anonymous=anonymous) as ready:
-        async with ScriptedAgent(ready):
-            pass  # known, and offline by now
-        async with grpc.aio.insecure_channel(f"127.0.0.1:{ready.grpc_port}") as channel:
+async def test_everybody_at_every_method_of_the_fleet(tmp_path: Path, anonymous: bool, tls: str) -> None:
+    async with running_gateway(tmp_path, door=RING) as ready, ScriptedAgent(ready):
+        pass  # known, and offline by now
+    async with running_gateway(tmp_path, door=RING, anonymous=anonymous, tls=tls) as ready:
+        async with programs(ready) as channel:
             stub = fleet_pb2_grpc.FleetStub(channel)
             for method in FLEET:
                 row = permission(RPCS[f"/metaros.v1.Fleet/{method}"])
@@ -184,7 +200,7 @@ async def test_everybody_at_every_method_of_the_fleet(tmp_path: Path, anonymous:
 
 async def test_a_key_s_robots_and_what_people_did_are_as_in_rest(tmp_path: Path) -> None:
     async with running_gateway(tmp_path, door=RING) as ready:
-        async with ScriptedAgent(ready), grpc.aio.insecure_channel(f"127.0.0.1:{ready.grpc_port}") as channel:
+        async with ScriptedAgent(ready), programs(ready) as channel:
             stub = fleet_pb2_grpc.FleetStub(channel)
 
             async def robots(key: str) -> list[str]:
@@ -216,12 +232,24 @@ async def test_everybody_over_tls(tmp_path: Path) -> None:
             assert await greet(opened, bare("arm", number=3)) == "certificate_revoked"
 
 
+async def test_a_robot_s_certificate_is_nobody_at_the_fleet(tmp_path: Path) -> None:
+    async with tls_gateway(tmp_path) as ready:
+        held, given = await enrolled(ready)
+        async with programs(ready, given["certificate"] + given["chain"], held.key) as channel:
+            stub = fleet_pb2_grpc.FleetStub(channel)
+            for method in FLEET:
+                mutates = permission(RPCS[f"/metaros.v1.Fleet/{method}"]).mutates
+                assert ((await knock(stub, method, ""))[1] == "sign_in") is mutates, method
+            assert (await knock(stub, "ListRobots", KEYS["unknown"]))[1] == "bad_credentials"
+
+
 async def test_no_other_method_answers(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready:
-        async with grpc.aio.insecure_channel(f"127.0.0.1:{ready.grpc_port}") as channel:
+        for port in (ready.grpc_port, ready.api_grpc_port):
             for path in ("/metaros.v1.Link/Shutdown", "/grpc.reflection.v1.ServerReflection/ServerReflectionInfo"):
-                with pytest.raises(grpc.aio.AioRpcError) as caught:
-                    await channel.unary_unary(path)(b"", timeout=60)
+                async with grpc.aio.insecure_channel(f"127.0.0.1:{port}") as channel:
+                    with pytest.raises(grpc.aio.AioRpcError) as caught:
+                        await channel.unary_unary(path)(b"", timeout=60)
                 assert caught.value.code() == grpc.StatusCode.UNIMPLEMENTED
 
 

@@ -1,4 +1,4 @@
-"""The service Fleet: what REST does, for programs; every method passes the gate first."""
+"""The service Fleet: what REST does, for programs; every call has passed the gate, see serving.py."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ import math
 from collections.abc import AsyncIterator
 from typing import Any
 
-import grpc
 import orjson
 
-from gateway.api.grpc.authenticate import Call, Context, Gate
+from gateway.api.grpc.authenticate import Call
 from gateway.api.rest.orders import check_kind, seen_command
 from gateway.domain.command import Command
 from gateway.domain.lease import Lease
@@ -19,145 +18,124 @@ from gateway.errors import InvalidRequestError
 from gateway.fleet.orders import Order
 from gateway.fleet.teleop import Drive
 from gateway.ingest.registry import RobotRecord
-from metaros._proto import fleet_pb2, fleet_pb2_grpc
+from metaros._proto import fleet_pb2
 from metaros.limits import LIMITS
 
-__all__ = ["FleetService", "add_fleet"]
+__all__ = ["FleetService"]
 
 MAX_SPEED = 100.0  # m/s and rad/s, as on the teleop socket
 MAX_STAMP = 2**62
 STILL_S = LIMITS.attendance_s
-_SERVICE = "/metaros.v1.Fleet/"
 
 
-def add_fleet(server: grpc.aio.Server, gate: Gate) -> None:
-    """Serve it on the robots' port."""
-    fleet_pb2_grpc.add_FleetServicer_to_server(FleetService(gate), server)
+class FleetService:
+    """Each method is one call that was let in."""
 
-
-class FleetService(fleet_pb2_grpc.FleetServicer):
-    """Made once; each method is one call."""
-
-    def __init__(self, gate: Gate) -> None:
-        self._gate = gate
-
-    async def ListRobots(self, request: fleet_pb2.ListRobotsRequest, context: Context) -> Any:
+    async def ListRobots(self, request: fleet_pb2.ListRobotsRequest, call: Call) -> Any:
         """Every robot in scope, by id."""
-        async with self._gate.call(f"{_SERVICE}ListRobots", context) as call:
-            records = [item for item in call.services.registry.all() if call.principal.sees(item.robot.id)]
-            return fleet_pb2.ListRobotsResponse(robots=[robot_view(call, item) for item in records])
+        records = [item for item in call.services.registry.all() if call.principal.sees(item.robot.id)]
+        return fleet_pb2.ListRobotsResponse(robots=[robot_view(call, item) for item in records])
 
-    async def GetRobot(self, request: fleet_pb2.GetRobotRequest, context: Context) -> Any:
+    async def GetRobot(self, request: fleet_pb2.GetRobotRequest, call: Call) -> Any:
         """One robot."""
-        async with self._gate.call(f"{_SERVICE}GetRobot", context) as call:
-            call.require(request.robot)
-            return robot_view(call, call.services.registry.get(request.robot))
+        call.require(request.robot)
+        return robot_view(call, call.services.registry.get(request.robot))
 
-    async def Publish(self, request: fleet_pb2.FleetPublishRequest, context: Context) -> Any:
+    async def Publish(self, request: fleet_pb2.FleetPublishRequest, call: Call) -> Any:
         """Publish once; ends after the agent's result."""
-        async with self._gate.call(f"{_SERVICE}Publish", context) as call:
-            call.require(request.robot)
-            cdr = request.cdr if request.WhichOneof("message") == "cdr" else None
-            message = document(request.json, "json") if cdr is None else None
-            asked: dict[str, Any] = {"topic": request.topic, "type": request.type_name}
-            asked |= {"message": message} if cdr is None else {"cdr_bytes": len(cdr)}
-            order = Order(robot=request.robot, kind="publish", request=asked)
-            with call.services.orders.noted(order, call.principal):
-                await call.services.fleet.publish(
-                    request.robot,
-                    request.topic,
-                    type_name=request.type_name,
-                    message=message,
-                    cdr=cdr,
-                    size_hint_bytes=len(request.json),
-                    lease_id=request.lease_id,
-                    sent_ns=stamp(request.sent_ns),
-                )
-            return fleet_pb2.FleetPublishResponse()
-
-    async def CallService(self, request: fleet_pb2.FleetCallRequest, context: Context) -> Any:
-        """Call a service of the robot."""
-        async with self._gate.call(f"{_SERVICE}CallService", context) as call:
-            call.require(request.robot)
-            timeout_s = request.timeout_s or LIMITS.command_timeout_s
-            value = document(request.json, "json")
-            asked = {"service": request.service, "type": request.type_name, "request": value}
-            order = Order(robot=request.robot, kind="call_service", request=asked, timeout_s=timeout_s)
-            with call.services.orders.noted(order, call.principal) as noted:
-                noted.result = await call.services.fleet.call(
-                    request.robot,
-                    request.service,
-                    type_name=request.type_name,
-                    request=value,
-                    timeout_s=timeout_s,
-                    lease_id=request.lease_id,
-                    sent_ns=stamp(request.sent_ns),
-                )
-            return fleet_pb2.FleetCallResponse(json=text_of(noted.result))
-
-    async def SendCommand(self, request: fleet_pb2.SendCommandRequest, context: Context) -> Any:
-        """As POST /api/v1/robots/ROBOT/commands."""
-        async with self._gate.call(f"{_SERVICE}SendCommand", context) as call:
-            call.require(request.robot)
-            check_kind(request.kind, call.principal)
-            order = Order(
-                robot=request.robot,
-                kind=request.kind,
-                request=document(request.request_json, "request_json"),
-                durable=request.durable,
-                expires_s=request.expires_s or LIMITS.command_expires_s,
-                timeout_s=request.timeout_s or LIMITS.command_timeout_s,
-                idempotency=request.idempotency_key or None,
+        call.require(request.robot)
+        cdr = request.cdr if request.WhichOneof("message") == "cdr" else None
+        message = document(request.json, "json") if cdr is None else None
+        asked: dict[str, Any] = {"topic": request.topic, "type": request.type_name}
+        asked |= {"message": message} if cdr is None else {"cdr_bytes": len(cdr)}
+        order = Order(robot=request.robot, kind="publish", request=asked)
+        with call.services.orders.noted(order, call.principal):
+            await call.services.fleet.publish(
+                request.robot,
+                request.topic,
+                type_name=request.type_name,
+                message=message,
+                cdr=cdr,
+                size_hint_bytes=len(request.json),
+                lease_id=request.lease_id,
+                sent_ns=stamp(request.sent_ns),
             )
-            command = await call.services.orders.send(order, call.principal)
-            call.detail = f"{command.id} {command.kind} {command.state}"
-            if request.wait_s > 0 and not command.over:
-                command = await call.services.orders.wait(command.id, request.wait_s)
-            return command_view(command)
+        return fleet_pb2.FleetPublishResponse()
 
-    async def GetCommand(self, request: fleet_pb2.GetCommandRequest, context: Context) -> Any:
+    async def CallService(self, request: fleet_pb2.FleetCallRequest, call: Call) -> Any:
+        """Call a service of the robot."""
+        call.require(request.robot)
+        timeout_s = request.timeout_s or LIMITS.command_timeout_s
+        value = document(request.json, "json")
+        asked = {"service": request.service, "type": request.type_name, "request": value}
+        order = Order(robot=request.robot, kind="call_service", request=asked, timeout_s=timeout_s)
+        with call.services.orders.noted(order, call.principal) as noted:
+            noted.result = await call.services.fleet.call(
+                request.robot,
+                request.service,
+                type_name=request.type_name,
+                request=value,
+                timeout_s=timeout_s,
+                lease_id=request.lease_id,
+                sent_ns=stamp(request.sent_ns),
+            )
+        return fleet_pb2.FleetCallResponse(json=text_of(noted.result))
+
+    async def SendCommand(self, request: fleet_pb2.SendCommandRequest, call: Call) -> Any:
+        """As POST /api/v1/robots/ROBOT/commands."""
+        call.require(request.robot)
+        check_kind(request.kind, call.principal)
+        order = Order(
+            robot=request.robot,
+            kind=request.kind,
+            request=document(request.request_json, "request_json"),
+            durable=request.durable,
+            expires_s=request.expires_s or LIMITS.command_expires_s,
+            timeout_s=request.timeout_s or LIMITS.command_timeout_s,
+            idempotency=request.idempotency_key or None,
+        )
+        command = await call.services.orders.send(order, call.principal)
+        call.detail = f"{command.id} {command.kind} {command.state}"
+        if request.wait_s > 0 and not command.over:
+            command = await call.services.orders.wait(command.id, request.wait_s)
+        return command_view(command)
+
+    async def GetCommand(self, request: fleet_pb2.GetCommandRequest, call: Call) -> Any:
         """One command."""
-        async with self._gate.call(f"{_SERVICE}GetCommand", context) as call:
-            return command_view(await seen_command(call.services, call.principal, request.command))
+        return command_view(await seen_command(call.services, call.principal, request.command))
 
-    async def WatchCommand(self, request: fleet_pb2.GetCommandRequest, context: Context) -> AsyncIterator[Any]:
+    async def WatchCommand(self, request: fleet_pb2.GetCommandRequest, call: Call) -> AsyncIterator[Any]:
         """The command as it is, then at each change, until it is over."""
-        async with self._gate.call(f"{_SERVICE}WatchCommand", context) as call:
-            await seen_command(call.services, call.principal, request.command)
-            async with attended(call):
-                async for command in call.services.orders.watch(request.command):
-                    yield command_view(command)
+        await seen_command(call.services, call.principal, request.command)
+        async with attended(call):
+            async for command in call.services.orders.watch(request.command):
+                yield command_view(command)
 
-    async def AcquireLease(self, request: fleet_pb2.AcquireLeaseRequest, context: Context) -> Any:
+    async def AcquireLease(self, request: fleet_pb2.AcquireLeaseRequest, call: Call) -> Any:
         """Take the robot's lease; it ends by itself unless it is renewed."""
-        async with self._gate.call(f"{_SERVICE}AcquireLease", context) as call:
-            call.require(request.robot)
-            drive = await call.services.teleop.take(request.robot, request.holder)
-            return lease_view(drive.robot, drive.lease_id, drive.topic)
+        call.require(request.robot)
+        drive = await call.services.teleop.take(request.robot, request.holder)
+        return lease_view(drive.robot, drive.lease_id, drive.topic)
 
-    async def RenewLease(self, request: fleet_pb2.RenewLeaseRequest, context: Context) -> Any:
+    async def RenewLease(self, request: fleet_pb2.RenewLeaseRequest, call: Call) -> Any:
         """More time for the lease."""
-        async with self._gate.call(f"{_SERVICE}RenewLease", context) as call:
-            call.require(request.robot)
-            lease: Lease = await call.services.teleop.renew(request.robot, request.lease_id)
-            return lease_view(lease.robot, lease.lease_id, "")
+        call.require(request.robot)
+        lease: Lease = await call.services.teleop.renew(request.robot, request.lease_id)
+        return lease_view(lease.robot, lease.lease_id, "")
 
-    async def ReleaseLease(self, request: fleet_pb2.ReleaseLeaseRequest, context: Context) -> Any:
+    async def ReleaseLease(self, request: fleet_pb2.ReleaseLeaseRequest, call: Call) -> Any:
         """Stop the robot and give the lease back."""
-        async with self._gate.call(f"{_SERVICE}ReleaseLease", context) as call:
-            call.require(request.robot)
-            await call.services.teleop.end(request.robot, request.lease_id)
-            return fleet_pb2.ReleaseLeaseResponse()
+        call.require(request.robot)
+        await call.services.teleop.end(request.robot, request.lease_id)
+        return fleet_pb2.ReleaseLeaseResponse()
 
-    async def Drive(
-        self, request_iterator: AsyncIterator[fleet_pb2.DriveRequest], context: Context
-    ) -> AsyncIterator[Any]:
+    async def Drive(self, requests: AsyncIterator[fleet_pb2.DriveRequest], call: Call) -> AsyncIterator[Any]:
         """Drive while messages come; whatever the end, the robot is stopped and the lease given back."""
-        async with self._gate.call(f"{_SERVICE}Drive", context) as call, attended(call):
+        async with attended(call):
             drive: Drive | None = None
             me = object()  # a bucket of its own
             try:
-                async for request in request_iterator:
+                async for request in requests:
                     call.services.rates.take("messages", me)
                     if drive is None:
                         call.require(request.robot)

@@ -1,0 +1,96 @@
+"""What the gateway's two gRPC ports have in common: how they are opened, their TLS, and what they bear.
+
+Robots' port asks every client for a certificate, so people's programs, which have keys, need one of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import grpc
+
+from metaros.errors import ConfigError
+from metaros.limits import LIMITS, Limits
+
+__all__ = ["ServerTls", "make_server", "tls_credentials"]
+
+STREAMS = 128  # of one connection; an agent has a connection for each of its three lanes
+IDLE_MS = 60_000  # a connection without a call is closed after so long
+
+
+@dataclass(frozen=True, slots=True)
+class ServerTls:
+    """What a port shows: chain and key in PEM of each certificate; the first that holds the caller's name, else the
+    very first.
+
+    With `clients` every client shows a certificate too, under these roots.
+    """
+
+    pairs: tuple[tuple[bytes, bytes], ...]
+    clients: bytes | None = None
+
+
+def tls_credentials(current: Callable[[], ServerTls]) -> grpc.ServerCredentials:
+    """`current` is asked at each handshake, on gRPC's threads; whether clients are asked is settled by the first."""
+    first = current()
+    told = [first]
+
+    def changed() -> Any:  # None: as before
+        now = current()
+        if now == told[0]:
+            return None
+        told[0] = now
+        return _configuration(now)
+
+    asks = first.clients is not None
+    return grpc.dynamic_ssl_server_credentials(_configuration(first), changed, require_client_authentication=asks)
+
+
+def make_server(
+    add: Callable[[grpc.aio.Server], None],
+    *,
+    host: str,
+    port: int,
+    connections: int,
+    credentials: grpc.ServerCredentials | None = None,
+    limits: Limits = LIMITS,
+) -> tuple[grpc.aio.Server, int]:
+    """A server bound to a port (0: any) that no other process shares; ConfigError when it is taken.
+
+    `add` gives it its services. What nobody reads waits at its client: a call that is refused by its metadata costs
+    no more than HTTP/2's first window, however long its message is.
+    """
+    server = grpc.aio.server(
+        options=[
+            ("grpc.so_reuseport", 0),
+            ("grpc.max_receive_message_length", limits.frame_bytes),
+            ("grpc.max_send_message_length", limits.frame_bytes),
+            ("grpc.keepalive_time_ms", 10_000),
+            ("grpc.keepalive_timeout_ms", 5_000),
+            # Agents ping every heartbeat: that must never look like a flood, whatever the jitter.
+            ("grpc.http2.min_ping_interval_without_data_ms", 1_000),
+            ("grpc.http2.max_ping_strikes", 32),
+            ("grpc.max_concurrent_streams", STREAMS),
+            ("grpc.max_metadata_size", limits.head_bytes),
+            ("grpc.server_handshake_timeout_ms", round(limits.head_s * 1000)),
+            ("grpc.max_connection_idle_ms", IDLE_MS),
+            ("grpc.max_allowed_incoming_connections", connections),
+        ]
+    )
+    add(server)
+    try:
+        address = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+        if credentials is None:
+            bound = server.add_insecure_port(address)
+        else:
+            bound = server.add_secure_port(address, credentials)
+    except RuntimeError as error:
+        raise ConfigError(f"port {port} cannot be opened: {error}") from error
+    return server, bound
+
+
+def _configuration(tls: ServerTls) -> grpc.ServerCertificateConfiguration:
+    pairs = [(key, chain) for chain, key in tls.pairs]
+    return grpc.ssl_server_certificate_configuration(pairs, root_certificates=tls.clients)
