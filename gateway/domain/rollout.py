@@ -33,6 +33,7 @@ __all__ = [
     "step",
     "told",
     "wave_sizes",
+    "withdrawn",
 ]
 
 RolloutState = Literal["running", "paused", "halted", "done", "aborted"]
@@ -204,6 +205,16 @@ def pause(rollout: Rollout, reason: str, now_ns: int) -> Rollout:
     return replace(rollout, state="paused", reason=reason, changed_ns=now_ns, changed=frozenset())
 
 
+def withdrawn(rollout: Rollout, reason: str, now_ns: int) -> Rollout:
+    """Robots cannot fetch the version any more: nobody else is told, not even who had a place already.
+
+    Those at it go on, as they may have it. What the step before this one changed stays to be stored.
+    """
+    if rollout.state == "running":
+        rollout = replace(rollout, state="paused", reason=reason, changed_ns=now_ns)
+    return _without_starting(rollout, now_ns)
+
+
 def resume(rollout: Rollout, now_ns: int, *, version: str = "") -> Rollout:
     """Go on in spite of the failures so far; or with another version, from the first wave, for every robot again.
 
@@ -230,13 +241,8 @@ def abort(rollout: Rollout, reason: str, now_ns: int) -> Rollout:
     """End it: who waits is left out, and who has the version, or is at it, keeps it. ValueError when it is over."""
     if rollout.state not in OPEN:
         raise ValueError(f"it is {rollout.state} already")
-    taken_back = {
-        robot: replace(member, state="waiting", wave=0, since_ns=now_ns)
-        for robot, member in rollout.members.items()
-        if member.state == "starting"
-    }
     over = replace(rollout, state="aborted", reason=reason, changed_ns=now_ns, changed=frozenset())
-    return _with(over, taken_back, now_ns)
+    return _without_starting(over, now_ns)
 
 
 def health_of(plan: Plan, reported: Mapping[str, object] | None) -> tuple[bool, str]:
@@ -245,8 +251,8 @@ def health_of(plan: Plan, reported: Mapping[str, object] | None) -> tuple[bool, 
     update = part.get("update")
     state, about = (str(update.get("state", "")), update.get("version")) if isinstance(update, Mapping) else ("", None)
     if about == plan.version and state in ("rolled_back", "refused") and isinstance(update, Mapping):
-        said = str(update.get("message") or update.get("code") or "").strip()
-        return False, f"{state}{f': {said[:200]}' if said else ''}"
+        said = plain(str(update.get("message") or update.get("code") or ""))
+        return False, f"{state}{f': {said}' if said else ''}"
     if part.get("version") != plan.version or state in ("downloading", "staged", "trying"):
         return False, ""
     if plan.kind == "node":
@@ -254,6 +260,11 @@ def health_of(plan: Plan, reported: Mapping[str, object] | None) -> tuple[bool, 
             return False, "quarantined: the node keeps ending"
         return part.get("state") == "running", ""
     return True, ""
+
+
+def plain(text: str) -> str:
+    """A robot's own words as one line that any database, terminal and page takes."""
+    return "".join(letter if letter.isprintable() else " " for letter in text[:200]).strip()
 
 
 def _part(plan: Plan, reported: Mapping[str, object] | None) -> Mapping[str, object]:
@@ -330,6 +341,16 @@ def _advance(rollout: Rollout, facts: Mapping[str, Facts], now_ns: int) -> Rollo
 def _used(rollout: Rollout) -> int:
     """Places of the running wave that are taken, settled or not."""
     return sum(member.wave == rollout.wave for member in rollout.members.values())
+
+
+def _without_starting(rollout: Rollout, now_ns: int) -> Rollout:
+    """Who has a place and was not told yet waits again."""
+    taken_back = {
+        robot: replace(member, state="waiting", wave=0, since_ns=now_ns)
+        for robot, member in rollout.members.items()
+        if member.state == "starting"
+    }
+    return _with(rollout, taken_back, now_ns)
 
 
 def _with(rollout: Rollout, moved: Mapping[str, Member], now_ns: int) -> Rollout:

@@ -15,7 +15,7 @@ from typing import Any, Protocol, TypeVar
 
 from gateway.domain import rollout as engine_of
 from gateway.domain.recording import new_recording_id
-from gateway.domain.rollout import IN_FLIGHT, Facts, Plan, Rollout, health_of
+from gateway.domain.rollout import IN_FLIGHT, OPEN, Facts, Plan, Rollout, health_of
 from gateway.errors import InvalidRequestError, StoreError, TooManyError
 from gateway.fleet.rollout_errors import RolloutStateError, UnknownRolloutError
 from gateway.store import Store
@@ -119,9 +119,8 @@ class RolloutDesk:
 
     async def resume(self, rollout_id: str, *, version: str = "") -> Rollout:
         """Go on in spite of the failures; or with another version, from the first wave."""
-        if version:
-            one = await self.get(rollout_id)
-            await self._check_version(replace(one.plan, version=version))
+        one = await self.get(rollout_id)
+        await self._check_version(replace(one.plan, version=version or one.plan.version))
         return await self._change(rollout_id, lambda one, now_ns: engine_of.resume(one, now_ns, version=version))
 
     async def abort(self, rollout_id: str, reason: str) -> Rollout:
@@ -172,12 +171,15 @@ class RolloutDesk:
             if member.state == "waiting" or member.state in IN_FLIGHT
         }
         after = await asyncio.to_thread(engine_of.step, one, facts, now_ns)
+        if after.state in OPEN and not await self._can_fetch(after.plan):
+            text = f"robots cannot fetch {after.plan.bundle} {after.plan.version} any more: it was withdrawn"
+            after = engine_of.withdrawn(after, text, now_ns)
         revision = await self._save(one, after, revision)
         if not revision:
             return
         settled = after
         for robot, member in after.members.items():
-            if member.state == "starting" and after.state in ("running", "paused", "halted"):
+            if member.state == "starting" and after.state in OPEN:
                 settled = await self._tell(settled, robot)
         if settled is not after:
             changed = frozenset(r for r, m in settled.members.items() if m != after.members[r])
@@ -213,8 +215,11 @@ class RolloutDesk:
         good, failure = health_of(one.plan, self._fleet.reported(robot))
         return Facts(online=online, offline_since_ns=since_ns, good=good, failure=failure or self._fleet.refusal(robot))
 
+    async def _can_fetch(self, plan: Plan) -> bool:
+        return await self._fleet.available(plan.kind, plan.bundle, plan.version)
+
     async def _check_version(self, plan: Plan) -> None:
-        if not await self._fleet.available(plan.kind, plan.bundle, plan.version):
+        if not await self._can_fetch(plan):
             raise InvalidRequestError(
                 f"robots cannot fetch {plan.bundle} {plan.version}: it is not uploaded, not signed, or withdrawn"
             )

@@ -116,6 +116,29 @@ async def test_a_gateway_that_dies_is_followed_by_another(tmp_path: Path, postgr
         assert (one.wave, one.count("done"), one.count("updating")) == (2, 1, 2)
 
 
+async def test_a_version_that_is_withdrawn_is_told_to_nobody_else(tmp_path: Path, store_url: str) -> None:
+    clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet()
+    async with desk_on(store_url, tmp_path, fleet, clock) as desk:
+        rid = await begin(desk)
+        await desk.tick()
+        fleet.signed.remove("2.0.0")
+        fleet.obey()  # the first wave is good, and the second would begin
+        for _ in range(3):
+            clock.advance(1)
+            await desk.tick()
+        one = await desk.get(rid)
+        assert (one.state, len(fleet.told), one.count("done"), one.count("starting")) == ("paused", 1, 1, 0)
+        assert "metaros 2.0.0 any more: it was withdrawn" in one.reason
+        with pytest.raises(InvalidRequestError, match="cannot fetch"):
+            await desk.resume(rid)
+        await desk.resume(rid, version="2.0.1")
+        for _ in range(6):
+            await desk.tick()
+            fleet.obey()
+        assert {robot for robot, _, version in fleet.told if version == "2.0.1"} == set(fleet.said)
+        assert (await desk.get(rid)).state == "done"
+
+
 async def test_it_halts_and_goes_on_with_a_fix(tmp_path: Path, store_url: str) -> None:
     clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet()
     async with desk_on(store_url, tmp_path, fleet, clock) as desk:
