@@ -85,6 +85,7 @@ class Limits:
     bundle_bytes: int = 256 * MIB  # one update bundle, as it is uploaded
     bundle_uploads: int = 2  # that a gateway takes at a time
     bundle_downloads: int = 64  # of robots, that a gateway serves at a time
+    robot_downloads: int = 2  # of one robot among them: one goes on while another that broke off is not over yet
     bundles: int = 10_000  # that a store keeps
     fetch_token_s: float = 86_400.0  # how long a robot's token for update files is good; a new one with each Welcome
     rollout_robots: int = 20_000  # of one rollout
@@ -102,6 +103,7 @@ class Limits:
     command_silence_s: float = 86_400.0  # after its end one that reached its robot waits so long for the result
     commands_kept_s: float = 30 * 86_400.0  # commands stay in the history for so long after their end
     commands_kept: int = 1_000_000  # of them in one store, the newest
+    command_page_bytes: int = 4 * MIB  # of requests and results in one answer of the history; the rest is its next page
     command_wait_s: float = 60.0  # for which a request may wait for a command's end
     counted_keys: int = 16_384  # topics that `metaros top` counts; further ones show no rate
     shared_memory_bytes: int = 32 * MIB  # one session's pool; payloads that find no room take the network
@@ -170,6 +172,26 @@ class Limits:
     update_boots: int = 3  # starts of a new agent that may end before it is kept
     update_install_s: float = 1800.0  # for the making of a bundle's environment
     node_bundles: int = 64  # on a robot's disk; the oldest that nobody wants go
+    robot_nodes: int = 256  # in the table of one robot's supervisor
+    node_allowed: int = 256  # entries of a robot's own list of what may run
+    node_table_bytes: int = 1 * MIB  # of rows that are given to a supervisor, and any other line of its control
+    node_log_bytes: int = 4 * MIB  # one file of a node's log; there are two
+    node_log_scan_bytes: int = 8 * MIB  # of a log that are looked through for one answer
+    node_answer_bytes: int = 256 * KIB  # a page of a log, or the crash reports of one node, to the gateway
+    node_crashes: int = 10  # reports that are kept of each node
+    supervisor_clients: int = 16  # of the control socket
+    supervisor_requests: int = 16  # of one of them at a time
+    node_lease_s: float = 3600.0  # the longest lease of a migratable node that a robot believes
+    node_verb_s: float = 20.0  # in which a robot does what is asked of a node: a stop in good order takes its time
+    node_fresh_s: float = 5.0  # for which a start waits until the robot has the row that lets the node run
+    node_verbs_at_once: int = 64  # robots of a group that are told at a time
+    node_verbs_s: float = 30.0  # after which no further robot of a group is told
+    node_call_s: float = 10.0  # for a node's own services of parameters and lifecycle
+    node_log_page_bytes: int = 64 * KIB  # of a log, where nobody says
+    node_tails: int = 64  # of logs that a gateway follows at a time
+    node_tails_of_robot: int = 8  # and of one robot
+    node_tail_s: float = 900.0  # for which one goes on; its reader asks again from there
+    nodes_listed: int = 10_000  # in one answer about many robots
     type_cache: int = 4096  # compiled codecs and classes kept
 
 

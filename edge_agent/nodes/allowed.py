@@ -12,10 +12,11 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from metaros.errors import ConfigError
+from metaros.limits import LIMITS
 
 __all__ = ["Allowed", "NodeSettings", "allowed_entries", "node_settings"]
 
-MAX_ENTRIES: Final = 256
+MAX_ENTRIES: Final = LIMITS.node_allowed
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}\Z")
 _DOTTED: Final = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*\Z")
 _KINDS: Final = ("command", "module", "class")

@@ -24,6 +24,7 @@ from edge_agent.nodes.rows import Place, as_json, check_allowed, row_of
 from edge_agent.nodes.trial import Trial
 from metaros.clock import Clock
 from metaros.errors import ConfigError, MetarosError
+from metaros.limits import LIMITS
 from metaros.supervise.table_file import Row
 from metaros.twin import parse
 from metaros.twin.document import NodeWanted
@@ -33,6 +34,7 @@ __all__ = ["NodeDesk"]
 LOG = logging.getLogger("metaros.agent.nodes")
 AGAIN_S: Final = (5.0, 300.0)  # between tries to fetch a bundle
 JUDGE_S: Final = 1.0
+VERBS: Final = ("start", "stop", "restart", "signal", "retry", "crashes")
 
 
 class NodeDesk:
@@ -96,12 +98,13 @@ class NodeDesk:
 
     # -- from afar -------------------------------------------------------------------------------------------------
 
-    async def verb(self, node: str, verb: str, signal: int = 0, *, timeout_s: float = 30.0) -> None:
-        """start, stop, restart, signal, retry. Raises SupervisorError, ConfigError."""
-        if verb not in ("start", "stop", "restart", "signal", "retry"):
-            raise ConfigError(f"no verb {verb[:40]!r}: start, stop, restart, signal, retry")
+    async def verb(self, node: str, verb: str, signal: int = 0, *, timeout_s: float = 30.0) -> bytes:
+        """One of VERBS; what comes back is nothing, or JSON of `crashes`. Raises SupervisorError, ConfigError."""
+        if verb not in VERBS:
+            raise ConfigError(f"no verb {verb[:40]!r}: {', '.join(VERBS)}")
         request: dict[str, Any] = {"signal": signal} if verb == "signal" else {}
-        await self.line.ask(verb, node=node, timeout_s=timeout_s, start=self._launcher.has_table, **request)
+        found = await self.line.ask(verb, node=node, timeout_s=timeout_s, start=self._launcher.has_table, **request)
+        return crash_reports(found["crashes"]) if verb == "crashes" else b""
 
     async def read_log(
         self, node: str, *, cursor: str = "", max_bytes: int = 0, query: str = "", backwards: bool = False
@@ -281,6 +284,15 @@ class NodeDesk:
         if trouble and trouble != self._trouble:
             LOG.warning("nodes: %s", trouble)
         self._trouble = trouble
+
+
+def crash_reports(found: list[dict[str, Any]], most_bytes: int = LIMITS.node_answer_bytes) -> bytes:
+    """Crash reports as JSON, oldest first; the oldest are left out where they are more than a link's answer takes."""
+    while True:
+        data = json.dumps({"crashes": found}, ensure_ascii=False).encode(errors="replace")
+        if len(data) <= most_bytes or not found:
+            return data
+        found = found[1:]
 
 
 def _parsed(nodes: Mapping[str, Any] | None) -> Mapping[str, NodeWanted]:

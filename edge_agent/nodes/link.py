@@ -74,8 +74,7 @@ class NodeLink:
 
     async def _verb(self, command: link_pb2.Command, remaining_s: float) -> bytes:
         what = command.node_verb
-        await self.desk.verb(what.node, what.verb, what.signal, timeout_s=max(remaining_s, 0.1))
-        return b""
+        return await self.desk.verb(what.node, what.verb, what.signal, timeout_s=max(remaining_s, 0.1))
 
     async def _read_log(self, command: link_pb2.Command, remaining_s: float) -> bytes:
         what = command.read_log

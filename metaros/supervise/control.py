@@ -15,13 +15,14 @@ from collections.abc import Awaitable, Callable
 from typing import Any, Final
 
 from metaros.errors import ConfigError, MetarosError
+from metaros.limits import LIMITS
 from metaros.supervise.door import LINE_BYTES, Door
 
 __all__ = ["CLIENTS", "Control", "Handler"]
 
 LOG = logging.getLogger("metaros.supervisor")
-CLIENTS: Final = 16
-AT_ONCE: Final = 16  # requests of one client
+CLIENTS: Final = LIMITS.supervisor_clients
+AT_ONCE: Final = LIMITS.supervisor_requests  # requests of one client
 _STALL_S: Final = 10.0  # a client that takes no answer for so long is put out
 Request = dict[str, Any]
 Handler = Callable[[str, Request], Awaitable[dict[str, Any]]]

@@ -11,12 +11,13 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from metaros.limits import LIMITS
 from metaros.supervise.table_file import write_whole
 
 __all__ = ["KEPT", "Crashes", "core_of"]
 
 LOG = logging.getLogger("metaros.supervisor")
-KEPT: Final = 10  # of one node
+KEPT: Final = LIMITS.node_crashes  # of one node
 _LINE_CHARS: Final = 500
 _FILE_BYTES: Final = 1024 * 1024
 _VALUE_CHARS: Final = 500

@@ -21,13 +21,14 @@ from pathlib import Path
 from typing import Final
 
 from metaros.errors import UnavailableError
+from metaros.limits import LIMITS
 from metaros.supervise.table_file import write_whole
 
 __all__ = ["LINE_BYTES", "SOCKET", "TOKEN", "Door", "connect"]
 
 SOCKET: Final = "supervisor.sock"
 TOKEN: Final = "supervisor.token"
-LINE_BYTES: Final = 1024 * 1024  # one request or answer
+LINE_BYTES: Final = LIMITS.node_table_bytes  # one request or answer
 _PATH_BYTES: Final = 100  # a socket's path has at most 108 on Linux, 104 on macOS
 _TOKEN_S: Final = 5.0
 Streams = tuple[asyncio.StreamReader, asyncio.StreamWriter]

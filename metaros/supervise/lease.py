@@ -10,12 +10,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 
+from metaros.limits import LIMITS
+
 __all__ = ["KILL_BEFORE_S", "MOST_S", "Duty", "Lease", "Leases"]
 
 KILL_BEFORE_S = 0.15  # SIGKILL and the kernel's work are done by the end
 MARGIN_S = 0.1  # between the end of the grace time and SIGKILL
 GRACE_SHARE = 0.3  # of a lease: the most that a stop in good order may take of it
-MOST_S = 3600.0  # the longest lease that is believed
+MOST_S = LIMITS.node_lease_s  # the longest lease that is believed
 
 
 class Duty(Enum):

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from metaros.errors import ConfigError
+from metaros.limits import LIMITS
 from metaros.supervise.logs import HEAD_BYTES, base_of
 
 __all__ = ["MOST_BYTES", "Page", "read_page"]
 
-MOST_BYTES: Final = 256 * 1024
+MOST_BYTES: Final = LIMITS.node_answer_bytes
 LEAST_BYTES: Final = 256  # of a page; one line fits always
-SCAN_BYTES: Final = 8 * 1024 * 1024  # looked through for one page
+SCAN_BYTES: Final = LIMITS.node_log_scan_bytes  # looked through for one page
 QUERY_CHARS: Final = 256
 _PIECE: Final = 64 * 1024
 _STAMP: Final = len("2026-01-01T00:00:00.000000Z")

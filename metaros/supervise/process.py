@@ -21,6 +21,7 @@ from metaros.supervise.logs import RotatingLog
 from metaros.supervise.output import follow
 from metaros.supervise.policy import Exit, RestartPolicy
 from metaros.supervise.spare import Spare
+from metaros.supervise.warden import Warden
 
 __all__ = ["Launch", "Process"]
 
@@ -59,8 +60,10 @@ class Process:
         on_line: Callable[[str], object] | None = None,
         spare: Spare | None = None,
         stamp: Callable[[], int] | None = None,
+        warden: Warden | None = None,
     ) -> None:
         self.launch = launch
+        self._warden = warden
         self._env = {**_inherited(), **launch.env, **(env or {}), guard.PARENT: str(os.getpid())}
         self._spare = spare
         self.log = RotatingLog(
@@ -72,6 +75,8 @@ class Process:
         self._loop = asyncio.get_running_loop()
         self._ended: asyncio.Future[Exit] = self._loop.create_future()
         self._popen = self._spawn()
+        if warden is not None:
+            warden.began(self.pid)
         assert self._popen.stdout is not None
         self._output = follow(self._loop, self._popen.stdout, self.log.write)
         self._watch_death()
@@ -154,6 +159,8 @@ class Process:
             self._loop.remove_reader(descriptor)
             os.close(descriptor)
         self.kill()  # what it left in its group
+        if self._warden is not None:
+            self._warden.ended(self.pid)
         returncode = self._popen.wait()  # it is dead: this only reaps it, and only now may its number be used again
         self._output.finish()
         self.log.close()

@@ -120,12 +120,14 @@ class NodeService:
 
     async def set_table(self, rows: tuple[Row, ...], *, tag: str = "") -> None:
         """Other rows: who is gone ends, who is new starts, whose program changed starts again, the rest goes on.
+        A row that is to run again frees its node from a stop by hand: it is the later word.
 
         Raises OSError where the table cannot be kept on disk; nothing has changed then.
         """
         async with self._table_lock:
             before = self._rows
-            await self._keep(rows, self._file.table.stopped, tag)
+            again = {row.name for row in rows if row.run and row.name in before and not before[row.name].run}
+            await self._keep(rows, self._file.table.stopped - again, tag)
             for row in rows:  # all of them first: they wait for each other
                 if not self._supervisor.knows(row.name):
                     self._supervisor.add(self._launch(row))

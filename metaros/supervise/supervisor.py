@@ -20,6 +20,7 @@ from metaros.supervise.heartbeats import ENVIRONMENT, HeartbeatPort, Pulse
 from metaros.supervise.policy import Exit, History, Quarantine, RestartAt, Stop, decide
 from metaros.supervise.process import Launch, Process
 from metaros.supervise.spare import Spare
+from metaros.supervise.warden import Warden
 
 if TYPE_CHECKING:
     from random import Random  # noqa: TID251  (the type of an argument)
@@ -60,6 +61,7 @@ class Supervisor:
         self._spare = spare
         self._children: dict[str, Child] = {}
         self._port = HeartbeatPort(clock.monotonic_s)
+        self._warden = Warden()
 
     def start(self, launches: Iterable[Launch]) -> None:
         """Start these processes and keep them running; call it on the event loop's thread."""
@@ -153,6 +155,7 @@ class Supervisor:
             children = [child for child in self._children.values() if child.launch.stage == stage]
             await asyncio.gather(*(self._stop_one(child, share_s) for child in children))
         self._port.close()
+        self._warden.close()
         if self._spare is not None:
             self._spare.close()
 
@@ -285,7 +288,12 @@ class Supervisor:
         try:
             spare = self._spare if child.history.restarts == 1 else None  # a crash loop has no use for it
             child.process = Process(
-                child.launch, env=env, on_line=self._line_sink(child), spare=spare, stamp=self._clock.wall_ns
+                child.launch,
+                env=env,
+                on_line=self._line_sink(child),
+                spare=spare,
+                stamp=self._clock.wall_ns,
+                warden=self._warden,
             )
         except OSError as error:  # no memory, no descriptors, no place for the log: the policy tries again
             self._port.forget(token)

@@ -16,13 +16,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from metaros.errors import ConfigError
+from metaros.limits import LIMITS
 from metaros.supervise.policy import Restart, RestartPolicy
 
 __all__ = ["MAX_BYTES", "MAX_ROWS", "Row", "Table", "TableFile", "read_rows", "write_whole"]
 
 FORMAT: Final = 1
-MAX_ROWS: Final = 256
-MAX_BYTES: Final = 1024 * 1024
+MAX_ROWS: Final = LIMITS.robot_nodes
+MAX_BYTES: Final = LIMITS.node_table_bytes
 _WORDS: Final = 1024
 _TEXT: Final = 32 * 1024
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_-]{0,63}\Z")
@@ -59,7 +60,7 @@ class Row:
     own_guard: bool = False
     heartbeat_s: float = 0.0
     stop_grace_s: float = 5.0
-    log_bytes: int = 4 * 1024 * 1024
+    log_bytes: int = LIMITS.node_log_bytes
     base_delay_s: float = 0.1
     max_delay_s: float = 30.0
     healthy_after_s: float = 60.0

@@ -17,7 +17,7 @@ import psutil
 import pytest
 
 from edge_agent.nodes.allowed import NodeSettings, allowed_entries
-from edge_agent.nodes.desk import NodeDesk
+from edge_agent.nodes.desk import NodeDesk, crash_reports
 from edge_agent.nodes.errors import NodeRefusedError, SupervisorError
 from edge_agent.nodes.ledger import Ledger
 from edge_agent.nodes.link import NodeLink
@@ -227,6 +227,18 @@ async def test_crashes_are_seen(rig: Rig) -> None:
     assert rig.node("bad")["last_exit"] == "exit code 1"
     assert rig.node("bad")["quarantined"] is False
     await rig.until("good", state="running", crashes=0)
+    verb = link_pb2.Command(node_verb=link_pb2.NodeVerb(node="bad", verb="crashes"))
+    reports = json.loads(await rig.link.actions["node_verb"](verb, 30.0))["crashes"]
+    assert (reports[0]["reason"], reports[0]["lines"]) == ("exit code 1: broken", ["broken"])
+    assert [report["at_ns"] for report in reports] == sorted(report["at_ns"] for report in reports)
+
+
+def test_reports_that_are_too_long_lose_the_oldest() -> None:
+    reports = [{"at_ns": number, "lines": ["ä" * 100]} for number in range(10)]
+    kept = json.loads(crash_reports(reports, most_bytes=1000))["crashes"]
+    assert 0 < len(kept) < 10
+    assert kept == reports[-len(kept) :]
+    assert json.loads(crash_reports(reports, most_bytes=1))["crashes"] == []
 
 
 # -- bundles -----------------------------------------------------------------------------------------------------------

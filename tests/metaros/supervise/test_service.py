@@ -133,6 +133,17 @@ async def test_a_hand_holds_over_tables_and_restarts(rig: Rig) -> None:
     assert await rig.pid("a")
 
 
+async def test_a_row_that_is_to_run_again_is_the_later_word(rig: Rig) -> None:
+    await rig.table(row("a"))
+    await rig.service.stop_node("a")
+    await rig.table(row("a", run=False))
+    assert rig.node("a")["state"] == "stopped"
+    await rig.table(row("a", run=True))
+    assert await rig.pid("a")
+    await rig.again()
+    assert await rig.pid("a")
+
+
 async def test_restart_gives_another_process(rig: Rig) -> None:
     await rig.table(row("a"))
     first = await rig.pid("a")

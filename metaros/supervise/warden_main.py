@@ -1,0 +1,53 @@
+"""Run as `python -I -S warden_main.py` by `warden`: the process that cleans up where the supervisor was killed.
+
+Its input are lines of JSON, {"began": group, "last": [argv]} and {"ended": group}. At its end it kills the groups that
+are left, and runs what each has as its last word.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+
+__all__ = ["LAST_S", "main"]
+
+LAST_S = 30.0  # for a last word
+
+
+def main() -> None:
+    """Listen to the end of the input, then kill what is left."""
+    if sys.platform == "win32":
+        return  # there are no groups
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)  # it ends with its supervisor, not before
+    groups: dict[int, list[str]] = {}
+    for line in sys.stdin.buffer:
+        word = json.loads(line)
+        if "began" in word:
+            groups[word["began"]] = word["last"]
+        else:
+            groups.pop(word["ended"], None)
+    for group in groups:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(group, signal.SIGKILL)
+    lasts = [_last_word(argv) for argv in groups.values() if argv]
+    for popen in lasts:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            if popen is not None:
+                popen.wait(LAST_S)
+
+
+def _last_word(argv: list[str]) -> subprocess.Popen[bytes] | None:
+    nothing = subprocess.DEVNULL
+    try:
+        return subprocess.Popen(argv, stdin=nothing, stdout=nothing, stderr=nothing)
+    except OSError:
+        return None
+
+
+if __name__ == "__main__":
+    main()
