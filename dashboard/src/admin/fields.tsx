@@ -38,6 +38,8 @@ interface TextFieldProps {
   required?: boolean;
   disabled?: boolean;
   focus?: boolean;
+  /** Offered while one types; anything else may be typed. */
+  options?: readonly string[];
 }
 
 /** A line of text. It is never anything that a browser should fill in or correct. */
@@ -56,6 +58,7 @@ export function TextField(props: TextFieldProps) {
     spellcheck: false,
     required: props.required,
     disabled: props.disabled,
+    list: props.options && props.options.length > 0 ? `${id}-list` : undefined,
     "aria-invalid": problem !== "",
     "aria-describedby": hint || problem ? `${id}-hint` : undefined,
     value,
@@ -65,6 +68,7 @@ export function TextField(props: TextFieldProps) {
     <div class="field">
       <span><label for={id}>{label}</label> {note && <small>{note}</small>}</span>
       {password ? <input type="password" autoComplete="new-password" minLength={12} {...common} /> : <input autoComplete="off" maxLength={props.most} placeholder={props.placeholder} {...common} />}
+      {common.list && <datalist id={common.list}>{props.options!.map((option) => <option key={option} value={option} />)}</datalist>}
       {(hint || problem) && <small id={`${id}-hint`} class={problem ? "bad" : undefined} role={problem ? "alert" : undefined}>{problem || hint}</small>}
     </div>
   );

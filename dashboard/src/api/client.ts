@@ -75,7 +75,7 @@ export function send<T>(method: Method, path: string, body?: unknown): Promise<T
 }
 
 /** What a failure says to a person. */
-export const saidOf = (error: unknown) => (error instanceof ApiError ? error.message : String(error));
+export const saidOf = (error: unknown) => (error instanceof Error ? error.message : String(error));
 
 export const BASE_PATH = BASE;
 export const robotPath = (id: string) => `/robots/${encodeURIComponent(id)}`;

@@ -1,0 +1,22 @@
+/** One of a few, chosen by buttons beside each other. */
+
+interface ChoiceProps<T> {
+  label: string;
+  /** Values with their words. */
+  choices: readonly (readonly [T, string])[];
+  chosen: T;
+  onChoose: (value: T) => void;
+}
+
+export function Choice<T extends string | number>({ label, choices, chosen, onChoose }: ChoiceProps<T>) {
+  return (
+    <div class="field" role="group" aria-label={label}>
+      <span>{label}</span>
+      <div class="segments">
+        {choices.map(([value, word]) => (
+          <button key={value} type="button" aria-pressed={value === chosen} onClick={() => onChoose(value)}>{word}</button>
+        ))}
+      </div>
+    </div>
+  );
+}
