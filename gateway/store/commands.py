@@ -13,6 +13,7 @@ from gateway.domain.command import OPEN, Command
 from gateway.domain.errors import IdempotencyConflictError
 from gateway.errors import TooManyError, UnknownRobotError
 from gateway.store.engine import Row, StoreEngine, placeholders
+from metaros.limits import LIMITS
 
 __all__ = [
     "add_command",
@@ -79,8 +80,12 @@ def list_commands(
     issuer: str = "",
     before: str = "",
     limit: int,
+    most_bytes: int = LIMITS.command_page_bytes,
 ) -> list[Command]:
-    """The newest, newest first; `issuer` is a name or an id; `before` the id after which to go on."""
+    """The newest, newest first; `issuer` is a name or an id; `before` the id after which to go on.
+
+    Fewer than `limit` where their texts would be more than `most_bytes`, but one at least.
+    """
     conditions, values = ["1 = 1"], list[Any]()
     for condition, value in (("robots.id = ?", robot), ("state = ?", state), ("command < ?", before)):
         if value:
@@ -89,8 +94,16 @@ def list_commands(
     if issuer:
         conditions.append("(issued_by = ? OR issuer = ?)")
         values += [issuer, issuer]
-    sql = f"{_SELECT} WHERE {' AND '.join(conditions)} ORDER BY command DESC LIMIT ?"
-    return [_command(row) for row in engine.fetch(sql, *values, limit)]
+    tables = f"FROM commands JOIN robots ON robots.robot = commands.robot WHERE {' AND '.join(conditions)}"
+    sizes = f"SELECT length(request) + length(wire) + length(result) {tables} ORDER BY command DESC LIMIT ?"
+    room, fitting = most_bytes, 0
+    for (size_bytes,) in engine.fetch(sizes, *values, limit):
+        room -= size_bytes
+        if fitting and room < 0:
+            break
+        fitting += 1
+    rows = engine.fetch(f"SELECT {_NAMES} {tables} ORDER BY command DESC LIMIT ?", *values, fitting)
+    return [_command(row) for row in rows]
 
 
 def waiting_robots(engine: StoreEngine) -> list[str]:

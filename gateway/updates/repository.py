@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import re
+from collections import Counter
 from collections.abc import AsyncIterator, Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -59,8 +60,9 @@ _TARGET = re.compile(r"((?:[A-Za-z0-9_.-]+/){1,4})([0-9a-f]{64})\.([0-9.]{1,40}\
 class Fetch:
     """A bundle on its way to a robot; take `pieces()` once, and `close()` it whatever happens."""
 
-    def __init__(self, desk: Repository, content: Iterator[bytes]) -> None:
+    def __init__(self, desk: Repository, content: Iterator[bytes], *, robot: str) -> None:
         self._desk: Repository | None = desk
+        self._robot = robot
         self._content = content
         self._pool = desk.pool
 
@@ -74,7 +76,7 @@ class Fetch:
         """Give its place to another."""
         desk, self._desk = self._desk, None
         if desk is not None:
-            desk.fetching -= 1
+            desk.fetched(self._robot)
 
 
 class Repository:
@@ -98,7 +100,7 @@ class Repository:
         self._limits = limits
         self.shelf = BundleShelf(store, objects, folder, clock=clock, limits=limits)
         self.pool = ThreadPoolExecutor(max_workers=4, thread_name_prefix="update-fetch")
-        self.fetching = 0
+        self._fetching: Counter[str] = Counter()  # by robot
         self.trouble = ""
 
     def close(self) -> None:
@@ -203,14 +205,21 @@ class Repository:
             raise WithdrawnError(f"{path} was withdrawn{f': {found.reason}' if found.reason else ''}")
         return found
 
-    def fetch(self, bundle: StoredBundle, *, start: int = 0, size_bytes: int | None = None) -> Fetch:
-        """A range of a bundle; TooManyError while too many are fetched."""
-        if self.fetching >= self._limits.bundle_downloads:
+    def fetch(self, bundle: StoredBundle, *, start: int = 0, size_bytes: int | None = None, robot: str = "") -> Fetch:
+        """A range of a bundle for a robot; TooManyError while too many are fetched, by all or by this one."""
+        if self._fetching.total() >= self._limits.bundle_downloads:
             raise TooManyError(f"{self._limits.bundle_downloads} bundles are being fetched: try again")
-        self.fetching += 1
-        return Fetch(
-            self, chunks(self._objects, bundle.object, start=start, size_bytes=size_bytes, piece_bytes=PIECE_BYTES)
-        )
+        if self._fetching[robot] >= self._limits.robot_downloads:
+            raise TooManyError(f"{self._limits.robot_downloads} bundles are being fetched by {robot}: try again")
+        self._fetching[robot] += 1
+        content = chunks(self._objects, bundle.object, start=start, size_bytes=size_bytes, piece_bytes=PIECE_BYTES)
+        return Fetch(self, content, robot=robot)
+
+    def fetched(self, robot: str) -> None:
+        """One of its downloads is over."""
+        self._fetching[robot] -= 1
+        if not self._fetching[robot]:
+            del self._fetching[robot]
 
     async def renew(self) -> bool:
         """Sign again what ends soon, if it is this gateway's turn; whether anything was."""

@@ -31,6 +31,7 @@ from metaros.limits import LIMITS
 __all__ = ["check_kind", "command_view", "router", "seen_command"]
 
 MAX_LISTED = 1000
+MAX_LOOKS = 8  # at the store, for one page: of a history of which somebody may see little
 MAX_FLEET = 10_000
 Wait = Annotated[float, Query(ge=0, le=LIMITS.command_wait_s, description="for the command's end")]
 
@@ -199,16 +200,26 @@ def _order(robot: str, body: CommandRequest, key: str | None) -> Order:
 async def _seen(
     request: Request, filters: dict[str, str], *, limit: int, before: str
 ) -> tuple[list[domain.Command], str | None]:
-    """A page of commands to robots in scope; of many others, only as many are read at a time as may be listed."""
+    """A page of commands to robots in scope, and where the next one begins.
+
+    A page ends where it is as large, or as much was looked through, as one answer may: it may be short, or empty, and
+    yet have a next one.
+    """
     desk, principal = services_of(request).orders, principal_of(request)
     if any("\0" in value for value in (*filters.values(), before)):
         return [], None
     kept: list[domain.Command] = []
-    while len(kept) <= limit:
-        page = await desk.list(**filters, before=before, limit=limit + 1 if principal.sees_all else MAX_LISTED)
-        kept += [item for item in page if principal.sees(item.robot)]
-        if principal.sees_all or len(page) < MAX_LISTED:
-            break
-        before = page[-1].id
-    page = kept[:limit]
-    return page, page[-1].id if len(kept) > limit else None
+    room = LIMITS.command_page_bytes
+    for _ in range(MAX_LOOKS):
+        most = limit + 1 - len(kept) if principal.sees_all else MAX_LISTED
+        found = await desk.list(**filters, before=before, limit=most)
+        for item in found:
+            if principal.sees(item.robot):
+                room -= len(item.request) + len(item.result)
+                if len(kept) == limit or (kept and room < 0):
+                    return kept, before
+                kept.append(item)
+            before = item.id
+        if not found:
+            return kept, None
+    return kept, before

@@ -114,7 +114,7 @@ async def get_target(request: Request, file: str) -> Response:
         headers["content-range"] = f"bytes {start}-{end - 1}/{found.size_bytes}"
     return DownloadResponse(
         request,
-        desk.fetch(found, start=start, size_bytes=end - start),
+        desk.fetch(found, start=start, size_bytes=end - start, robot=principal_of(request).id),
         what="a bundle",
         media_type=UPLOAD_TYPE,
         headers={**headers, "content-length": str(end - start)},

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import httpx
+import pytest
 
+from gateway.api.rest import orders
 from gateway.domain.principal import Role
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.interfaces.std_srvs.srv import Trigger
-from tests.gateway.harness import CONTROL, RING, ScriptedAgent, client, running_gateway
+from metaros.limits import LIMITS
+from tests.gateway.harness import CONTROL, OPERATOR_KEY, RING, ScriptedAgent, client, running_gateway
 
 SEND = "/api/v1/robots/sim_1/commands"
 UPLINK = {"kind": "set_uplink", "request": {"bytes_per_s": 5000}}
@@ -63,6 +67,29 @@ async def test_an_immediate_command_is_over_in_its_answer_and_in_the_history(tmp
             assert (await stranger.get("/api/v1/commands")).json()["commands"] == []
             one = await stranger.get(f"/api/v1/commands/{found[0]['id']}")
             assert (one.status_code, one.json()["code"]) == (404, "unknown_command")
+
+
+async def test_pages_of_large_commands_are_short_and_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http:
+        async with ScriptedAgent(ready), ScriptedAgent(ready, "other_1", session=b"2" * 16):
+            pass
+        sent = []
+        for number in range(6):
+            path = SEND.replace("sim_1", "other_1") if number % 2 else SEND
+            sent.append((await http.post(path, json={**UPLINK, "durable": True})).json()["id"])
+        monkeypatch.setattr(orders, "LIMITS", replace(LIMITS, command_page_bytes=1))
+        monkeypatch.setattr(orders, "MAX_LOOKS", 1)
+        monkeypatch.setattr(orders, "MAX_LISTED", 1)  # as if one look were full of others' commands
+        for key, expected, empty in ((OPERATOR_KEY, sent[::-1], 0), (OTHER, sent[5::-2], 3)):
+            async with client(ready, key=key) as somebody:
+                found, pages, before = [], 0, ""
+                while before is not None:
+                    page = (await somebody.get(f"/api/v1/commands?before={before}")).json()
+                    found += [item["id"] for item in page["commands"]]
+                    assert len(page["commands"]) <= 1
+                    pages, before = pages + (not page["commands"]), page["next"]
+                assert found == expected
+                assert pages >= empty
 
 
 async def test_a_durable_command_waits_for_its_robot(tmp_path: Path) -> None:

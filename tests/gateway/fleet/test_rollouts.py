@@ -164,6 +164,32 @@ async def test_it_halts_and_goes_on_with_a_fix(tmp_path: Path, store_url: str) -
         assert {said["agent"]["version"] for said in fleet.said.values()} == {"2.0.1"}
 
 
+async def test_no_robots_words_stop_a_rollout(tmp_path: Path, store_url: str) -> None:
+    """What a robot says of itself goes into a database and before people: text that neither takes is left out."""
+    clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet()
+    async with desk_on(store_url, tmp_path, fleet, clock) as desk:
+        rid = await begin(desk, replace(PLAN, waves=("6",), max_failure_rate=1.0))
+        await desk.tick()
+        said = [
+            {"state": "refused", "version": "2.0.0", "message": "\0 bad\x1b[31m\u202e" + "x" * 10_000},
+            {"state": "refused", "version": "2.0.0", "message": ["\0"], "code": {"\0": 1}},
+            {"state": {"a": [1]}, "version": []},
+            [1, "\0"],
+        ]
+        for number, update in enumerate(said):
+            fleet.said[f"r{number}"] = {"agent": {"version": ["2.0.0"], "update": update}}
+        fleet.said["r4"] = {"agent": [], "nodes": "\0"}
+        for _ in range(3):
+            await desk.tick()
+        one = await desk.get(rid)
+        assert one.members["r0"].reason.startswith("refused: bad")
+        assert {name: member.state for name, member in one.members.items() if member.state == "failed"} == {
+            "r0": "failed",
+            "r1": "failed",
+        }
+        assert all(member.reason.isprintable() and len(member.reason) < 300 for member in one.members.values())
+
+
 async def test_a_twin_that_cannot_hold_it(tmp_path: Path) -> None:
     clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet(refusing={f"r{n}" for n in range(6)})
     async with desk_on("", tmp_path, fleet, clock) as desk:

@@ -138,6 +138,9 @@ def test_pages_and_the_way_out(robots: StoreEngine) -> None:
     assert page(robot="r1") == [ids[5], ids[3], ids[1]]
     assert page(issuer="robbie") == page(issuer="key:k") == [ids[5]]
     assert page(state="failed") == []
+    long = len(items[5].request) + len(items[5].wire) + len(items[5].result)
+    assert page(most_bytes=2 * long) == [ids[5], ids[4]]
+    assert page(most_bytes=0) == [ids[5]], "one at least, or nobody could go on"
     add(robots, command(9))
     with robots.transaction(write=True):
         assert purge_commands(robots, before_ns=NOW_NS + 2 * S, most=100) == 2

@@ -236,6 +236,24 @@ async def test_bundles_have_bounds(tmp_path: Path) -> None:
         assert list((tmp_path / "gateway" / "incoming").iterdir()) == []
 
 
+async def test_no_robot_keeps_the_others_from_their_downloads(tmp_path: Path) -> None:
+    people = tmp_path / "people"
+    async with repository(tmp_path / "gateway") as made:
+        await set_up(made, people, "1.0.0")
+        bundle = await made.bundle(PATH)
+        held = [made.fetch(bundle, robot="greedy") for _ in range(LIMITS.robot_downloads)]
+        with pytest.raises(TooManyError, match="greedy"):
+            made.fetch(bundle, robot="greedy")
+        other = made.fetch(bundle, robot="other")
+        assert b"".join([piece async for piece in other.pieces()])
+        for one in (*held, other, other):  # closed twice counts once
+            one.close()
+        for robot in ("greedy", "greedy", "other"):
+            made.fetch(bundle, robot=robot)
+        with pytest.raises(TooManyError):
+            made.fetch(bundle, robot="greedy")
+
+
 async def test_a_withdrawn_version_is_not_handed_out(tmp_path: Path, store_url: str) -> None:
     async with repository(tmp_path / "gateway", store_url) as made:
         await set_up(made, tmp_path / "people", "1.0.0")
