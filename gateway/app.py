@@ -22,6 +22,7 @@ from gateway.domain.lease import LeaseTable
 from gateway.errors import RobotOfflineError, StoreError
 from gateway.fleet.commands import CommandDesk
 from gateway.fleet.desk import FleetDesk
+from gateway.fleet.node_feature import Nodes
 from gateway.fleet.orders import OrderDesk
 from gateway.fleet.rollout_side import TwinSide
 from gateway.fleet.rollouts import RolloutDesk
@@ -147,6 +148,7 @@ class Gateway:
             limits=limits,
         )
         self.twins = Twins(self.store, self.links.send, self._labels_said, clock=self.clock)
+        self.nodes = Nodes(self.twins, self.registry.get, self.commands, self.fleet, self.orders, clock=self.clock)
 
     def _make_updates(self, master: MasterKey) -> None:
         folder, clock = self.settings.data_dir / "updates", self.clock
@@ -180,6 +182,7 @@ class Gateway:
             orders=self.orders,
             teleop=self.teleop,
             twins=self.twins,
+            nodes=self.nodes,
             updates=self.updates,
             rollouts=self.rollouts,
             leases=self.leases,

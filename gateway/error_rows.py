@@ -39,6 +39,7 @@ ERRORS: tuple[ErrorRow, ...] = (
     ErrorRow("unknown_recording", 404, "NOT_FOUND", "No such recording"),
     ErrorRow("unknown_command", 404, "NOT_FOUND", "No such command"),
     ErrorRow("unknown_topic", 404, "NOT_FOUND", "No such topic"),
+    ErrorRow("unknown_node", 404, "NOT_FOUND", "No such node"),
     ErrorRow("unknown_template", 404, "NOT_FOUND", "No such template"),
     ErrorRow("unknown_revision", 404, "NOT_FOUND", "That revision is not kept"),
     ErrorRow("unknown_user", 404, "NOT_FOUND", "No such user"),

@@ -12,6 +12,7 @@ from gateway.api.attendance import Attendance
 from gateway.api.rate import Rates
 from gateway.domain.lease import LeaseTable
 from gateway.fleet.desk import FleetDesk
+from gateway.fleet.node_feature import Nodes
 from gateway.fleet.orders import OrderDesk
 from gateway.fleet.rollouts import RolloutDesk
 from gateway.fleet.teleop import TeleopDesk
@@ -60,6 +61,7 @@ class Services:
     orders: OrderDesk
     teleop: TeleopDesk
     twins: Twins
+    nodes: Nodes
     updates: Repository
     rollouts: RolloutDesk
     leases: LeaseTable

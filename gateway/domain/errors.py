@@ -3,6 +3,7 @@
 RequestError
 ├── SelectorError           a selector or a label breaks the grammar            selector_invalid
 ├── UnknownTemplateError    there is no such template                           unknown_template
+├── UnknownNodeError        the robot has no such node                          unknown_node
 ├── UnknownRevisionError    the revision of a twin is not kept, or never was    unknown_revision
 ├── TwinChangedError        somebody else was faster than this edit             twin_changed
 ├── UnknownCommandError     there is no such command                            unknown_command
@@ -20,6 +21,7 @@ __all__ = [
     "SelectorError",
     "TwinChangedError",
     "UnknownCommandError",
+    "UnknownNodeError",
     "UnknownRevisionError",
     "UnknownTemplateError",
 ]
@@ -29,6 +31,12 @@ class UnknownTemplateError(RequestError):
     """There is no such template."""
 
     code = "unknown_template"
+
+
+class UnknownNodeError(RequestError):
+    """Neither the robot's desired state nor the robot itself names such a node; the message says which there are."""
+
+    code = "unknown_node"
 
 
 class UnknownRevisionError(RequestError):

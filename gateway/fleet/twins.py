@@ -79,13 +79,15 @@ class TwinDesk:
         """Call this with a robot and its `reported` values whenever they come."""
         self._book.listen(listener)
 
-    async def states(self, selector: Selector, sees: Callable[[str], bool]) -> list[TwinState]:
-        """Every robot that the selector names and that one sees, by name."""
+    async def states(
+        self, selector: Selector, sees: Callable[[str], bool], *, values_bytes: int = 0
+    ) -> list[TwinState]:
+        """Every robot that the selector names and that one sees, by name; values that are longer are left out."""
 
         def job(engine: StoreEngine) -> list[TwinState]:
             with engine.transaction(write=False):
                 said, twins = read_labels(engine), read_twins(engine)
-                reports = read_reports(engine, values_bytes=0)
+                reports = read_reports(engine, values_bytes=values_bytes)
             found = []
             for robot in sorted(said):
                 labels = labels_of(said[robot], twins.get(robot))

@@ -25,7 +25,19 @@ from gateway.fleet.twins import Editor, TwinState
 from gateway.identity.permissions import permission
 from metaros.twin import json_schema, read
 
-__all__ = ["DryRun", "Reason", "Window", "editor_of", "router"]
+__all__ = [
+    "ANY_OBJECT",
+    "PRECONDITIONS",
+    "DryRun",
+    "Reason",
+    "Select",
+    "Window",
+    "document_of",
+    "editor_of",
+    "expected_of",
+    "outcome_answer",
+    "router",
+]
 
 MIN_CONFIRM_S, MAX_CONFIRM_S = 5.0, 3600.0
 _ETAG = re.compile(r'(?:W/)?"(\d{1,16})(?:\.(\d{1,16}))?"')
@@ -72,7 +84,7 @@ async def put_twin(
     request: Request, robot_id: str, dry_run: DryRun = False, reason: Reason = "", confirm_within_s: Window = None
 ) -> Response:
     """Another own document; null in it takes away what templates say."""
-    edit = Edit(document=await _document(request))
+    edit = Edit(document=await document_of(request))
     return await _edited(request, robot_id, edit, dry_run=dry_run, reason=reason, window=confirm_within_s)
 
 
@@ -86,7 +98,7 @@ async def patch_twin(
     request: Request, robot_id: str, dry_run: DryRun = False, reason: Reason = "", confirm_within_s: Window = None
 ) -> Response:
     """A JSON merge patch (RFC 7396) of the robot's own document."""
-    edit = Edit(patch=await _document(request))
+    edit = Edit(patch=await document_of(request))
     return await _edited(request, robot_id, edit, dry_run=dry_run, reason=reason, window=confirm_within_s)
 
 
@@ -114,8 +126,8 @@ async def revert(
     body = await read_body(request, models.Revert)
     editor = editor_of(request, reason=reason or f"back to revision {body.revision}", window=confirm_within_s)
     desk = services_of(request).twins.desk
-    outcome = await desk.revert(robot_id, body.revision, editor, expected=_expected(request), dry_run=dry_run)
-    return await _answer(request, outcome, dry_run=dry_run)
+    outcome = await desk.revert(robot_id, body.revision, editor, expected=expected_of(request), dry_run=dry_run)
+    return await outcome_answer(request, outcome, dry_run=dry_run)
 
 
 @router.post(
@@ -142,8 +154,10 @@ async def label(request: Request, robot_id: str, dry_run: DryRun = False, reason
     body = await read_body(request, models.LabelsChange)
     editor = editor_of(request, reason=reason or "labels", window=None)
     desk = services_of(request).twins.desk
-    outcome = await desk.edit(robot_id, Edit(labels=body.labels), editor, expected=_expected(request), dry_run=dry_run)
-    return await _answer(request, outcome, dry_run=dry_run)
+    outcome = await desk.edit(
+        robot_id, Edit(labels=body.labels), editor, expected=expected_of(request), dry_run=dry_run
+    )
+    return await outcome_answer(request, outcome, dry_run=dry_run)
 
 
 @router.get(
@@ -171,7 +185,7 @@ async def patch_twins(
     confirm_within_s: Window = None,
 ) -> Response:
     """A merge patch of the own documents of every robot that the selector names: all of them, or none."""
-    wanted, edit = Selector.parse(selector), Edit(patch=await _document(request))
+    wanted, edit = Selector.parse(selector), Edit(patch=await document_of(request))
     editor = editor_of(request, reason=reason, window=confirm_within_s)
     outcomes = await services_of(request).twins.desk.edit_many(
         wanted, edit, editor, sees=principal_of(request).sees, dry_run=dry_run
@@ -195,18 +209,19 @@ async def _edited(
 ) -> Response:
     editor = editor_of(request, reason=reason, window=window)
     desk = services_of(request).twins.desk
-    outcome = await desk.edit(robot_id, edit, editor, expected=_expected(request), dry_run=dry_run)
-    return await _answer(request, outcome, dry_run=dry_run)
+    outcome = await desk.edit(robot_id, edit, editor, expected=expected_of(request), dry_run=dry_run)
+    return await outcome_answer(request, outcome, dry_run=dry_run)
 
 
-async def _answer(request: Request, outcome: Outcome, *, dry_run: bool) -> Response:
+async def outcome_answer(request: Request, outcome: Outcome, *, dry_run: bool) -> Response:
+    """The answer to an edit of one robot's twin."""
     after = outcome.after
     view = await asyncio.to_thread(outcome_view, outcome, dry_run=dry_run)
     note(request, detail=f"{'dry run: ' if dry_run else ''}revision {after.revision}.{after.edition}")
     return JsonResponse(view, headers={"ETag": f'"{after.revision}.{after.edition}"'})
 
 
-async def _document(request: Request) -> dict[str, Any]:
+async def document_of(request: Request) -> dict[str, Any]:
     """The body, read as strictly as a twin's document is."""
     if "json" not in request.headers.get("content-type", ""):
         raise InvalidRequestError("this request has a JSON body")
@@ -217,7 +232,7 @@ def _etag(state: TwinState) -> str:
     return f'"{state.desired.revision}.{state.desired.edition}"'
 
 
-def _expected(request: Request) -> tuple[int, int | None] | None:
+def expected_of(request: Request) -> tuple[int, int | None] | None:
     """What If-Match names: a revision, and perhaps an edition of it."""
     said = request.headers.get("if-match", "").strip()
     if said in ("", "*"):

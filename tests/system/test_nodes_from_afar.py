@@ -1,0 +1,227 @@
+"""Nodes of a robot by REST, between the real programs: gateway, agent, supervisor, and nodes that are processes."""
+
+from __future__ import annotations
+
+import json
+import sys
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from metaros.supervise.client import ask
+from metaros.supervise.program import running_pid
+from tests.support.stack import Program, Stack
+from tests.support.waiting import wait_until
+
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="kills as POSIX does")]
+ROBOT = "r1"
+ROOT = Path(__file__).parents[2]
+SLEEP = "import time; print('up', flush=True); time.sleep(3600)"
+CRASH = "import sys; print('no device', flush=True); sys.exit(3)"
+
+
+def settings() -> str:
+    """What the robot itself lets run."""
+    commands = {"sleeper": SLEEP, "crasher": CRASH}
+    rows = [
+        f"[[allowed]]\nname = {json.dumps(name)}\ncommand = {json.dumps([sys.executable, '-S', '-c', text])}\n"
+        for name, text in commands.items()
+    ]
+    lidar = '[[allowed]]\nname = "lidar-driver"\nclass = "tests.support.lidar_node:Lidar"\n'
+    return "\n".join([*rows, f'{lidar}env = {{ PYTHONPATH = "{ROOT}" }}\n'])
+
+
+class Afar:
+    """The robot as the gateway's clients see it."""
+
+    def __init__(self, stack: Stack) -> None:
+        self.stack = stack
+        (stack.folder / "agent.toml").write_text(settings())
+        self.state = stack.folder / "robot"
+        self.agent = self.start()
+
+    def start(self) -> Program:
+        options = ("--state-dir", str(self.state), "--config", str(self.stack.folder / "agent.toml"))
+        return self.stack.agent(ROBOT, *options)
+
+    def ask(self, method: str, path: str, body: object = None) -> Any:
+        request = urllib.request.Request(
+            f"{self.stack.url}/api/v1{path}",
+            method=method,
+            data=None if body is None else json.dumps(body).encode(),
+            headers={"Authorization": f"Bearer {self.stack.key}", "Content-Type": "application/json"},
+        )
+        try:
+            with urllib.request.urlopen(request, timeout=60) as answer:
+                return json.load(answer)
+        except urllib.error.HTTPError as error:
+            return json.loads(error.read())
+
+    def on(self, method: str, path: str, body: object = None) -> Any:
+        return self.ask(method, f"/robots/{ROBOT}/nodes{path}", body)
+
+    def node(self, name: str) -> dict[str, Any]:
+        return dict(self.on("GET", f"/{name}"))
+
+    def pid(self, name: str) -> int | None:
+        found = self.node(name)
+        return found["reported"]["pid"] if found.get("reported") and found["state"] == "running" else None
+
+    def runs(self, name: str) -> int:
+        wait_until(lambda: self.pid(name) is not None, timeout_s=120)
+        pid = self.pid(name)
+        assert pid is not None
+        return pid
+
+
+@pytest.fixture
+def afar(tmp_path: Path) -> Iterator[Afar]:
+    with Stack(tmp_path) as stack:
+        stack.router()
+        stack.gateway()
+        found = Afar(stack)
+        try:
+            wait_until(lambda: stack.online() == {ROBOT}, timeout_s=120)
+            yield found
+        finally:
+            if running_pid(found.state) is not None:
+                if found.agent.process.poll() is not None:
+                    found.agent = found.start()  # an agent that lives does not start another one meanwhile
+                ask(found.state, "shutdown")
+                wait_until(lambda: running_pid(found.state) is None)
+
+
+def test_nodes_are_started_stopped_and_told_apart_from_afar(afar: Afar) -> None:
+    put = afar.on("PUT", "/sleeper?reason=try", {"allowed": "sleeper", "restart": "always"})
+    assert (put["changed"], put["revision"]) == (True, 1)
+    first = afar.runs("sleeper")
+    assert psutil.pid_exists(first)
+    wait_until(lambda: afar.node("sleeper")["in_step"])
+
+    again = afar.on("POST", "/sleeper/restart", {})
+    assert (again["outcome"], again["told"], again["changed"]) == ("done", True, False)
+    wait_until(lambda: afar.pid("sleeper") not in (None, first), timeout_s=120)
+    second = afar.runs("sleeper")
+    assert not psutil.pid_exists(first)
+
+    stopped = afar.on("POST", "/sleeper/stop", {})
+    assert (stopped["outcome"], stopped["changed"]) == ("done", True)
+    assert stopped["changes"] == [{"path": "/nodes/sleeper/run", "verb": "add", "new": False}]
+    assert not psutil.pid_exists(second)  # when the answer is there, it is so
+    wait_until(lambda: afar.node("sleeper")["state"] == "stopped")
+    wait_until(lambda: afar.node("sleeper")["in_step"])
+
+    started = afar.on("POST", "/sleeper/start", {})
+    assert (started["outcome"], started["changed"]) == ("done", True)
+    third = afar.runs("sleeper")
+    assert third not in (first, second)
+    killed = afar.on("POST", "/sleeper/signal", {"signal": 9})
+    assert killed["outcome"] == "done"
+    wait_until(lambda: afar.node("sleeper")["reported"]["crashes"] >= 1, timeout_s=120)
+    wait_until(lambda: afar.pid("sleeper") not in (None, third), timeout_s=120)
+    assert afar.on("POST", "/nobody/start", {})["code"] == "unknown_node"
+    assert afar.on("POST", "/sleeper/signal", {})["code"] == "invalid_request"
+
+
+def test_what_an_offline_robot_is_told_it_does_when_it_is_back(afar: Afar) -> None:
+    afar.on("PUT", "/sleeper", {"allowed": "sleeper"})
+    first = afar.runs("sleeper")
+    assert afar.on("POST", "/sleeper/stop", {})["outcome"] == "done"
+    wait_until(lambda: afar.node("sleeper")["in_step"])
+    afar.agent.kill()
+    wait_until(lambda: not afar.node("sleeper")["online"], timeout_s=120)
+    later = afar.on("POST", "/sleeper/start", {})
+    assert (later["outcome"], later["told"], later["code"]) == ("pending", False, "robot_offline")
+    shown = afar.node("sleeper")
+    assert (shown["wanted"], shown["state"], shown["online"]) == ("running", "stopped", False)
+    assert afar.on("POST", "/sleeper/restart", {})["code"] == "robot_offline"
+    afar.agent = afar.start()
+    second = afar.runs("sleeper")  # though it was stopped by hand on the robot, too: the newer word counts
+    assert second != first
+    wait_until(lambda: afar.node("sleeper")["in_step"])
+
+
+def test_a_crashing_node_is_seen_with_its_log_and_its_reports(afar: Afar) -> None:
+    afar.on("PUT", "/crasher", {"allowed": "crasher", "restart": "always"})
+    wait_until(lambda: afar.node("crasher")["state"] == "quarantined", timeout_s=240)
+    found = afar.node("crasher")
+    (difference,) = found["differs"]
+    assert (difference["what"], difference["desired"], difference["reported"]) == ("state", "running", "quarantined")
+    assert "exit code 3" in difference["why"]
+    (listed,) = afar.ask("GET", "/nodes?state=quarantined")["nodes"]
+    assert (listed["robot"], listed["name"]) == (ROBOT, "crasher")
+    page = afar.on("GET", "/crasher/log?query=DEVICE")
+    assert {line["text"] for line in page["lines"]} == {"no device"}
+    assert afar.on("GET", "/crasher/log?query=other")["lines"] == []
+    reports = afar.on("GET", "/crasher/crashes")["crashes"]
+    assert len(reports) >= 3
+    assert reports[0]["at"] > reports[-1]["at"]
+    assert "exit code 3" in reports[0]["reason"]
+    assert reports[0]["lines"][-1].endswith("no device")
+    assert afar.on("POST", "/crasher/retry", {})["outcome"] == "done"
+    wait_until(lambda: afar.node("crasher")["reported"]["crashes"] > found["reported"]["crashes"], timeout_s=120)
+
+
+def test_parameters_and_lifecycle_of_a_running_node(afar: Afar) -> None:
+    afar.on("PUT", "/lidar", {"allowed": "lidar-driver", "parameters": {"beams": 180}})
+    afar.runs("lidar")
+    wait_until(lambda: "parameters" in afar.on("GET", "/lidar/parameters"), timeout_s=120)
+    found = {item["name"]: item for item in afar.on("GET", "/lidar/parameters")["parameters"]}
+    assert (found["beams"]["type"], found["beams"]["value"]) == ("integer", 180)
+    assert (found["serial"]["read_only"], found["frames"]["value"]) == (True, ["laser", "base"])
+    assert found["rate_hz"]["floating_point_range"] == {"from": 1.0, "to": 20.0, "step": 0.0}
+
+    bad = afar.on("PATCH", "/lidar/parameters", {"parameters": {"rate_hz": 99, "serial": "B", "beams": "many"}})
+    assert [item["successful"] for item in bad["results"]] == [False, False, False]
+    tried = afar.on("PATCH", "/lidar/parameters?dry_run=true", {"parameters": {"rate_hz": 5}, "keep": True})
+    assert [item["successful"] for item in tried["results"]] == [True]
+    kept = afar.on("PATCH", "/lidar/parameters", {"parameters": {"rate_hz": 15, "beams": "90"}, "keep": True})
+    assert [item["reason"] for item in kept["results"] if not item["successful"]] == []
+    assert kept["revision"] == 2
+    values = {item["name"]: item for item in afar.on("GET", "/lidar/parameters")["parameters"]}
+    assert (values["rate_hz"]["value"], values["rate_hz"]["desired"], values["beams"]["value"]) == (15.0, 15, 90)
+
+    first = afar.runs("lidar")
+    afar.on("POST", "/lidar/restart", {})
+    wait_until(lambda: afar.pid("lidar") not in (None, first), timeout_s=120)
+
+    def rate() -> Any:
+        items = afar.on("GET", "/lidar/parameters").get("parameters", [])
+        return next((item["value"] for item in items if item["name"] == "rate_hz"), None)
+
+    wait_until(lambda: rate() == 15.0, timeout_s=120)  # the twin sees to it after each start
+
+    state = afar.on("GET", "/lidar/lifecycle")
+    assert (state["managed"], state["state"], state["transitions"]) == (True, "unconfigured", ["configure", "shutdown"])
+    assert afar.on("POST", "/lidar/lifecycle", {"transition": "activate"})["success"] is False
+    done = afar.on("POST", "/lidar/lifecycle", {"transition": "configure", "keep": True})
+    assert (done["success"], done["state"], done["wanted"]) == (True, "inactive", "inactive")
+    log = afar.on("GET", "/lidar/log?query=configured")
+    assert log["lines"][-1]["text"] == "lidar configured"
+    nothing = afar.on("GET", "/lidar/parameters?ros_name=/r1/nobody")
+    assert nothing["code"] == "unavailable"
+
+
+def test_a_tail_goes_on_where_it_was(afar: Afar) -> None:
+    afar.on("PUT", "/lidar", {"allowed": "lidar-driver"})
+    first = afar.runs("lidar")
+    request = urllib.request.Request(f"{afar.stack.url}/api/v1/robots/{ROBOT}/nodes/lidar/log/tail?query=started")
+    seen: list[str] = []
+    with urllib.request.urlopen(request, timeout=120) as events:
+        assert events.headers["Content-Type"].startswith("text/event-stream")
+        for raw in events:
+            line = raw.decode().rstrip("\n")
+            if not line.startswith("data: "):
+                continue
+            seen += [item["text"] for item in json.loads(line.removeprefix("data: "))["lines"]]
+            if len(seen) == 1:
+                assert seen == [f"lidar started as {first}"]
+                afar.on("POST", "/lidar/restart", {})
+            if len(seen) == 2:
+                break
+    assert seen[1] == f"lidar started as {afar.runs('lidar')}"
