@@ -153,7 +153,7 @@ class Gateway:
     def _make_updates(self, master: MasterKey) -> None:
         folder, clock = self.settings.data_dir / "updates", self.clock
         self.updates = Repository(self.store, self.objects, master, folder, clock=clock)
-        self.fetch_tokens = FetchTokens(self.store, clock=clock, revoked=self.identities.robots.revoked)
+        self.fetch_tokens = FetchTokens(self.store, clock=clock, enrolled_ns=self.identities.robots.enrolled_ns)
         side = TwinSide(self.twins, self._every_robot, self._presence, self.updates.available)
         self.rollouts = RolloutDesk(self.store, side, clock=clock)
 

@@ -83,6 +83,7 @@ class IdentityState:
     revoked_ns: int
     reason: str
     revoked_serials: frozenset[str] = field(default_factory=frozenset)
+    enrolled_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

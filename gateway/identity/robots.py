@@ -110,10 +110,12 @@ class RobotIdentities:
                 error.code, str(error), retry_after_ms=RETRY_MS.get(error.code, RETRY_ELSE_MS)
             ) from error
 
-    def revoked(self, robot: str) -> bool:
-        """Whether the robot had an identity, and has it no more."""
+    def enrolled_ns(self, robot: str) -> int | None:
+        """When the identity began that the robot has now; 0 where it never had one, None where it was revoked."""
         state = self._known.get(robot)
-        return state is not None and bool(state.revoked_ns)
+        if state is None:
+            return 0
+        return None if state.revoked_ns else state.enrolled_ns
 
     def cloned(self, robot: str) -> None:
         """Two processes speak as this robot in turn: remember and say so, at most once a minute."""

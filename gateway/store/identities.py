@@ -39,14 +39,15 @@ def next_revision(engine: StoreEngine) -> int:
 
 def changed_identities(engine: StoreEngine, revision: int) -> tuple[int, list[IdentityState]]:
     """What changed since that revision, and the newest one."""
-    sql = "SELECT robot, revoked_ns, reason, revision FROM robot_identities WHERE revision > ? ORDER BY revision"
+    columns = "robot, revoked_ns, reason, revision, enrolled_ns"
+    sql = f"SELECT {columns} FROM robot_identities WHERE revision > ? ORDER BY revision"
     rows = engine.fetch(sql, revision)
     serials: dict[str, set[str]] = {row[0]: set() for row in rows}
     for robots in slices(list(serials)):
         sql = f"SELECT robot, serial FROM certificates WHERE revoked_ns > 0 AND robot IN ({placeholders(len(robots))})"
         for robot, serial in engine.fetch(sql, *robots):
             serials[robot].add(serial)
-    states = [IdentityState(row[0], row[1], row[2], frozenset(serials[row[0]])) for row in rows]
+    states = [IdentityState(row[0], row[1], row[2], frozenset(serials[row[0]]), row[4]) for row in rows]
     return max([revision, *(row[3] for row in rows)]), states
 
 

@@ -12,8 +12,11 @@ import pytest
 from gateway.domain.principal import Role
 from gateway.main import Ready
 from gateway.updates import offline
+from metaros._proto import link_pb2
 from metaros.clock import SystemClock
+from tests.gateway import test_robot_links
 from tests.gateway.harness import CONTROL, RING, ScriptedAgent, client, running_gateway
+from tests.gateway.identity.desks import Held
 from tests.gateway.updates.repositories import passphrase
 from tests.support.bundles import make_bundle
 
@@ -123,3 +126,32 @@ async def test_what_is_no_bundle_leaves_nothing(tmp_path: Path) -> None:
         answer = await http.post("/api/v1/updates/bundles", content=b"PK" * 1000, headers=ZIP)
         assert (answer.status_code, answer.json()["code"]) == (400, "bundle_invalid")
         assert list((tmp_path / "data" / "updates").iterdir()) == []
+
+
+async def test_a_token_ends_with_the_identity_that_it_was_made_for(tmp_path: Path) -> None:
+    async def fetches(ready: Ready, token: str) -> bool:
+        async with robots(ready, token) as http:
+            answer = await http.get("/api/v1/updates/metadata/timestamp.json")
+        assert answer.status_code in (401, 404), answer.text  # nothing was published
+        return answer.status_code == 404
+
+    async def given(ready: Ready, held: Held, number: int) -> str:
+        """What the Welcome of that identity brings."""
+        hello = held.hello()
+        hello.session_number = number
+        async with test_robot_links.lane(ready, "grpc") as opened:
+            await opened.send(hello=hello)
+            frame = await asyncio.wait_for(opened.next(), 60)
+            await opened.send(proof=link_pb2.Proof(signature=held.prove(hello, frame.challenge)))
+            return (await asyncio.wait_for(opened.next(), 60)).welcome.fetch_token
+
+    async with running_gateway(tmp_path, door=test_robot_links.RING) as ready:
+        first, _ = await test_robot_links.enrolled(ready)
+        token = await given(ready, first, 1)
+        assert await fetches(ready, token)
+        await test_robot_links.revoke(ready, "arm")
+        assert not await fetches(ready, token)
+        again, _ = await test_robot_links.enrolled(ready, bound=True)
+        fresh = await given(ready, again, 2)
+        assert await fetches(ready, fresh)
+        assert not await fetches(ready, token), "whoever took it then has nothing now"

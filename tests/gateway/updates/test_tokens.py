@@ -1,8 +1,8 @@
-"""Robots' tokens: good at every gateway of the store for a day, and not for the revoked."""
+"""Robots' tokens: good at every gateway of the store for a day, and no longer than the identity."""
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
 
@@ -17,12 +17,14 @@ NOW_NS = 1_800_000_000 * 10**9
 
 
 @asynccontextmanager
-async def tokens(folder: Path, url: str, clock: ManualClock, revoked: set[str]) -> AsyncIterator[FetchTokens]:
+async def tokens(
+    folder: Path, url: str, clock: ManualClock, identities: Mapping[str, int | None]
+) -> AsyncIterator[FetchTokens]:
     retention = Retention(age_s=100.0, size_bytes=1 << 30)
     store = Store(folder, clock=clock, retention=retention, queue_bytes=1 << 20, url=url)
     store.start()
     try:
-        made = FetchTokens(store, clock=clock, revoked=revoked.__contains__)
+        made = FetchTokens(store, clock=clock, enrolled_ns=lambda robot: identities.get(robot, 0))
         assert made.make("r1") == ""  # before it knows the store's secret
         await made.load()
         yield made
@@ -31,10 +33,10 @@ async def tokens(folder: Path, url: str, clock: ManualClock, revoked: set[str]) 
 
 
 async def test_a_token_at_two_gateways(tmp_path: Path, postgres: PostgresServer) -> None:
-    url, clock, revoked = postgres.schema(), ManualClock(wall_ns=NOW_NS), set[str]()
+    url, clock, identities = postgres.schema(), ManualClock(wall_ns=NOW_NS), dict[str, int | None]()
     async with (
-        tokens(tmp_path / "a", url, clock, revoked) as first,
-        tokens(tmp_path / "b", url, clock, revoked) as second,
+        tokens(tmp_path / "a", url, clock, identities) as first,
+        tokens(tmp_path / "b", url, clock, identities) as second,
     ):
         text = first.make("r1.lab")
         for door in (first, second):
@@ -48,12 +50,19 @@ async def test_a_token_at_two_gateways(tmp_path: Path, postgres: PostgresServer)
         assert await second.by_key(text) is None
         fresh = second.make("r1.lab")
         assert await first.by_key(fresh) is not None
-        revoked.add("r1.lab")
+        identities["r1.lab"] = NOW_NS  # it was enrolled: whoever had its name before is another
         assert await first.by_key(fresh) is None
+        enrolled = first.make("r1.lab")
+        assert await second.by_key(enrolled) is not None
+        identities["r1.lab"] = None  # revoked
+        assert (await first.by_key(enrolled), first.make("r1.lab")) == (None, "")
+        identities["r1.lab"] = NOW_NS + 1  # and enrolled again: what was taken from it then opens nothing now
+        assert await first.by_key(enrolled) is None
+        assert await second.by_key(first.make("r1.lab")) is not None
 
 
 async def test_another_store_has_another_secret(tmp_path: Path) -> None:
     clock = ManualClock(wall_ns=NOW_NS)
-    async with tokens(tmp_path / "a", "", clock, set()) as first, tokens(tmp_path / "b", "", clock, set()) as second:
+    async with tokens(tmp_path / "a", "", clock, {}) as first, tokens(tmp_path / "b", "", clock, {}) as second:
         assert await first.by_key(first.make("r1")) is not None
         assert await second.by_key(first.make("r1")) is None
