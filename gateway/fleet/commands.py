@@ -14,6 +14,8 @@ from metaros.clock import Clock, SystemClock
 __all__ = ["CommandDesk"]
 
 PENDING_PER_ROBOT = 64
+LEASES = ("grant_lease", "release_lease")  # one at a time of each driver; nobody else's work keeps one from the wheel
+LOOKS_PER_ROBOT = 16  # of them that only look: whoever may read leaves room for who drives
 TRAVEL_S = 1.0  # what a result may take on the way, beside the command's own time
 
 
@@ -22,6 +24,7 @@ class _Pending:
     """A command without a result yet."""
 
     robot: str
+    look: bool
     done: asyncio.Future[link_pb2.CommandResult]
 
 
@@ -35,24 +38,28 @@ class CommandDesk:
         self._pending: dict[bytes, _Pending] = {}
 
     async def run(
-        self, robot: str, command: link_pb2.Command, *, timeout_s: float, command_id: bytes = b""
+        self, robot: str, command: link_pb2.Command, *, timeout_s: float, command_id: bytes = b"", look: bool = False
     ) -> link_pb2.CommandResult:
         """Send a command (its id and times are set here) and return its good result.
 
-        A stamp that the command has already stays, as far as it is not ahead: it says when its client made it.
+        A stamp that the command has already stays, as far as it is not ahead: it says when its client made it. `look`:
+        it changes nothing, and people without a right to change anything may ask for it.
 
         Raises:
             RobotOfflineError: no link, or the link went before the result.
             CommandTimeoutError: no result in time; whether the robot acted is not known.
             CommandRefusedError: the agent refused or failed; carries its code.
+            TooManyError: so many are under way already.
         """
-        if sum(1 for item in self._pending.values() if item.robot == robot) >= PENDING_PER_ROBOT:
-            raise TooManyError(f"robot {robot} has {PENDING_PER_ROBOT} commands under way already")
+        if command.WhichOneof("action") not in LEASES:
+            under_way = [item.look for item in self._pending.values() if item.robot == robot]
+            if len(under_way) >= PENDING_PER_ROBOT or (look and sum(under_way) >= LOOKS_PER_ROBOT):
+                raise TooManyError(f"robot {robot} has {len(under_way)} commands under way already")
         command_id = command_id or uuid.uuid4().bytes
         now_ns = self._clock.wall_ns()
         command.command_id, command.sent_ns = command_id, min(command.sent_ns or now_ns, now_ns)
         command.timeout_ms = max(1, round(timeout_s * 1000))
-        pending = _Pending(robot, asyncio.get_running_loop().create_future())
+        pending = _Pending(robot, look, asyncio.get_running_loop().create_future())
         self._pending[command_id] = pending
         try:
             self._send(robot, link_pb2.GatewayFrame(command=command))

@@ -120,14 +120,15 @@ class FleetDesk:
         timeout_s: float = LIMITS.command_timeout_s,
         lease_id: str = "",
         sent_ns: int = 0,
+        look: bool = False,
     ) -> Any:
-        """Call a service of the robot and return its response as JSON-able values."""
+        """Call a service of the robot and return its response as JSON-able values; `look`: it changes nothing."""
         if not 0 < timeout_s <= MAX_TIMEOUT_S:
             raise InvalidRequestError(f"timeout_s is more than 0 and at most {MAX_TIMEOUT_S:g}")
         require_online(self._find(robot_id))
         command = self.calling(robot_id, service, type_name=type_name, request=request, lease_id=lease_id)
         command.sent_ns = sent_ns
-        result = await self._commands.run(robot_id, command, timeout_s=timeout_s)
+        result = await self._commands.run(robot_id, command, timeout_s=timeout_s, look=look)
         return self.response(command, result.payload)
 
     def calling(

@@ -19,7 +19,7 @@ from gateway.errors import (
     TooManyError,
     UnknownRobotError,
 )
-from gateway.fleet.commands import PENDING_PER_ROBOT, CommandDesk
+from gateway.fleet.commands import LOOKS_PER_ROBOT, PENDING_PER_ROBOT, CommandDesk
 from gateway.fleet.teleop import TWIST_STAMPED, TeleopDesk
 from gateway.fleet.types import TypeBook, full_type_name
 from metaros._proto import link_pb2
@@ -78,6 +78,29 @@ async def test_results_find_their_command_only() -> None:
     with pytest.raises(CommandRefusedError, match="later") as caught:
         await task
     assert caught.value.agent_code == "busy"
+
+
+async def test_who_looks_leaves_room_and_nobody_is_kept_from_the_wheel() -> None:
+    bot, commands, teleop, _ = rig(code=None)
+
+    async def begin(count: int, *, look: bool) -> list[asyncio.Task[link_pb2.CommandResult]]:
+        running = [commands.run("r1", link_pb2.Command(), timeout_s=5, look=look) for _ in range(count)]
+        tasks = [asyncio.create_task(one) for one in running]
+        await asyncio.sleep(0)
+        return tasks
+
+    tasks = await begin(LOOKS_PER_ROBOT, look=True)
+    with pytest.raises(TooManyError):
+        await commands.run("r1", link_pb2.Command(), timeout_s=5, look=True)
+    tasks += await begin(PENDING_PER_ROBOT - LOOKS_PER_ROBOT, look=False)
+    with pytest.raises(TooManyError):
+        await commands.run("r1", link_pb2.Command(), timeout_s=5)
+    bot.code = ""
+    drive = await teleop.take("r1", "ann")
+    await teleop.release(drive)
+    assert bot.frames[-1].command.HasField("release_lease")
+    commands.on_offline("r1")
+    assert {type(one) for one in await asyncio.gather(*tasks, return_exceptions=True)} == {RobotOfflineError}
 
 
 async def test_pending_commands_are_bounded_and_end_with_the_link() -> None:
