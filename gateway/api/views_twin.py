@@ -105,7 +105,7 @@ def outcomes_view(items: Sequence[Outcome], *, dry_run: bool) -> dict[str, Any]:
 
 def entry_views(entries: Sequence[TwinEntry]) -> list[dict[str, Any]]:
     """A robot's history, the newest first; the oldest entry's changes are those against nothing."""
-    before = [entry.document for entry in entries[1:]] + [b"{}"]
+    before = [*(entry.document for entry in entries[1:]), b"{}"][: len(entries)]
     return [
         {
             "revision": entry.revision,

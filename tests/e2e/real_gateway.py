@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
+from contextlib import AsyncExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +26,15 @@ ROBOT_WAITS_S = 3600.0
 BEAT_S = 3.0  # after 15 s of silence a link counts as dead
 
 
+Obey = Callable[[ScriptedAgent], Coroutine[Any, Any, None]]
+Crowd = Callable[[Ready, AsyncExitStack], Awaitable[None]]
+
+
 class RealGateway:
     """What a test asks of it; one robot `sim_1` is linked, which can be driven."""
 
     def __init__(self, ready: Ready, stop: Callable[[], object]) -> None:
+        self.ready = ready
         self.url = ready.url
         self.stop = stop
         self.admin = (ready.data_dir / "local.key").read_text().strip()
@@ -51,8 +56,13 @@ class RealGateway:
 
 
 @contextmanager
-def real_gateway(folder: Path, **settings: Any) -> Iterator[RealGateway]:
-    """A gateway on free ports with a robot, ended with the block. Rates of sign-ins are off unless given."""
+def real_gateway(
+    folder: Path, *, obey: Obey | None = None, crowd: Crowd | None = None, **settings: Any
+) -> Iterator[RealGateway]:
+    """A gateway on free ports with a robot, ended with the block. Rates of sign-ins are off unless given.
+
+    `obey` is what the robot does with its frames, by default it says yes to every command. `crowd` brings more robots.
+    """
     started: list[RealGateway] = []
     failed: list[BaseException] = []
     up = threading.Event()
@@ -64,9 +74,11 @@ def real_gateway(folder: Path, **settings: Any) -> Iterator[RealGateway]:
             chosen = {"port": 0, "grpc_port": 0, "data_dir": folder / "data", "sign_ins_per_min": 0.0, **settings}
             group.create_task(serve(Settings(**chosen), stop, on_ready=ready.set_result))
             found = await ready
-            async with ScriptedAgent(found) as robot:
+            async with ScriptedAgent(found) as robot, AsyncExitStack() as stack:
+                if crowd is not None:
+                    await crowd(found, stack)
                 await robot.announce(channel(1, "/sim_1/cmd_vel", "geometry_msgs/msg/Twist"))
-                lives = [group.create_task(_obey(robot)), group.create_task(_beat(robot))]
+                lives = [group.create_task((obey or _obey)(robot)), group.create_task(_beat(robot))]
                 started.append(RealGateway(found, lambda: loop.call_soon_threadsafe(stop.set)))
                 up.set()
                 await stop.wait()

@@ -1,8 +1,10 @@
 /** The robot page: who it is and how its link is, then its live cards or its topics. */
 
 import { useSignal } from "@preact/signals";
+import type { ComponentType } from "preact";
 import { useEffect } from "preact/hooks";
 import { api, ApiError } from "../api/client";
+import { can } from "../api/session";
 import type { Robot, SeriesInfo, Topic } from "../api/types";
 import { moment } from "../history/moment";
 import { ageText, now } from "../live/age";
@@ -19,9 +21,18 @@ import { LiveTab } from "./live";
 
 const LinkTab = lazy(async () => (await import("./link")).LinkTab);
 const TopicsTab = lazy(async () => (await import("./topics")).TopicsTab);
+const ConfigTab = lazy(async () => (await import("../fleet_ops/config")).ConfigTab);
+const CommandsTab = lazy(async () => (await import("./commands")).CommandsTab);
 const PastTab = lazy(async () => (await import("./past")).PastTab);
 
 const REFRESH_MS = 2000;
+
+/** The tabs that are about the robot alone: their words in the address, their names, what they need. */
+const TABS: Record<string, { title: string; needs?: string; View: ComponentType<{ robot: Robot }> }> = {
+  link: { title: "Link", View: LinkTab },
+  config: { title: "Config", needs: "twin.read", View: ConfigTab },
+  commands: { title: "Commands", needs: "commands.read", View: CommandsTab },
+};
 
 export function RobotPage({ id }: { id: string }) {
   const { stream } = useLive();
@@ -57,7 +68,8 @@ export function RobotPage({ id }: { id: string }) {
 
   if (!robot) return <Unknown id={id} loading={robots.value === null} />;
   const asked = place.value.params.get("tab");
-  const tab = asked === "topics" || asked === "link" ? asked : "live";
+  const own = asked !== null && Object.hasOwn(TABS, asked) ? TABS[asked]! : null;
+  const tab = own ? asked! : asked === "topics" ? "topics" : "live";
   return (
     <>
       <Header robot={robot} />
@@ -66,11 +78,13 @@ export function RobotPage({ id }: { id: string }) {
         <button type="button" aria-current={tab === "topics" ? "page" : undefined} onClick={() => setParam("tab", "topics", "live")}>
           Topics <small>{topics.value?.length ?? ""}</small>
         </button>
-        <button type="button" aria-current={tab === "link" ? "page" : undefined} onClick={() => setParam("tab", "link", "live")}>Link</button>
+        {Object.entries(TABS).filter(([, { needs }]) => !needs || can(needs)).map(([word, { title }]) => (
+          <button key={word} type="button" aria-current={tab === word ? "page" : undefined} onClick={() => setParam("tab", word, "live")}>{title}</button>
+        ))}
       </nav>
       {problem.value && <p class="problem" role="status">{problem.value}</p>}
       {tab === "live" && <TimeBar key={id} robot={id} />}
-      {tab !== "link" && topics.value?.some(({ encoding }) => encoding === SEALED_CDR) && <Unlock />}
+      {!own && topics.value?.some(({ encoding }) => encoding === SEALED_CDR) && <Unlock />}
       {tab === "live" && moment.value !== null ? (
         <PastTab key={`past ${id}`} robot={robot} series={series.value} />
       ) : tab === "live" ? (
@@ -78,7 +92,7 @@ export function RobotPage({ id }: { id: string }) {
       ) : tab === "topics" ? (
         <TopicsTab robot={robot} topics={topics.value} />
       ) : (
-        <LinkTab key={id} robot={robot} />
+        own && <own.View key={`${tab} ${id}`} robot={robot} />
       )}
     </>
   );

@@ -1,0 +1,56 @@
+/** The Config tab: whether the robot is as it is to be, each value beside what is so, the way to change it, the history. */
+
+import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
+import { Refusal } from "../admin/modal";
+import { useAsked } from "../admin/use_list";
+import { can } from "../api/session";
+import { twinApi } from "../api/twin";
+import type { Robot } from "../api/types";
+import { MayNot } from "../ui/parts";
+import { compare } from "./compare";
+import { CompareTable } from "./compare_table";
+import { begun, type Draft } from "./draft";
+import { Editor } from "./editor";
+import { StandingCard } from "./standing_card";
+import { TwinHistory } from "./twin_history";
+import "../ui/admin.css";
+import "../ui/ops.css";
+
+const LOOK_MS = 2000;
+const LISTED = 20;
+
+export function ConfigTab({ robot }: { robot: Robot }) {
+  const asked = useAsked(() => twinApi.get(robot.id), LOOK_MS);
+  const history = useAsked(() => twinApi.history(robot.id, LISTED), 60_000);
+  const draft = useSignal<Draft | null>(null);
+  const twin = asked.value.value;
+  const edition = twin?.edition ?? null;
+  useEffect(() => {
+    if (edition !== null) void history.refresh();
+  }, [edition]);
+  const refresh = () => asked.refresh();
+  if (!twin) return asked.problem.value ? <Refusal text={asked.problem.value} /> : <p class="quiet">Reading what is desired of the robot…</p>;
+  return (
+    <div class="ops">
+      <Refusal text={asked.problem.value} />
+      <StandingCard twin={twin} online={robot.state === "online"} onChanged={refresh} onEdit={can("twin.write") && !draft.value ? () => (draft.value = begun(twin)) : null} />
+      {!can("twin.write") && <MayNot what="change what a robot is to be" />}
+      {draft.value && (
+        <Editor
+          twin={twin}
+          draft={draft}
+          onApplied={async () => {
+            draft.value = null;
+            scrollTo({ top: 0, behavior: "smooth" });
+            await refresh();
+          }}
+        />
+      )}
+      <div class="ops-split">
+        <CompareTable rows={compare(twin, robot.namespace)} />
+        <TwinHistory twin={twin} entries={history.value.value} problem={history.problem.value} onChanged={refresh} />
+      </div>
+    </div>
+  );
+}
