@@ -35,6 +35,7 @@ from edge_agent.state import AgentState, open_state
 from edge_agent.status import status_file
 from edge_agent.tap import Tap
 from edge_agent.teleop import Teleop
+from edge_agent.twin.services import RosServices
 from edge_agent.update.setup import HANDOVER, open_updates
 from edge_agent.uplink.address import GatewayAddress
 from edge_agent.uplink.backoff import Backoff
@@ -144,7 +145,7 @@ class Parts:
         self.nodes = open_nodes(settings, state.directory, clock, domain=node.context.domain_id, bundles=bundles)
         self.commands = self._commands()
         self.twin, self.values = state.twin.build(
-            node,
+            RosServices(node, self.scope),
             self.scope,
             clock,
             channels=self.queues.channels,

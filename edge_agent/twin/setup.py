@@ -14,13 +14,12 @@ from edge_agent.twin.confirm import Action, Confirm
 from edge_agent.twin.desk import TwinDesk
 from edge_agent.twin.originals import Originals
 from edge_agent.twin.parts import AgentVersion, NodeTable
-from edge_agent.twin.services import RosServices
+from edge_agent.twin.services import NodeServices
 from edge_agent.twin.state import TwinFile
 from edge_agent.twin.values import NodeValues
 from edge_agent.uplink_limit import UplinkLimit
 from metaros.clock import Clock
 from metaros.errors import UsageError
-from metaros.node import Node
 from metaros.twin import Twin, parse
 
 if TYPE_CHECKING:
@@ -43,7 +42,7 @@ class TwinStart:
 
     def build(
         self,
-        node: Node,
+        services: NodeServices,
         scope: Scope,
         clock: Clock,
         *,
@@ -54,7 +53,7 @@ class TwinStart:
         agent: AgentVersion,
     ) -> tuple[TwinDesk, NodeValues]:
         """The desk, and what sees to other nodes; both are to be run."""
-        values = NodeValues(RosServices(node, scope), scope, self.originals)
+        values = NodeValues(services, scope, self.originals)
         applier = Applier(
             self.own,
             namespace=self.namespace,
