@@ -12,6 +12,7 @@ import json
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Final
 
 from edge_agent.nodes.allowed import NodeSettings
@@ -25,7 +26,8 @@ from edge_agent.nodes.trial import Trial
 from metaros.clock import Clock
 from metaros.errors import ConfigError, MetarosError
 from metaros.limits import LIMITS
-from metaros.supervise.table_file import Row
+from metaros.supervise.service import TABLE
+from metaros.supervise.table_file import Row, TableFile
 from metaros.twin import parse
 from metaros.twin.document import NodeWanted
 
@@ -60,7 +62,7 @@ class NodeDesk:
         self._problems: dict[str, tuple[str, str]] = {}  # by node: code and message of its bundle
         self._fetching: set[str] = set()
         self._work = asyncio.Event()
-        self._rows: dict[str, Row] = {}  # as they were last made: an old one serves until its new bundle is here
+        self._rows = _rows_of(ledger.directory)  # as last given: an old one serves until its new bundle is here
         self._trouble = ""
 
     # -- the twin's side -------------------------------------------------------------------------------------------
@@ -157,6 +159,8 @@ class NodeDesk:
                 self._say("")
                 if await self._fetch():
                     self._work.set()
+                else:
+                    await self._collect()
             except MetarosError as error:
                 self._say(str(error))
             self.changed()
@@ -223,6 +227,15 @@ class NodeDesk:
                 return True
         return came
 
+    async def _collect(self) -> None:
+        """Let bundles go that nothing runs, is to run, or would go back to."""
+        if self._bundles is None:
+            return
+        wanted = [(node, self._trial(node)) for node in (self._wanted or {}).values() if node.bundle]
+        keep = {(node.bundle, version) for node, trial in wanted for version in (node.version, trial.good) if version}
+        keep |= {(Path(row.cwd).parent.name, row.version) for row in self._rows.values() if row.version}
+        await asyncio.to_thread(self._bundles.collect, keep)
+
     async def _judge(self) -> None:
         """New versions of bundles: good, or back to the last good one."""
         while True:
@@ -284,6 +297,15 @@ class NodeDesk:
         if trouble and trouble != self._trouble:
             LOG.warning("nodes: %s", trouble)
         self._trouble = trouble
+
+
+def _rows_of(directory: Path) -> dict[str, Row]:
+    """What an agent before this one gave its supervisor; nothing where that cannot be read."""
+    try:
+        return {row.name: row for row in TableFile(directory / TABLE).table.rows}
+    except ConfigError as error:
+        LOG.warning("%s", error)
+        return {}
 
 
 def crash_reports(found: list[dict[str, Any]], most_bytes: int = LIMITS.node_answer_bytes) -> bytes:

@@ -8,7 +8,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -58,14 +58,20 @@ class FakeBundles:
         self.folder = folder
         self.here: set[str] = set()
         self.well: list[str] = []
+        self.kept: set[tuple[str, str]] = set()
+        self.away = asyncio.Event()  # whoever asks for 4.0 waits for it
 
     def ready(self, name: str, version: str) -> OneBundle | None:
         code = CRASH if version == "2.0" else SLEEP
-        return OneBundle(self.folder, (sys.executable, "-S", "-c", code)) if version in self.here else None
+        folder = self.folder / name / version
+        folder.mkdir(parents=True, exist_ok=True)
+        return OneBundle(folder, (sys.executable, "-S", "-c", code)) if version in self.here else None
 
     async def get(self, name: str, version: str) -> OneBundle:
         if version == "9.0":
             raise FakeFetchError("no bundle 9.0")
+        if version == "4.0":
+            await self.away.wait()
         self.here.add(version)
         found = self.ready(name, version)
         assert found is not None
@@ -74,8 +80,9 @@ class FakeBundles:
     def did_well(self, name: str, version: str) -> None:
         self.well.append(version)
 
-    def collect(self, keep: object) -> None:
+    def collect(self, keep: Iterable[tuple[str, str]]) -> None:
         """Nothing goes."""
+        self.kept = set(keep)
 
 
 class Rig:
@@ -253,6 +260,22 @@ async def test_a_bundle_comes_runs_and_proves_itself(rig: Rig) -> None:
     await wait_until_async(lambda: rig.node("a")["update"]["state"] == "refused")
     assert rig.node("a")["update"]["code"] == "update_unknown"
     assert rig.node("a")["pid"] == found["pid"]  # the old one serves on
+    await rig.desk.set_nodes({"a": {"bundle": "b", "version": "3.0"}})
+    await wait_until_async(lambda: rig.bundles.kept == {("b", "1.0"), ("b", "3.0")})  # while 3.0 is on trial
+    await wait_until_async(lambda: rig.bundles.kept == {("b", "3.0")})
+
+
+async def test_the_old_version_serves_on_while_another_agent_fetches_the_new_one(rig: Rig) -> None:
+    await rig.desk.set_nodes({"a": {"bundle": "b", "version": "1.0"}})
+    pid = (await rig.until("a", state="running", version="1.0"))["pid"]
+    await rig.again()
+    await rig.desk.set_nodes({"a": {"bundle": "b", "version": "4.0"}, "c": {"allowed": "sleep"}})
+    await rig.until("c", state="running")
+    assert rig.node("a")["pid"] == pid
+    await wait_until_async(lambda: rig.node("a")["update"]["state"] == "downloading")
+    assert rig.node("a")["pid"] == pid
+    rig.bundles.away.set()
+    await rig.until("a", state="running", version="4.0")
 
 
 async def test_a_broken_version_goes_back_by_itself_and_is_told(rig: Rig) -> None:
