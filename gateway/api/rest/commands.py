@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import base64
+from dataclasses import replace
 from typing import Annotated, Any
 
+import orjson
 from fastapi import APIRouter, Query
 from starlette.requests import Request
 from starlette.responses import Response
@@ -12,9 +15,11 @@ from gateway.api import models
 from gateway.api.allow import allow, principal_of
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.rest.once import carried_once, key_of
 from gateway.api.services import services_of
-from gateway.errors import InvalidRequestError
+from gateway.errors import CommandRefusedError, InvalidRequestError
 from gateway.fleet.orders import Order
+from metaros.limits import LIMITS
 
 __all__ = ["router"]
 
@@ -47,6 +52,12 @@ async def publish(
             raise InvalidRequestError("a CDR body needs the query parameter topic")
         body, cdr = models.PublishRequest(topic=topic, type=type, lease_id=lease_id, sent_ns=sent_ns), raw
     asked: dict[str, Any] = {"topic": body.topic, "type": body.type}
+    if (key := key_of(request)) is not None:
+        asked |= {"message": body.message} if cdr is None else {"cdr": base64.b64encode(raw).decode()}
+        asked["lease_id"] = body.lease_id
+        order = Order(robot=robot_id, kind="publish", request=asked, idempotency=key, sent_ns=body.sent_ns)
+        await carried_once(request, order)
+        return JsonResponse({"ok": True})
     asked |= {"message": body.message} if cdr is None else {"cdr_bytes": len(raw)}
     with services.orders.noted(Order(robot=robot_id, kind="publish", request=asked), principal_of(request)):
         await services.fleet.publish(
@@ -73,6 +84,13 @@ async def call_service(request: Request, robot_id: str) -> Response:
     body, services = await read_body(request, models.CallRequest), services_of(request)
     asked = {"service": body.service, "type": body.type, "request": body.request}
     order = Order(robot=robot_id, kind="call_service", request=asked, timeout_s=body.timeout_s)
+    if (key := key_of(request)) is not None:
+        asked["lease_id"] = body.lease_id
+        ended = await carried_once(request, replace(order, idempotency=key, sent_ns=body.sent_ns))
+        if not ended.result:
+            text = f"it was carried out, and its answer of over {LIMITS.result_bytes} bytes was not kept"
+            raise CommandRefusedError(text, agent_code="too_large")
+        return JsonResponse({"response": orjson.loads(ended.result)})
     with services.orders.noted(order, principal_of(request)) as noted:
         response = noted.result = await services.fleet.call(
             robot_id,

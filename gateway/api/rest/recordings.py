@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
+import orjson
 from fastapi import APIRouter, Query
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
@@ -14,12 +15,14 @@ from gateway.api.models_recordings import Recording, RecordingList, RecordingReq
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.downloads import DownloadResponse
+from gateway.api.rest.once import carried_once, key_of
 from gateway.api.rest.spans import asked_span
 from gateway.api.rest.times import parse_time
 from gateway.api.services import services_of
 from gateway.api.views import rfc3339
 from gateway.domain import recording as domain
 from gateway.errors import InvalidRequestError, UnknownRecordingError
+from gateway.fleet.orders import Order
 from gateway.recordings.download import Download
 
 __all__ = ["router"]
@@ -43,6 +46,8 @@ async def save_recording(request: Request, robot_id: str) -> Response:
     body = await read_body(request, RecordingRequest)
     if (body.last_s is None) == (not body.start):
         raise InvalidRequestError("say either last_s, or start and end")
+    if (key := key_of(request)) is not None:
+        return await _save_once(request, robot_id, body, key)
     span_ns = None
     if body.start:
         now_ns = desk.robot_now_ns(robot_id)
@@ -50,6 +55,16 @@ async def save_recording(request: Request, robot_id: str) -> Response:
     asked = await desk.request(robot_id, last_s=body.last_s, span_ns=span_ns, topics=tuple(body.topics))
     headers = {"location": f"/api/v1/recordings/{asked.id}"}
     return JsonResponse(recording_view(asked), status_code=202, headers=headers)
+
+
+async def _save_once(request: Request, robot_id: str, body: RecordingRequest, key: str) -> Response:
+    if body.last_s is None:
+        raise InvalidRequestError("under an Idempotency-Key a clip is named by last_s")
+    asked: dict[str, Any] = {"last_s": body.last_s, "topics": list(body.topics)}
+    ended = await carried_once(request, Order(robot=robot_id, kind="save_recording", request=asked, idempotency=key))
+    found = await _get(request, orjson.loads(ended.result)["recording"])
+    headers = {"location": f"/api/v1/recordings/{found.id}"}
+    return JsonResponse(recording_view(found), status_code=202, headers=headers)
 
 
 @router.get("/recordings", dependencies=[allow("recordings.read")], responses={200: {"model": RecordingList}})

@@ -12,8 +12,10 @@ from gateway.api import models
 from gateway.api.allow import allow
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.rest.once import carried_once, key_of
 from gateway.api.services import services_of
 from gateway.api.views import gap_view, uplink_view
+from gateway.fleet.orders import Order
 
 __all__ = ["router"]
 
@@ -42,7 +44,11 @@ async def set_uplink(request: Request, robot_id: str) -> Response:
     """Give the robot another byte budget. Answers when its agent has taken it and keeps it."""
     services = services_of(request)
     body = await read_body(request, models.UplinkRequest)
-    await services.fleet.set_uplink(robot_id, body.bytes_per_s)
+    if (key := key_of(request)) is not None:
+        order = Order(robot=robot_id, kind="set_uplink", request={"bytes_per_s": body.bytes_per_s}, idempotency=key)
+        await carried_once(request, order)
+    else:
+        await services.fleet.set_uplink(robot_id, body.bytes_per_s)
     record = services.registry.get(robot_id)
     record.budgeted(body.bytes_per_s)
     return JsonResponse(uplink_view(record))

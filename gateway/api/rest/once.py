@@ -1,0 +1,44 @@
+"""`Idempotency-Key` on the routes that are answered with what the robot did: the same request is carried out once.
+
+Under a key the request is a command that is kept, so its end is the answer for ever, a failure's too, and another
+request under the same key is refused. Without a key these routes work as ever, and do not wait for the store.
+"""
+
+from __future__ import annotations
+
+from starlette.requests import Request
+
+from gateway.api.allow import principal_of
+from gateway.api.audited import note
+from gateway.api.services import services_of
+from gateway.domain.command import DONE, Command
+from gateway.errors import CommandRefusedError, CommandTimeoutError
+from gateway.fleet.commands import TRAVEL_S
+from gateway.fleet.orders import Order
+
+__all__ = ["carried_once", "key_of"]
+
+
+def key_of(request: Request) -> str | None:
+    """The request's key; None where it has none."""
+    return request.headers.get("idempotency-key")
+
+
+async def carried_once(request: Request, order: Order) -> Command:
+    """The order's good end, whether it came to it now or when it was sent before.
+
+    Raises:
+        CommandRefusedError: it failed; the code is the one that it failed with.
+        CommandTimeoutError: it is under way still: the same request may be sent again.
+        MetarosError: see OrderDesk.send.
+    """
+    orders = services_of(request).orders
+    command = await orders.send(order, principal_of(request))
+    note(request, detail=f"{command.id} {command.kind} {command.state}")
+    if not command.over:  # somebody else sent it a moment ago
+        command = await orders.wait(command.id, order.timeout_s + TRAVEL_S)
+    if not command.over:
+        raise CommandTimeoutError(f"command {command.id} is under way")
+    if command.state != DONE:
+        raise CommandRefusedError(command.message or f"it ended as {command.state}", agent_code=command.code)
+    return command

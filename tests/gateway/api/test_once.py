@@ -1,0 +1,97 @@
+"""`Idempotency-Key` on the routes that are answered with what the robot did: sent again, it is not done again."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from metaros.cdr import codec
+from metaros.interfaces.geometry_msgs.msg import Twist
+from metaros.interfaces.std_srvs.srv import Trigger
+from metaros.limits import LIMITS
+from tests.gateway.api.test_commands import answered
+from tests.gateway.harness import ScriptedAgent, client, running_gateway
+
+BASE = "/api/v1/robots/sim_1"
+STRING = "std_msgs/msg/String"
+PUBLISH = {"topic": "say", "type": STRING, "message": {"data": "once"}}
+CALL = {"service": "go", "type": "std_srvs/srv/Trigger", "request": {}}
+YES = codec("std_srvs/srv/Trigger_Response").encode(Trigger.Response(success=True, message="ok"))
+KEY = {"Idempotency-Key": "mine"}
+
+
+async def nothing_more(agent: ScriptedAgent, http: httpx.AsyncClient) -> None:
+    """Whatever was sent to the robot before this has come: it is the next command that the robot sees."""
+    marker = {"service": "marker", "type": "std_srvs/srv/Trigger", "request": {}}
+    task = asyncio.ensure_future(http.post(f"{BASE}/services/call", json=marker))
+    command = (await agent.next("command")).command
+    assert command.call_service.service == "/sim_1/marker", command
+    await agent.answer(command, payload=YES)
+    assert (await task).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "body", "payload"),
+    [
+        ("POST", "publish", PUBLISH, b""),
+        ("POST", "services/call", CALL, YES),
+        ("PUT", "uplink", {"bytes_per_s": 5000}, b""),
+    ],
+)
+async def test_the_same_again_is_answered_as_the_first_was(
+    tmp_path: Path, method: str, path: str, body: dict[str, Any], payload: bytes
+) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
+
+        async def ask(**changed: Any) -> httpx.Response:
+            return await http.request(method, f"{BASE}/{path}", json={**body, **changed}, headers=KEY)
+
+        first = await answered(agent, ask(), payload=payload)
+        assert first.status_code == 200, first.text
+        again = await ask()
+        assert (again.status_code, again.json()) == (200, first.json())
+        await nothing_more(agent, http)
+        other = await ask(**({"bytes_per_s": 6000} if path == "uplink" else {"lease_id": "another"}))
+        assert (other.status_code, other.json()["code"]) == (409, "idempotency_conflict")
+        free = await answered(agent, http.request(method, f"{BASE}/{path}", json=body), payload=payload)
+        assert free.json() == first.json(), "without a key it is another one"
+
+
+async def test_cdr_a_failure_and_two_at_once(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
+        query = {"topic": "elsewhere", "type": "geometry_msgs/msg/Twist"}
+        headers = {**KEY, "Content-Type": "application/cdr"}
+        cdr = codec("geometry_msgs/msg/Twist").encode(Twist())
+        asking = http.post(f"{BASE}/publish", content=cdr, params=query, headers=headers)
+        failed = await answered(agent, asking, code="out_of_scope")
+        assert (failed.status_code, failed.json()["code"]) == (403, "out_of_scope")
+        again = await http.post(f"{BASE}/publish", content=cdr, params=query, headers=headers)
+        assert (again.status_code, again.json()) == (403, failed.json()), "a failure stays one under its key"
+        key = {"Idempotency-Key": "two"}
+        both = [asyncio.ensure_future(http.post(f"{BASE}/services/call", json=CALL, headers=key)) for _ in range(2)]
+        await agent.answer((await agent.next("command")).command, payload=YES)
+        answers = [await one for one in both]
+        assert {answer.text for answer in answers} == {answers[0].text}
+        assert answers[0].json()["response"] == {"success": True, "message": "ok"}
+        await nothing_more(agent, http)
+        large = {**PUBLISH, "message": {"data": "x" * LIMITS.command_request_bytes}}
+        answer = await http.post(f"{BASE}/publish", json=large, headers={"Idempotency-Key": "large"})
+        assert (answer.status_code, answer.json()["code"]) == (413, "body_too_large")
+
+
+async def test_a_recording_is_asked_for_once(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready) as http:
+        async with ScriptedAgent(ready):
+            pass  # known; a recording waits for its robot
+        first, again = [
+            await http.post(f"{BASE}/recordings", json={"last_s": 5, "topics": ["a"]}, headers=KEY) for _ in range(2)
+        ]
+        assert (first.status_code, again.json()["id"]) == (202, first.json()["id"])
+        assert first.headers["location"] == again.headers["location"]
+        assert len((await http.get("/api/v1/recordings")).json()["recordings"]) == 1
+        span = await http.post(f"{BASE}/recordings", json={"start": "-5s"}, headers={"Idempotency-Key": "b"})
+        assert (span.status_code, span.json()["code"]) == (400, "invalid_request")
