@@ -15,6 +15,7 @@ import { lazy } from "./lazy";
 const FleetPage = lazy(async () => (await import("./fleet")).FleetPage);
 const RobotPage = lazy(async () => (await import("./robot")).RobotPage);
 const RecordingsPage = lazy(async () => (await import("./recordings")).RecordingsPage);
+const RolloutsPage = lazy(async () => (await import("./rollouts")).RolloutsPage);
 const AdminPage = lazy(async () => (await import("./admin")).AdminPage);
 const HelpDialog = lazy(async () => (await import("./help")).HelpDialog, null);
 const SignInPage = lazy(async () => (await import("./sign_in")).SignInPage);
@@ -23,6 +24,7 @@ const SignInPage = lazy(async () => (await import("./sign_in")).SignInPage);
 const PAGES: Record<string, [string, ComponentType]> = {
   "/": ["Fleet", FleetPage],
   "/recordings": ["Recordings", RecordingsPage],
+  "/rollouts": ["Rollouts", RolloutsPage],
   "/admin": ["Admin", AdminPage],
   "/signin": ["Sign in", SignInPage],
 };
@@ -36,7 +38,7 @@ export function App() {
   const path = place.value.path;
   const out = shutOut.value;
   const robot = out ? null : robotOf(path);
-  const [title, Page] = PAGES[out ? "/signin" : path.replace(/^\/admin\/.*/, "/admin")] ?? ["No such page", NotFound];
+  const [title, Page] = PAGES[out ? "/signin" : path.replace(/^\/(admin|rollouts)\/.*/, "/$1")] ?? ["No such page", NotFound];
   useEffect(() => {
     document.title = `${robot ?? title} · Meta-ROS`;
   }, [robot, title]);
@@ -68,6 +70,7 @@ export function App() {
           <nav aria-label="Main">
             <Link href="/" current={path === "/"}>Fleet</Link>
             <Link href="/recordings" current={path === "/recordings"}>Recordings</Link>
+            {can("updates.read") && <Link href="/rollouts" current={/^\/rollouts(\/|$)/.test(path)}>Rollouts</Link>}
             {can("users.manage") && <Link href="/admin" current={/^\/admin(\/|$)/.test(path)}>Admin</Link>}
           </nav>
         )}

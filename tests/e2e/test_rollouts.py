@@ -1,0 +1,246 @@
+"""The Rollouts page over a real gateway: versions brought in waves to robots that fetch them as agents do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import AsyncExitStack
+from pathlib import Path
+
+import httpx
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from gateway.main import Ready
+from tests.e2e.conftest import PHONE, save
+from tests.e2e.real_gateway import RealGateway, real_gateway
+from tests.e2e.test_fleet_page import CONTRASTS
+from tests.support.key_ring import bearer
+from tests.support.releases import signed_release, start_signing
+from tests.support.story_robot import MARK, Defects, StoryRobot
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser"), pytest.mark.timeout(400)]
+
+OpenPage = Callable[..., Page]
+ROBOTS = [f"bot_{number:02}" for number in range(8)]
+SETTLED_MS = 120_000
+
+
+class Fleet:
+    """The gateway with its robots, and the people who sign."""
+
+    def __init__(self, gateway: RealGateway, folder: Path, defects: Defects) -> None:
+        self.gateway, self.folder, self.defects = gateway, folder, defects
+
+    def publish(self, version: str, *, defect: bool = False) -> None:
+        """Sign a version of the agent and bring it to the gateway."""
+        release = signed_release(self.folder, version, {MARK: b"on some robots"} if defect else None)
+        headers = {**bearer(self.gateway.admin), "content-type": "application/zip"}
+        url = f"{self.gateway.url}/api/v1/updates/bundles"
+        answer = httpx.post(url, content=release.content, headers=headers, timeout=60, trust_env=False)
+        assert answer.is_success, answer.text
+        self.gateway.ask("POST", "/updates/metadata", release.document)
+
+    def start(self, version: str, **changes: object) -> str:
+        """A rollout as a program starts it; its id."""
+        order = {"version": version, "selector": "fleet=yard", "waves": ["2", "100%"], "steady_s": 0.0, **changes}
+        return str(self.gateway.ask("POST", "/rollouts", order)["id"])
+
+
+@pytest.fixture
+def fleet(tmp_path: Path) -> Iterator[Fleet]:
+    """Eight robots of one yard; ada is an admin, bo an operator. Of a version with a defect the third trial fails."""
+    defects = Defects(good_trials=2, bad_trials=1)
+
+    async def crowd(ready: Ready, stack: AsyncExitStack) -> None:
+        for name in ROBOTS:
+            await stack.enter_async_context(StoryRobot(ready, name, tmp_path / "robots" / name, defects))
+
+    with real_gateway(tmp_path, crowd=crowd) as running:
+        running.user("ada", "admin")
+        running.user("bo", "operator")
+        for place, name in enumerate(ROBOTS):
+            labels = {"fleet": "yard", "kind": "arm" if place % 2 else "cart"}
+            running.ask("PATCH", f"/robots/{name}/labels", {"labels": labels})
+        made = Fleet(running, tmp_path / "people", defects)
+        start_signing(made.folder, running.ask("POST", "/updates/online-keys", {})["keys"])
+        yield made
+
+
+def page_of(
+    fleet: Fleet, open_page: OpenPage, path: str = "/rollouts", *, name: str = "ada", **options: object
+) -> Page:
+    """Somebody's page."""
+    page = open_page(fleet.gateway.link(name), **options)
+    expect(page.locator(".who")).to_be_visible()
+    page.goto(fleet.gateway.url + path)
+    expect(page.locator("h1")).to_be_visible()
+    return page
+
+
+def state_of(page: Page, state: str) -> None:
+    """Wait until the rollout shown is in that state."""
+    expect(page.locator(f"[data-rollout-state={state}]")).to_be_visible(timeout=SETTLED_MS)
+
+
+def wave(page: Page, number: int) -> Locator:
+    """The bar of a wave."""
+    return page.locator(f".card-waves [data-wave='{number}'] .wave-bar")
+
+
+def test_a_rollout_halts_by_itself_and_is_mended(fleet: Fleet, open_page: OpenPage) -> None:
+    fleet.publish("2.0.0", defect=True)
+    page = page_of(fleet, open_page)
+    expect(page.locator(".nothing")).to_contain_text("No rollout yet")
+    page.get_by_role("button", name="Start a rollout…").click()
+    dialog = page.get_by_role("dialog")
+    expect(dialog.locator("[data-named]")).to_have_attribute("data-named", "9")
+    dialog.get_by_label("Robots", exact=True).fill("fleet=(")
+    expect(dialog.get_by_role("alert")).to_contain_text("terms look like")
+    dialog.get_by_label("Robots", exact=True).fill("")
+    dialog.get_by_role("button", name="fleet=yard").click()
+    expect(dialog.get_by_label("Robots", exact=True)).to_have_value("fleet=yard")
+    expect(dialog.locator("[data-named]")).to_have_attribute("data-named", "8")
+    dialog.get_by_role("textbox", name="Waves").fill("2, 100%")
+    dialog.get_by_text("When a robot counts as failed").click()
+    dialog.get_by_label("…and for").fill("0")
+    dialog.get_by_role("button", name="Dry run").click()
+    plan = dialog.get_by_label("Dry run")
+    expect(plan.locator("h3")).to_have_text("agent 2.0.0 to 8 robots in 2 waves")
+    save(page, "rollouts-start")
+    dialog.get_by_role("textbox", name="Waves").fill("2, 4, 100%")
+    expect(dialog.get_by_role("button", name="Dry run")).to_be_visible()  # another plan is not started unseen
+    expect(plan).to_have_count(0)
+    assert fleet.gateway.ask("GET", "/rollouts")["rollouts"] == []
+    dialog.get_by_role("button", name="Dry run").click()
+    dialog.get_by_role("button", name="Start for 8 robots").click()
+    expect(page.locator("h1")).to_have_text("agent 2.0.0")
+
+    state_of(page, "halted")
+    (bad,) = fleet.defects.failed
+    expect(page.locator("[data-halted]")).to_contain_text(f"{bad} rolled_back: not healthy within its window")
+    expect(wave(page, 1)).to_have_attribute("aria-label", "Wave 1: 2 done")
+    expect(wave(page, 2)).to_have_attribute("aria-label", "Wave 2: 3 done, 1 failed", timeout=SETTLED_MS)
+    expect(wave(page, 3)).to_have_attribute("aria-label", "Wave 3: 2 waiting")
+    expect(page.locator("tr[data-member]").first).to_have_attribute("data-member", bad)
+    save(page, "rollouts-halted")
+    page.get_by_role("button", name="failed 1").click()
+    expect(page.locator("tr[data-member]")).to_have_count(1)
+    assert page.url.endswith("?state=failed")
+    page.get_by_role("button", name="all 8").click()
+
+    fleet.publish("2.0.1")
+    page.get_by_role("button", name="Resume…").click()
+    dialog = page.get_by_role("dialog")
+    dialog.get_by_role("radio", name="Begin again with 2.0.1").check()
+    save(page, "rollouts-resume")
+    dialog.get_by_role("button", name="Resume", exact=True).click()
+    expect(page.locator("h1")).to_have_text("agent 2.0.1")
+    state_of(page, "done")
+    expect(page.locator("tr[data-member-state=done]")).to_have_count(8)
+    save(page, "rollouts-done")
+    page.get_by_role("link", name="Rollouts", exact=True).last.click()
+    expect(page.locator("[data-rollout][data-state=done]")).to_have_count(1)
+
+
+def test_it_is_paused_resumed_and_ended_with_reasons(fleet: Fleet, open_page: OpenPage) -> None:
+    fleet.publish("2.0.0")
+    rid = fleet.start("2.0.0", selector="robot in (bot_00, sim_1)", waves=["1", "1"], health_s=600.0)
+    page = page_of(fleet, open_page, f"/rollouts/{rid}")
+    page.get_by_role("button", name="Pause…").click()
+    page.get_by_role("dialog").get_by_label("Why").fill("lunch <b>break</b>")
+    page.get_by_role("dialog").get_by_role("button", name="Pause").click()
+    state_of(page, "paused")
+    expect(page.locator(".rollout-note")).to_contain_text("lunch <b>break</b>")
+    save(page, "rollouts-paused")
+    page.get_by_role("button", name="Resume…").click()
+    page.get_by_role("dialog").get_by_role("button", name="Resume", exact=True).click()
+    state_of(page, "running")
+    page.get_by_role("button", name="End it…").click()
+    page.get_by_role("dialog").get_by_label("Why").fill("wrong robots")
+    page.get_by_role("dialog").get_by_role("button", name="End it").click()
+    state_of(page, "aborted")
+    expect(page.locator(".rollout-note")).to_contain_text("wrong robots")
+    expect(page.get_by_role("button", name="End it…")).to_have_count(0)
+
+
+def test_an_operator_looks_and_does_not_steer(fleet: Fleet, open_page: OpenPage) -> None:
+    fleet.publish("2.0.0")
+    rid = fleet.start("2.0.0", selector="robot=sim_1", health_s=600.0)
+    page = page_of(fleet, open_page, name="bo")
+    expect(page.get_by_text("Admins may start rollouts; bo is an operator.")).to_be_visible()
+    expect(page.get_by_role("button", name="Start a rollout…")).to_have_count(0)
+    page.locator(f"[data-rollout='{rid}'] .rollout-link").click()
+    expect(page.get_by_text("Admins may steer rollouts")).to_be_visible()
+    for name in ("Pause…", "Resume…", "End it…"):
+        expect(page.get_by_role("button", name=name)).to_have_count(0)
+    page.goto(f"{fleet.gateway.url}/rollouts/versions")
+    expect(page.locator("tr[data-bundle]")).to_have_count(1)
+    expect(page.get_by_role("button", name="Withdraw")).to_have_count(0)
+
+
+def test_versions_and_a_withdrawal(fleet: Fleet, open_page: OpenPage) -> None:
+    page = page_of(fleet, open_page, "/rollouts/versions")
+    expect(page.locator(".nothing")).to_contain_text("No version is uploaded yet")
+    for version in ("2.9.0", "2.10.0"):
+        fleet.publish(version)
+    page.reload()
+    rows = page.locator("tr[data-bundle]")
+    expect(rows.locator("[data-label=Version]")).to_have_text(["2.10.0", "2.9.0"])
+    expect(rows.first).to_contain_text("ready")
+    expect(page.locator("[data-role=targets]")).to_contain_text("people sign it, offline")
+    rows.first.get_by_role("button", name="Withdraw").click()
+    page.get_by_role("dialog").get_by_label("Why").fill("burns motors")
+    page.get_by_role("dialog").get_by_role("button", name="Withdraw").click()
+    expect(rows.first).to_contain_text("withdrawn")
+    expect(rows.first).to_contain_text("burns motors")
+    save(page, "rollouts-versions")
+    page.goto(f"{fleet.gateway.url}/rollouts")
+    page.get_by_role("button", name="Start a rollout…").click()
+    expect(page.get_by_role("dialog").locator("option")).to_have_text(["agent 2.9.0"])
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_fits_a_phone_and_can_be_read(fleet: Fleet, open_page: OpenPage, scheme: str) -> None:
+    fleet.publish("2.0.0", defect=True)
+    rid = fleet.start("2.0.0", waves=["2", "4", "100%"])
+    desk = page_of(fleet, open_page, f"/rollouts/{rid}", scheme=scheme)
+    state_of(desk, "halted")
+    expect(wave(desk, 2)).to_have_attribute("aria-label", "Wave 2: 3 done, 1 failed", timeout=SETTLED_MS)
+    fleet.publish("3.0.0")
+    fleet.start("3.0.0", selector="robot=sim_1", health_s=600.0)
+    for path, name in (("/rollouts", "list"), (f"/rollouts/{rid}", "one"), ("/rollouts/versions", "versions")):
+        desk.goto(fleet.gateway.url + path)
+        expect(desk.locator("[data-rollout], [data-member], [data-bundle]").first).to_be_visible()
+        save(desk, f"rollouts-{name}-desk-{scheme}")
+        assert desk.evaluate(CONTRASTS) == [], path
+    page = page_of(fleet, open_page, size=PHONE, touch=True, scheme=scheme)
+    for path, name in (("/rollouts", "list"), (f"/rollouts/{rid}", "one"), ("/rollouts/versions", "versions")):
+        page.goto(fleet.gateway.url + path)
+        expect(page.locator("[data-rollout], [data-member], [data-bundle]").first).to_be_visible()
+        save(page, f"rollouts-{name}-phone-{scheme}")
+        assert page.evaluate("document.documentElement.scrollWidth") == PHONE["width"], path
+        assert page.evaluate(CONTRASTS) == [], path
+    page.goto(f"{fleet.gateway.url}/rollouts")
+    page.get_by_role("button", name="Start a rollout…").click()
+    expect(page.get_by_role("dialog").locator("[data-named]")).to_be_visible()
+    save(page, f"rollouts-start-phone-{scheme}")
+    assert page.evaluate(CONTRASTS) == []
+
+
+def test_markup_in_labels_and_reasons_is_inert(fleet: Fleet, open_page: OpenPage) -> None:
+    fleet.publish("2.0.0")
+    rid = fleet.start("2.0.0", selector="robot=sim_1", health_s=600.0)
+    fleet.gateway.ask("POST", f"/rollouts/{rid}/pause", {"reason": "<img src=x onerror='window.__ran=1'>"})
+    page = page_of(fleet, open_page)
+    expect(page.locator("[data-rollout]")).to_contain_text("<img src=x")
+    page.goto(f"{fleet.gateway.url}/rollouts/{rid}")
+    expect(page.locator(".rollout-note")).to_contain_text("<img src=x")
+    assert page.evaluate("window.__ran") is None
+    assert page.locator("main img").count() == 0
+
+
+def test_what_is_no_rollout_is_said(fleet: Fleet, open_page: OpenPage) -> None:
+    page = page_of(fleet, open_page, "/rollouts/nonsense")
+    expect(page.locator(".nothing")).to_have_text("There is no such rollout.")
+    page.goto(f"{fleet.gateway.url}/rollouts/{'0' * 26}")
+    expect(page.get_by_role("alert")).to_contain_text("there is no rollout")
