@@ -19,6 +19,7 @@ CAMPAIGNS = {
     "disks": "full disks on the robot and on the gateway, 20 times each",
     "history": "200 times kill -9 of a gateway that compacts, purges and exports",
     "simulator": "50,000 seeded worlds of the link's two halves",
+    "twin": "100 worlds in which people edit twins a thousand times while everything breaks",
     "fuzz": "every decoder of foreign bytes, a minute each, guided by coverage where atheris is installed",
     "recovery": "how long until `metaros agent` and `metaros gateway` are back after kill -9",
 }

@@ -27,6 +27,7 @@ class Original:
     life: str
     parameters: dict[str, Any] = field(default_factory=dict)
     lifecycle: str = ""
+    guessed: bool = False  # taken over from the life before: what is not the twin's now is the node's own
 
 
 class Originals:

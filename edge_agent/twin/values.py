@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from edge_agent.errors import DiskError
@@ -18,7 +18,7 @@ from edge_agent.scope import Scope
 from edge_agent.twin.lifecycle import next_step
 from edge_agent.twin.originals import Original, Originals
 from edge_agent.twin.services import NodeServices
-from metaros.errors import MetarosError, ParameterError
+from metaros.errors import MetarosError, ParameterError, UnavailableError
 from metaros.limits import LIMITS
 from metaros.node.parameters import SetResult
 from metaros.node.parameters.values import fit, infer, kind_of
@@ -151,6 +151,7 @@ class NodeValues:
                 node.values, node.refused = {}, {}
                 await self._parameters(name, node, original)
                 await self._lifecycle(name, node, original)
+            self._same_life(name, original)
             await self._originals.keep()
             node.done, node.life, node.trouble = True, life, ""
             if node.idle and not (original.parameters or original.lifecycle):
@@ -185,7 +186,7 @@ class NodeValues:
                 node.values[key] = fitting
                 continue
             setting[key] = fitting
-            if key not in original.parameters:
+            if key not in original.parameters or original.guessed:
                 original.parameters[key] = now.get(key)
                 fresh.add(key)
         if setting:
@@ -196,6 +197,15 @@ class NodeValues:
                     original.parameters.pop(key, None)
             for key in back:  # as it was, or as far as the node lets it
                 original.parameters.pop(key, None)
+
+    def _same_life(self, name: str, original: Original) -> None:
+        """A node that was started again meanwhile may have been changed in either life: the next one has the values
+        of the same start, so that what is known of them goes on.
+        """
+        life = self._services.lives().get(name, "")
+        if life and life != original.life:
+            self._originals.nodes[name] = replace(original, life=life, guessed=True)
+            raise UnavailableError(f"{name} was started again meanwhile")
 
     async def _keep(self, original: Original, fresh: set[str]) -> None:
         """Before the first change."""

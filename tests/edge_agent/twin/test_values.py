@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import random  # noqa: TID251 - seeded
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from typing import Any
 
@@ -18,68 +18,13 @@ from edge_agent.twin.originals import Originals
 from edge_agent.twin.values import NodeValues
 from metaros.errors import UnavailableError
 from metaros.node.parameters import SetResult
+from tests.support.ros_nodes import STEPS, RosNodes
 from tests.support.sim_disk import SimDisk
 from tests.support.waiting import wait_until_async
 
-STEPS = {1: "inactive", 2: "unconfigured", 3: "active", 4: "inactive", 5: "finalized", 6: "finalized", 7: "finalized"}
-
-
-class Nodes:
-    """Nodes with parameters; `refuses` names those that they do not take."""
-
-    def __init__(self, **nodes: dict[str, Any]) -> None:
-        self.nodes = {f"/r/{name}": dict(values) for name, values in nodes.items()}
-        self.life = dict.fromkeys(self.nodes, "1")
-        self.refuses: set[str] = set()
-        self.silent: set[str] = set()
-        self.states = dict.fromkeys(self.nodes, "unconfigured")
-        self.stuck: set[int] = set()
-        self.sets: list[tuple[str, dict[str, Any]]] = []
-        self.told: list[Callable[[], None]] = []
-
-    def lives(self) -> dict[str, str]:
-        return dict(self.life)
-
-    def on_change(self, callback: Callable[[], None]) -> Callable[[], None]:
-        self.told.append(callback)
-        return lambda: self.told.remove(callback)
-
-    def changed(self) -> None:
-        for callback in self.told:
-            callback()
-
-    def start(self, name: str, life: str, **values: Any) -> None:
-        self.nodes[name], self.life[name], self.states[name] = values, life, "unconfigured"
-        self.changed()
-
-    async def get(self, node: str, names: Sequence[str]) -> dict[str, Any]:
-        self.answer(node)
-        return {name: self.nodes[node].get(name) for name in names}
-
-    async def set(self, node: str, values: Mapping[str, Any]) -> Mapping[str, SetResult]:
-        self.answer(node)
-        self.sets.append((node, dict(values)))
-        taken = {name: value for name, value in values.items() if name not in self.refuses}
-        self.nodes[node].update(taken)
-        return {name: SetResult(name in taken, "" if name in taken else "too much") for name in values}
-
-    async def state(self, node: str) -> str:
-        self.answer(node)
-        return self.states[node]
-
-    async def change(self, node: str, transition: int) -> bool:
-        if transition in self.stuck:
-            return False
-        self.states[node] = STEPS[transition]
-        return True
-
-    def answer(self, node: str) -> None:
-        if node in self.silent:
-            raise UnavailableError(f"{node} does not answer")
-
 
 @asynccontextmanager
-async def seeing_to(nodes: Nodes, disk: SimDisk | None = None) -> AsyncIterator[NodeValues]:
+async def seeing_to(nodes: RosNodes, disk: SimDisk | None = None) -> AsyncIterator[NodeValues]:
     values = NodeValues(nodes, Scope("/r"), Originals(disk or SimDisk(random.Random(1))))
     task = asyncio.create_task(values.run())
     try:
@@ -95,7 +40,7 @@ def parameters(values: NodeValues, node: str = "/r/a") -> dict[str, Any]:
 
 
 async def test_values_are_fitted_to_the_kind_that_the_node_has() -> None:
-    nodes = Nodes(a={"rate": 1.0, "on": True, "sizes": [1.0, 2.0]})
+    nodes = RosNodes(a={"rate": 1.0, "on": True, "sizes": [1.0, 2.0]})
     async with seeing_to(nodes) as values:
         values.want({"a": {"rate": 2, "on": "yes", "sizes": [3, 4], "new": 1}}, None)
         await wait_until_async(lambda: parameters(values)["state"] == "refused")
@@ -104,7 +49,7 @@ async def test_values_are_fitted_to_the_kind_that_the_node_has() -> None:
 
 
 async def test_a_node_is_seen_to_again_after_each_of_its_starts() -> None:
-    nodes = Nodes(a={"rate": 1.0})
+    nodes = RosNodes(a={"rate": 1.0})
     async with seeing_to(nodes) as values:
         values.want({"/r/a": {"rate": 2.0}, "/r/late": {"x": 1}}, None)
         await wait_until_async(lambda: parameters(values)["state"] == "applied")
@@ -119,7 +64,7 @@ async def test_a_node_is_seen_to_again_after_each_of_its_starts() -> None:
 
 
 async def test_a_refused_value_is_named_and_not_asked_again() -> None:
-    nodes = Nodes(a={"rate": 1.0, "name": "x"})
+    nodes = RosNodes(a={"rate": 1.0, "name": "x"})
     nodes.refuses = {"rate"}
     async with seeing_to(nodes) as values:
         values.want({"a": {"rate": 9.0, "name": "y"}}, None)
@@ -135,7 +80,7 @@ async def test_a_refused_value_is_named_and_not_asked_again() -> None:
 
 async def test_a_node_that_does_not_answer_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "RETRY_S", 0.02)
-    nodes = Nodes(a={"rate": 1.0})
+    nodes = RosNodes(a={"rate": 1.0})
     nodes.silent = {"/r/a"}
     async with seeing_to(nodes) as values:
         values.want({"a": {"rate": 2.0}}, None)
@@ -146,7 +91,7 @@ async def test_a_node_that_does_not_answer_is_asked_again(monkeypatch: pytest.Mo
 
 
 async def test_changes_of_the_graph_do_not_hurry_a_node_that_does_not_answer() -> None:
-    nodes = Nodes(a={"rate": 1.0})
+    nodes = RosNodes(a={"rate": 1.0})
     nodes.silent = {"/r/a"}
     asked = 0
 
@@ -167,7 +112,7 @@ async def test_changes_of_the_graph_do_not_hurry_a_node_that_does_not_answer() -
 
 
 async def test_what_a_node_had_before_is_known_after_a_crash_of_the_agent() -> None:
-    nodes, disk = Nodes(a={"rate": 1.0}), SimDisk(random.Random(1))
+    nodes, disk = RosNodes(a={"rate": 1.0}), SimDisk(random.Random(1))
     async with seeing_to(nodes, disk) as values:
         values.want({"a": {"rate": 2.0}}, {"a": "active"})
         await wait_until_async(lambda: nodes.states["/r/a"] == "active" and parameters(values)["state"] == "applied")
@@ -180,7 +125,7 @@ async def test_what_a_node_had_before_is_known_after_a_crash_of_the_agent() -> N
 
 async def test_nothing_is_changed_where_what_was_before_cannot_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "RETRY_S", 0.02)
-    nodes, disk = Nodes(a={"rate": 1.0}), SimDisk(random.Random(1), size_bytes=10)
+    nodes, disk = RosNodes(a={"rate": 1.0}), SimDisk(random.Random(1), size_bytes=10)
     async with seeing_to(nodes, disk) as values:
         values.want({"a": {"rate": 2.0}}, None)
         await wait_until_async(lambda: "message" in parameters(values))
@@ -190,7 +135,7 @@ async def test_nothing_is_changed_where_what_was_before_cannot_be_kept(monkeypat
 
 
 async def test_a_transition_that_a_node_refuses_is_reported_with_where_it_stays() -> None:
-    nodes = Nodes(a={})
+    nodes = RosNodes(a={})
     nodes.stuck = {3}
     async with seeing_to(nodes) as values:
         values.want(None, {"a": "active"})
@@ -201,7 +146,7 @@ async def test_a_transition_that_a_node_refuses_is_reported_with_where_it_stays(
 
 
 async def test_nodes_outside_the_robots_namespace_are_never_asked() -> None:
-    nodes = Nodes()
+    nodes = RosNodes()
     nodes.nodes["/other/n"], nodes.life["/other/n"] = {"x": 1}, "1"
     async with seeing_to(nodes) as values:
         values.want({"/other/n": {"x": 2}}, None)
@@ -234,3 +179,28 @@ async def test_too_much_of_it_is_refused() -> None:
     originals.of("/r/a", "1").parameters = {"text": "x" * (1 << 20)}
     with pytest.raises(DiskError):
         await originals.keep()
+
+
+@pytest.mark.parametrize(("reached", "start"), [(True, 1.0), (False, 7.0)])
+async def test_a_node_that_starts_again_under_our_hands_gets_back_the_values_of_its_start(
+    reached: bool, start: float
+) -> None:
+    """It is asked in one life, and what is set of it comes to the next one, or still to the first."""
+    nodes = RosNodes(a={"rate": 1.0})
+    real = nodes.set
+
+    async def restarted(node: str, values: Mapping[str, Any]) -> Mapping[str, SetResult]:
+        nodes.set = real  # type: ignore[method-assign]
+        if reached:
+            nodes.start(node, "2", rate=start)
+        results = await real(node, values)
+        if not reached:
+            nodes.start(node, "2", rate=start)
+        return results
+
+    nodes.set = restarted  # type: ignore[method-assign]
+    async with seeing_to(nodes) as values:
+        values.want({"a": {"rate": 2.0}}, None)
+        await wait_until_async(lambda: parameters(values)["state"] == "applied" and nodes.nodes["/r/a"]["rate"] == 2.0)
+        values.want(None, None)
+        await wait_until_async(lambda: nodes.nodes["/r/a"]["rate"] == start)

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
 
 from gateway.domain.robot import Robot
+from gateway.fleet.robots import SendFrame
 from gateway.fleet.twin_feature import Twins
 from gateway.store import RobotWrite, Store
 from gateway.store.retention import Retention
 from metaros.clock import SystemClock
 from tests.gateway.fleet.twin_robot import ModelFleet, ModelRobot
 
-__all__ = ["Rig", "rig_on"]
+__all__ = ["Rig", "rig_on", "twins_on"]
 
 
 class Rig:
     """A store, the twins of one gateway, and model robots linked to it."""
 
-    def __init__(self, store: Store, fleet: ModelFleet) -> None:
-        self.store, self.fleet = store, fleet
-        self.twins = Twins(store, self.fleet.send, self.fleet.said, clock=SystemClock())
+    def __init__(self, store: Store, twins: Twins, fleet: ModelFleet) -> None:
+        self.store, self.twins, self.fleet = store, twins, fleet
 
     async def robot(self, name: str, **labels: str) -> ModelRobot:
         """One that has connected before, and is linked now."""
@@ -62,17 +62,27 @@ class Rig:
 
 
 @asynccontextmanager
-async def rig_on(url: str, folder: Path, fleet: ModelFleet | None = None) -> AsyncIterator[Rig]:
-    """A gateway's twins on a store, at work."""
+async def twins_on(
+    url: str, folder: Path, send: SendFrame, said: Callable[[str], Mapping[str, str]]
+) -> AsyncIterator[tuple[Store, Twins]]:
+    """A gateway's twins on a store, at work. At the end they are gone as after kill -9."""
     retention = Retention(age_s=3600.0, size_bytes=1 << 30)
     store = Store(folder, clock=SystemClock(), retention=retention, queue_bytes=1 << 20, url=url)
     store.start()
-    rig = Rig(store, fleet or ModelFleet())
-    await rig.twins.start()
-    running = asyncio.create_task(rig.twins.run())
+    twins = Twins(store, send, said, clock=SystemClock())
+    await twins.start()
+    running = asyncio.create_task(twins.run())
     try:
-        yield rig
+        yield store, twins
     finally:
         running.cancel()
         await asyncio.gather(running, return_exceptions=True)
         await store.close()
+
+
+@asynccontextmanager
+async def rig_on(url: str, folder: Path, fleet: ModelFleet | None = None) -> AsyncIterator[Rig]:
+    """The same, with model robots."""
+    fleet = fleet or ModelFleet()
+    async with twins_on(url, folder, fleet.send, fleet.said) as (store, twins):
+        yield Rig(store, twins, fleet)
