@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gateway.domain.selector import Selector
-from metaros.twin import merge_all
+from metaros.twin import KINDS_OF_NODE, merge, merge_all
 
 __all__ = [
     "CODE_KEYS",
@@ -106,9 +106,25 @@ def made_of(templates: Iterable[Template], robot: str, labels: Mapping[str, str]
     return sorted(named, key=lambda item: (item.priority, item.name))
 
 
-def effective(templates: Sequence[Template], own: Mapping[str, Any]) -> dict[str, Any]:
-    """Templates in their order and the robot's own document on top; to be checked by `metaros.twin.parse`."""
-    return merge_all([*(item.document for item in templates), own])
+def effective(
+    templates: Sequence[Template], own: Mapping[str, Any], *, before: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Templates in their order and the robot's own document on top; to be checked by `metaros.twin.parse`.
+
+    What `own` says of a template's node (that it is stopped, its version) waits while no template brings that node: it
+    breaks nothing. Where `before` is given, only what that own document said already: a change has to make sense now.
+    """
+    below = merge_all(item.document for item in templates)
+    whole = merge(below, own)
+    rows, known = own.get("nodes") or {}, own if before is None else before
+    said = known.get("nodes") or {}
+    for name, row in rows.items():
+        bare = isinstance(row, dict) and not any(row.get(key) for key in KINDS_OF_NODE)
+        if bare and name not in (below.get("nodes") or {}) and said.get(name) == row:
+            del whole["nodes"][name]
+            if not whole["nodes"]:
+                del whole["nodes"]
+    return whole
 
 
 def changes_code(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:

@@ -95,7 +95,7 @@ class Plan:
         self.said = read_labels(engine, robots)
         self.twins = read_twins(engine, robots)
         self.templates = read_templates(engine)
-        self._wholes: dict[tuple[tuple[str, ...], bytes], tuple[bytes, bytes] | TwinError] = {}
+        self._wholes: dict[tuple[tuple[str, ...], bytes, bytes], tuple[bytes, bytes] | TwinError] = {}
         self._owns: dict[tuple[bytes, int], tuple[Edit, bytes]] = {}
 
     def labels(self, robot: str) -> dict[str, str]:
@@ -126,7 +126,7 @@ class Plan:
             )
         named = made_of(self.templates.values(), robot, {**self.said[robot], **given})
         marks = tuple(item.mark for item in named)
-        whole = self._whole(named, marks, own)
+        whole = self._whole(named, marks, own, before.own)
         error = whole if isinstance(whole, TwinError) else None
         document, sha256 = (before.document, before.sha256) if isinstance(whole, TwinError) else whole
         problem = str(error)[:1000] if error is not None else ""
@@ -158,15 +158,17 @@ class Plan:
             found = self._owns[key] = edit, canonical(parse_part(wanted))  # kept with it: its id stays its own
         return found[1]
 
-    def _whole(self, named: list[Template], marks: tuple[str, ...], own: bytes) -> tuple[bytes, bytes] | TwinError:
-        found = self._wholes.get((marks, own))
+    def _whole(
+        self, named: list[Template], marks: tuple[str, ...], own: bytes, before: bytes
+    ) -> tuple[bytes, bytes] | TwinError:
+        found = self._wholes.get((marks, own, before))
         if found is None:
             try:
-                data = parse(effective(named, read(own))).canonical
+                data = parse(effective(named, read(own), before=read(before))).canonical
                 found = data, digest(data)
             except TwinError as error:
                 found = error
-            self._wholes[marks, own] = found
+            self._wholes[marks, own, before] = found
         return found
 
 

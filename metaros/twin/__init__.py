@@ -8,9 +8,11 @@ from metaros.twin.document import NodeWanted, TopicWanted, Twin, parse, parse_pa
 from metaros.twin.errors import TwinError
 from metaros.twin.merge import merge, merge_all, patch_between, same
 from metaros.twin.schema import json_schema
+from metaros.twin.tables import KINDS_OF_NODE
 
 __all__ = [
     "ABSENT",
+    "KINDS_OF_NODE",
     "MAX_BYTES",
     "MAX_DEPTH",
     "Change",

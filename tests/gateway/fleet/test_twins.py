@@ -132,6 +132,24 @@ async def test_code_does_not_hide_behind_a_document_that_cannot_be_made(rig: Rig
     assert (await rig.twins.desk.edit("r1", mended, ADMIN, dry_run=False)).after.problem == ""
 
 
+async def test_what_is_said_of_a_templates_node_does_not_hold_the_template(rig: Rig) -> None:
+    """An operator of one robot stops a node there, a rollout gives it a version: the template is the admin's still."""
+    robot = await rig.robot("r1", a="1")
+    node = {"nodes": {"lidar": {"allowed": "lidar"}}}
+    await template(rig, "first", "a", node)
+    await patch(rig, "r1", {"nodes": {"lidar": {"run": False}}}, OPERATOR)
+    await rig.twins.templates.remove("first", editor=ADMIN, dry_run=False)
+    desired = (await rig.twins.desk.state("r1")).desired
+    assert (desired.document, desired.problem) == (b"{}", "")
+    await rig.work(lambda: robot.state == "applied" and robot.document == b"{}")
+    with pytest.raises(TwinError, match="exactly one of"):
+        await patch(rig, "r1", {"nodes": {"lidar": {"run": True}}}, OPERATOR)
+    await patch(rig, "r1", {"budget": {"bytes_per_s": 9000}}, OPERATOR)
+    await template(rig, "again", "a", node)
+    living = orjson.loads((await rig.twins.desk.state("r1")).desired.document)["nodes"]
+    assert living == {"lidar": {"allowed": "lidar", "run": False}}, "it is stopped still"
+
+
 async def test_labels_are_bounded_in_sum(rig: Rig) -> None:
     await rig.robot("r1")
     for start in range(0, MAX_LABELS, 16):
