@@ -115,7 +115,7 @@ def effective(
     breaks nothing. Where `before` is given, only what that own document said already: a change has to make sense now.
     """
     below = merge_all(item.document for item in templates)
-    whole = merge(below, own)
+    whole: dict[str, Any] = merge(below, own)
     rows, known = own.get("nodes") or {}, own if before is None else before
     said = known.get("nodes") or {}
     for name, row in rows.items():
