@@ -23,6 +23,7 @@ from edge_agent.nodes.launcher import Launcher
 from edge_agent.nodes.ledger import Ledger
 from edge_agent.nodes.rows import Place, as_json, check_allowed, row_of
 from edge_agent.nodes.trial import Trial
+from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.errors import ConfigError, MetarosError
 from metaros.limits import LIMITS
@@ -124,9 +125,12 @@ class NodeDesk:
         page = {key: found[key] for key in ("lines", "cursor", "more")}
         return json.dumps(page, ensure_ascii=False).encode(errors="replace")
 
-    async def leases(self, given: list[tuple[str, str, float]], *, at_s: float) -> None:
-        """The leases of migratable nodes, as they were given at `at_s` of `metaros.clock.boot_s`."""
-        rows = [{"node": node, "lease_id": lease, "valid_s": valid_s} for node, lease, valid_s in given]
+    async def leases(self, given: list[link_pb2.NodeLease], *, at_s: float) -> None:
+        """The leases of migratable nodes; they count from `at_s` of `metaros.clock.boot_s`."""
+        rows = [
+            {"node": one.node, "lease_id": one.lease_id, "valid_s": one.valid_ms / 1000, "epoch": one.epoch}
+            for one in given
+        ]
         await self.line.ask("leases", start=self._launcher.has_table, leases=rows, at_s=at_s)
 
     # -- work ------------------------------------------------------------------------------------------------------

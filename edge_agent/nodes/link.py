@@ -8,9 +8,10 @@ from collections.abc import Callable, Mapping
 
 from edge_agent.commands import Action
 from edge_agent.nodes.desk import NodeDesk
+from edge_agent.nodes.moments import Moments
 from edge_agent.uplink.desk import Tell, Told
 from metaros._proto import link_pb2
-from metaros.clock import Clock, boot_s
+from metaros.clock import boot_s
 from metaros.errors import MetarosError
 
 __all__ = ["NodeLink"]
@@ -19,14 +20,16 @@ LOG = logging.getLogger("metaros.agent.nodes")
 
 
 class NodeLink:
-    """Takes NodeLeases frames, newest first; `actions` are for the agent's commands."""
+    """Takes NodeLeases frames and answers each; `actions` are for the agent's commands."""
 
-    def __init__(self, desk: NodeDesk, clock: Clock, *, lease_s: Callable[[], float] = boot_s) -> None:
+    def __init__(self, desk: NodeDesk, *, lease_s: Callable[[], float] = boot_s) -> None:
         self.desk = desk
         self.frames = frozenset({"node_leases"})
-        self._clock = clock
         self._lease_s = lease_s
-        self._newest: tuple[list[tuple[str, str, float]], float] | None = None
+        self._tell: Tell = _nobody
+        self._moments = Moments()
+        self._newest: tuple[list[link_pb2.NodeLease], float] | None = None
+        self._held = False
         self._came = asyncio.Event()
 
     @property
@@ -35,23 +38,25 @@ class NodeLink:
         return {"node_verb": self._verb, "read_log": self._read_log}
 
     def link_up(self, tell: Tell, welcome: link_pb2.Welcome) -> None:
-        """Nothing: the gateway gives leases when it has heard of us."""
+        """The gateway asks; what was told over another link gives no lease over this one."""
+        self._tell = tell
+        self._moments.forget()
 
     def link_down(self) -> None:
-        """Nothing: the leases run out by themselves, unless the link is back in time."""
+        """The leases run out by themselves, unless the link is back in time."""
+        self._tell = _nobody
+        self._moments.forget()
 
     def take(self, told: Told) -> None:
-        """The leases that are held now. A frame whose age nobody knows could be any old: it is left out."""
-        if told.age_s is None:
-            LOG.warning("leases of unknown age: left out")
-            return
-        age_s = max(told.age_s, 0.0) + max(self._clock.monotonic_s() - told.arrived_s, 0.0)
-        leases = [(one.node, one.lease_id, one.valid_ms / 1000) for one in told.frame.node_leases.leases]
-        at_s = self._lease_s() - age_s
-        if self._newest is not None and at_s < self._newest[1]:
-            return
-        self._newest = (leases, at_s)
-        self._came.set()
+        """The leases that are held now, from a moment that we told over this link; and an answer with another one."""
+        frame = told.frame.node_leases
+        moment = link_pb2.LeasesTaken(boot_ns=self._moments.tell(round(self._lease_s() * 1e9)))
+        self._tell(link_pb2.AgentFrame(leases_taken=moment))
+        leases = list(frame.leases)
+        if self._moments.knows(frame.since_ns) and (leases or self._held):
+            self._held = bool(leases)
+            self._newest = (leases, frame.since_ns / 1e9)
+            self._came.set()
 
     async def run(self) -> None:
         """Run the desk, and hand leases to the supervisor, for ever."""
@@ -81,3 +86,7 @@ class NodeLink:
         return await self.desk.read_log(
             what.node, cursor=what.cursor, max_bytes=what.max_bytes, query=what.query, backwards=what.backwards
         )
+
+
+def _nobody(frame: link_pb2.AgentFrame) -> None:
+    """There is no link."""

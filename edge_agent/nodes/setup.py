@@ -36,7 +36,7 @@ def open_nodes(settings: Settings, directory: Path, clock: Clock, *, domain: int
         clock=clock,
         bundles=bundles,
     )
-    return NodeLink(desk, clock)
+    return NodeLink(desk)
 
 
 def _session(settings: Settings, *, enrolled: bool) -> dict[str, str]:

@@ -19,11 +19,10 @@ Tell = Callable[[link_pb2.AgentFrame], None]
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """A frame for a desk. `age_s` is how long ago it was sent by its own stamp; None where there is no telling."""
+    """A frame for a desk, and when it came."""
 
     frame: link_pb2.GatewayFrame
     arrived_s: float
-    age_s: float | None = None
 
 
 class LinkDesk(Protocol):

@@ -219,7 +219,7 @@ class AgentSession:
                 self.offset.saw(frame.teleop.sent_ns)
                 return [TeleopArrived(frame.teleop, self.offset.age_s(frame.teleop.sent_ns) or 0.0)]
             case str() as kind if kind in DESK_FRAMES:
-                return [Told(frame, self._heard_s, self._age_s(frame))]
+                return [Told(frame, self._heard_s)]
             case None:
                 LOG.debug("a frame that this agent does not know")  # of a newer gateway
             case other:
@@ -242,10 +242,6 @@ class AgentSession:
     def tell(self, frame: link_pb2.AgentFrame) -> None:
         """Queue a desk's frame on the control lane."""
         self._lanes[CONTROL].put(frame)
-
-    def _age_s(self, frame: link_pb2.GatewayFrame) -> float | None:
-        """How long ago a frame was sent, where it says when."""
-        return self.offset.age_s(frame.node_leases.sent_ns) if frame.node_leases.sent_ns else None
 
     def next_frame(self, lane: link_pb2.Lane) -> bytes | None:
         """What to write on the lane now, a serialised AgentFrame; None when there is nothing yet."""

@@ -111,6 +111,13 @@ class TwinReported:
 
 
 @dataclass(frozen=True, slots=True)
+class LeasesAnswered:
+    """The robot told a moment of its clock, from which leases may count."""
+
+    boot_ns: int
+
+
+@dataclass(frozen=True, slots=True)
 class Resulted:
     """A command's result."""
 
@@ -152,6 +159,7 @@ Event = (
     | Reported
     | Resulted
     | TwinReported
+    | LeasesAnswered
     | OverQuota
     | Measured
     | Closed

@@ -6,12 +6,12 @@ from typing import Final
 
 from gateway.domain.recording import is_recording_id
 from gateway.errors import ProtocolError
-from gateway.ingest.events import RecordingArrived, TwinReported
+from gateway.ingest.events import LeasesAnswered, RecordingArrived, TwinReported
 from gateway.ingest.hello import LANES
 from metaros._proto import link_pb2
 from metaros.limits import Limits
 
-__all__ = ["read_part", "read_twin"]
+__all__ = ["read_moment", "read_part", "read_twin"]
 
 CONTROL, _, BACKFILL = LANES
 TWIN_STATES: Final = frozenset({"applied", "applying", "confirming", "reverted", "refused"})
@@ -35,3 +35,10 @@ def read_twin(lane: int, report: link_pb2.TwinReport, *, limits: Limits) -> Twin
     if report.ByteSize() > limits.twin_report_bytes:
         raise ProtocolError(f"a report of the twin has at most {limits.twin_report_bytes} bytes")
     return TwinReported(report)
+
+
+def read_moment(lane: int, taken: link_pb2.LeasesTaken) -> LeasesAnswered:
+    """A moment of the robot's clock. Raises ProtocolError."""
+    if lane != CONTROL or taken.boot_ns <= 0:
+        raise ProtocolError("an answer to leases has a bad lane or time")
+    return LeasesAnswered(taken.boot_ns)

@@ -18,6 +18,7 @@ from gateway.ingest.events import (
     Closed,
     Event,
     GapDeclared,
+    LeasesAnswered,
     Measured,
     Online,
     OverQuota,
@@ -64,6 +65,7 @@ class LinkHooks:
     on_result: Callable[[str, link_pb2.CommandResult], None]
     on_recording: Callable[[str, link_pb2.RecordingPart], None] = lambda robot, part: None
     on_twin: Callable[[str, link_pb2.TwinReport], None] = lambda robot, report: None
+    on_leases: Callable[[str, int], None] = lambda robot, boot_ns: None
     fetch_token: Callable[[str], str] = lambda robot: ""
 
 
@@ -312,6 +314,8 @@ class Links:
             self._hooks.on_result(robot_id, event.result)
         elif isinstance(event, TwinReported):
             self._hooks.on_twin(robot_id, event.report)
+        elif isinstance(event, LeasesAnswered):
+            self._hooks.on_leases(robot_id, event.boot_ns)
         elif isinstance(event, OverQuota):
             self._over_quota(record, event)
         elif isinstance(event, Measured):

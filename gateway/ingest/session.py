@@ -33,7 +33,7 @@ from gateway.ingest.events import (
     Send,
     WriterKnown,
 )
-from gateway.ingest.forms import read_part, read_twin
+from gateway.ingest.forms import read_moment, read_part, read_twin
 from gateway.ingest.hello import LANES, check_hello, read_channel, read_series
 from gateway.ingest.quota import Meter
 from gateway.ingest.streams import StreamTable
@@ -101,6 +101,7 @@ class Session:
             "resumed": self._on_resumed,
             "recording": lambda lane, frame, now_s, wall_ns: [read_part(lane, frame.recording, limits=limits)],
             "twin": lambda lane, frame, now_s, wall_ns: [read_twin(lane, frame.twin, limits=limits)],
+            "leases_taken": lambda lane, frame, now_s, wall_ns: [read_moment(lane, frame.leases_taken)],
         }
         self._token = 0
         self._schema_bytes = 0

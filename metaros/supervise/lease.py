@@ -36,6 +36,7 @@ class Lease:
     until_s: float
     valid_s: float  # what it was given for
     taken_back: bool = False  # to be stopped now, and dead by its end
+    epoch: int = 0  # the fencing number, told to the node
 
     def stop_at_s(self, grace_s: float) -> float:
         """When to ask the node to stop, if the lease is not renewed; `grace_s` is the node's own grace time."""
@@ -65,7 +66,14 @@ class Leases:
         """Its lease, over or not."""
         return self._held.get(node)
 
-    def replace(self, given: Iterable[tuple[str, str, float]], *, age_s: float, now_s: float) -> None:
+    def replace(
+        self,
+        given: Iterable[tuple[str, str, float]],
+        *,
+        age_s: float,
+        now_s: float,
+        epochs: Mapping[str, int] | None = None,
+    ) -> None:
         """Take (node, lease id, seconds) for all that are held; the rest is taken back. They were given `age_s` ago:
         words that are older than the last ones, and come late, change nothing.
         """
@@ -76,7 +84,7 @@ class Leases:
         held: dict[str, Lease] = {}
         for node, lease_id, valid_s in given:
             valid_s = min(max(valid_s, 0.0), MOST_S)
-            held[node] = Lease(lease_id, given_at_s + valid_s, valid_s)
+            held[node] = Lease(lease_id, given_at_s + valid_s, valid_s, epoch=(epochs or {}).get(node, 0))
         for node, lease in self._held.items():  # taken back: stop now, dead by its old end
             if node not in held and lease.until_s > now_s:
                 held[node] = replace(lease, taken_back=True)

@@ -11,7 +11,7 @@ import logging
 import os
 import secrets
 import sys
-from collections.abc import Callable, Coroutine, Iterable
+from collections.abc import Callable, Coroutine, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -32,6 +32,7 @@ __all__ = ["NodeService"]
 
 LOG = logging.getLogger("metaros.supervisor")
 TABLE: Final = "supervisor.json"
+LEASE_EPOCH: Final = "METAROS_LEASE_EPOCH"  # the fencing number, for a migratable node to give to what it writes to
 LEASE_STEP_S: Final = 0.1  # leases are looked at so often, however late a timer is after a suspended machine
 _TOLD_CRASHES = (EventKind.EXITED, EventKind.KILLED)
 
@@ -161,9 +162,11 @@ class NodeService:
         if not self._supervisor.send(self._row(name).name, number):
             raise UnavailableError(f"{name} does not run")
 
-    def set_leases(self, given: Iterable[tuple[str, str, float]], *, age_s: float) -> None:
+    def set_leases(
+        self, given: Iterable[tuple[str, str, float]], *, age_s: float, epochs: Mapping[str, int] | None = None
+    ) -> None:
         """The leases that are held now, as they were given `age_s` ago; all others are taken back."""
-        self._leases.replace(given, age_s=age_s, now_s=self.lease_s())
+        self._leases.replace(given, age_s=age_s, now_s=self.lease_s(), epochs=epochs)
         for name in self._rows:
             self._on_duty(name)
         self._say_changed()
@@ -318,6 +321,8 @@ class NodeService:
     # -- parts -----------------------------------------------------------------------------------------------------
 
     def _launch(self, row: Row) -> Launch:
+        lease = self._leases.get(row.name) if row.migratable else None
+        fencing = {LEASE_EPOCH: str(lease.epoch)} if lease is not None else {}
         return Launch(
             name=row.name,
             argv=row.argv,
@@ -325,7 +330,7 @@ class NodeService:
             log_bytes=row.log_bytes,
             log_stamped=True,
             stage=self._stages[row.name],
-            env=row.env,
+            env={**row.env, **fencing},
             cwd=Path(row.cwd) if row.cwd else self.directory,
             policy=row.policy,
             after=row.after,

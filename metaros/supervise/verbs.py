@@ -122,7 +122,7 @@ class Verbs:
         given = request.get("leases")
         if not isinstance(given, list) or len(given) > MAX_ROWS:
             raise ConfigError(f"leases: expected a list of at most {MAX_ROWS}")
-        leases = []
+        leases, epochs = [], {}
         for item in given:
             if not isinstance(item, dict):
                 raise ConfigError("leases: expected objects")
@@ -130,10 +130,11 @@ class Verbs:
             if not isinstance(lease_id, str) or len(lease_id) > 128:
                 raise ConfigError("lease_id: expected a text of at most 128 characters")
             leases.append((_node(item), lease_id, _seconds(item, "valid_s", math.inf)))
+            epochs[_node(item)] = _epoch(item)
         at_s, now_s = _seconds(request, "at_s", math.inf), self._service.lease_s()
         if not at_s or at_s > now_s + 0.001:
             raise ConfigError("at_s: when the leases were given, by the clock of leases of this machine")
-        self._service.set_leases(leases, age_s=now_s - at_s)
+        self._service.set_leases(leases, age_s=now_s - at_s, epochs=epochs)
         return {}
 
     async def _shutdown(self, request: Request) -> Answer:
@@ -146,6 +147,13 @@ def _node(request: Request) -> str:
     if not isinstance(name, str):
         raise ConfigError("node: expected a name")
     return name
+
+
+def _epoch(request: Request) -> int:
+    epoch = request.get("epoch", 0)
+    if isinstance(epoch, bool) or not isinstance(epoch, int) or not 0 <= epoch < 1 << 63:
+        raise ConfigError("epoch: expected a number from 0")
+    return epoch
 
 
 def _text(request: Request, key: str) -> str:

@@ -104,7 +104,9 @@ class Rig:
         )
 
     async def start(self) -> None:
-        self.link = NodeLink(self.desk, SystemClock())
+        self.link = NodeLink(self.desk)
+        self.told: list[link_pb2.AgentFrame] = []
+        self.link.link_up(self.told.append, link_pb2.Welcome())
         self._task = asyncio.create_task(self.link.run())
 
     async def stop(self) -> None:
@@ -296,24 +298,30 @@ async def test_a_broken_version_goes_back_by_itself_and_is_told(rig: Rig) -> Non
 # -- leases ------------------------------------------------------------------------------------------------------------
 
 
-def leases(age_s: float | None, *rows: tuple[str, int]) -> Told:
-    frame = link_pb2.GatewayFrame(
-        node_leases=link_pb2.NodeLeases(
-            leases=[link_pb2.NodeLease(node=node, lease_id="x", valid_ms=valid_ms) for node, valid_ms in rows]
-        )
+def leases(since_ns: int, *rows: tuple[str, int]) -> Told:
+    frame = link_pb2.NodeLeases(
+        since_ns=since_ns,
+        leases=[link_pb2.NodeLease(node=node, lease_id="x", valid_ms=valid_ms, epoch=7) for node, valid_ms in rows],
     )
-    return Told(frame, SystemClock().monotonic_s(), age_s)
+    return Told(link_pb2.GatewayFrame(node_leases=frame), SystemClock().monotonic_s())
+
+
+def moment_of(rig: Rig) -> int:
+    """A question of the gateway's, and the moment that is its answer."""
+    rig.link.take(leases(0))
+    return rig.told[-1].leases_taken.boot_ns
 
 
 async def test_a_lease_that_nobody_renews_ends_with_agent_and_link_dead(rig: Rig) -> None:
     await rig.desk.set_nodes({"m": {"allowed": "sleep", "migratable": True}})
     await rig.until("m", state="stopped", why="no lease")
-    rig.link.take(leases(0.0, ("m", 60_000)))
+    first = moment_of(rig)
+    rig.link.take(leases(first, ("m", 60_000)))
     pid = (await rig.until("m", state="running"))["pid"]
-    rig.link.take(leases(55.0, ("m", 60_000)))  # an old frame of the same lease takes nothing away
-    rig.link.take(leases(0.0, ("m", 61_000)))
-    await rig.until("m", state="running", pid=pid)
-    rig.link.take(leases(0.0, ("m", 3_000)))
+    rig.link.take(leases(moment_of(rig), ("m", 61_000)))
+    assert psutil.Process(pid).environ()["METAROS_LEASE_EPOCH"] == "7"
+    rig.link.take(leases(moment_of(rig), ("m", 3_000)))
+    rig.link.take(leases(first, ("m", 60_000)))  # it was long on its way: the newer word holds
     await rig.again()
     await rig.stop()  # the agent is gone, and with it the link
     await wait_until_async(lambda: not psutil.pid_exists(pid))
@@ -322,9 +330,14 @@ async def test_a_lease_that_nobody_renews_ends_with_agent_and_link_dead(rig: Rig
 async def test_a_frame_that_lay_in_a_buffer_gives_nothing(rig: Rig) -> None:
     await rig.desk.set_nodes({"m": {"allowed": "sleep", "migratable": True}, "a": {"allowed": "sleep"}})
     await rig.until("m", why="no lease")
-    rig.link.take(leases(61.0, ("m", 60_000)))
-    rig.link.take(leases(None, ("m", 60_000)))
+    moment = moment_of(rig)
+    rig.link.take(leases(moment, ("m", 1)))  # it is over when it comes
+    rig.link.take(leases(moment - 10**9, ("m", 60_000)))  # told over another link, before
+    rig.link.take(leases(moment + 10**12, ("m", 60_000)))  # or of the machine before it started again
+    rig.link.take(leases(0, ("m", 60_000)))
+    assert len(rig.told) == 5  # each of them is answered
     rig.link.link_down()
+    rig.link.take(leases(moment, ("m", 60_000)))  # the link that it was told over is gone
     await rig.desk.verb("a", "restart")  # goes the same way, after them
     await rig.until("a", state="running")
     assert rig.node("m")["why"] == "no lease"

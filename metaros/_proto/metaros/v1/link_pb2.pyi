@@ -39,7 +39,7 @@ COMPRESSION_NONE: Compression
 COMPRESSION_ZSTD: Compression
 
 class AgentFrame(_message.Message):
-    __slots__ = ("hello", "announce", "batches", "metrics", "gap", "statistics", "result", "heartbeat", "resumed", "recording", "proof", "twin")
+    __slots__ = ("hello", "announce", "batches", "metrics", "gap", "statistics", "result", "heartbeat", "resumed", "recording", "proof", "twin", "leases_taken")
     HELLO_FIELD_NUMBER: _ClassVar[int]
     ANNOUNCE_FIELD_NUMBER: _ClassVar[int]
     BATCHES_FIELD_NUMBER: _ClassVar[int]
@@ -52,6 +52,7 @@ class AgentFrame(_message.Message):
     RECORDING_FIELD_NUMBER: _ClassVar[int]
     PROOF_FIELD_NUMBER: _ClassVar[int]
     TWIN_FIELD_NUMBER: _ClassVar[int]
+    LEASES_TAKEN_FIELD_NUMBER: _ClassVar[int]
     hello: Hello
     announce: Announce
     batches: Batches
@@ -64,7 +65,8 @@ class AgentFrame(_message.Message):
     recording: RecordingPart
     proof: Proof
     twin: TwinReport
-    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., announce: _Optional[_Union[Announce, _Mapping]] = ..., batches: _Optional[_Union[Batches, _Mapping]] = ..., metrics: _Optional[_Union[MetricBatch, _Mapping]] = ..., gap: _Optional[_Union[Gap, _Mapping]] = ..., statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ..., result: _Optional[_Union[CommandResult, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., resumed: _Optional[_Union[Resumed, _Mapping]] = ..., recording: _Optional[_Union[RecordingPart, _Mapping]] = ..., proof: _Optional[_Union[Proof, _Mapping]] = ..., twin: _Optional[_Union[TwinReport, _Mapping]] = ...) -> None: ...
+    leases_taken: LeasesTaken
+    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., announce: _Optional[_Union[Announce, _Mapping]] = ..., batches: _Optional[_Union[Batches, _Mapping]] = ..., metrics: _Optional[_Union[MetricBatch, _Mapping]] = ..., gap: _Optional[_Union[Gap, _Mapping]] = ..., statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ..., result: _Optional[_Union[CommandResult, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., resumed: _Optional[_Union[Resumed, _Mapping]] = ..., recording: _Optional[_Union[RecordingPart, _Mapping]] = ..., proof: _Optional[_Union[Proof, _Mapping]] = ..., twin: _Optional[_Union[TwinReport, _Mapping]] = ..., leases_taken: _Optional[_Union[LeasesTaken, _Mapping]] = ...) -> None: ...
 
 class GatewayFrame(_message.Message):
     __slots__ = ("welcome", "ack", "demand", "command", "teleop", "heartbeat", "goodbye", "retry_later", "recording_wanted", "challenge", "twin", "twin_confirmed", "node_leases", "result_stored")
@@ -605,22 +607,30 @@ class TwinReport(_message.Message):
     def __init__(self, revision: _Optional[int] = ..., applied: _Optional[int] = ..., state: _Optional[str] = ..., code: _Optional[str] = ..., message: _Optional[str] = ..., sha256: _Optional[bytes] = ..., reported: _Optional[bytes] = ...) -> None: ...
 
 class NodeLeases(_message.Message):
-    __slots__ = ("leases", "sent_ns")
+    __slots__ = ("leases", "since_ns")
     LEASES_FIELD_NUMBER: _ClassVar[int]
-    SENT_NS_FIELD_NUMBER: _ClassVar[int]
+    SINCE_NS_FIELD_NUMBER: _ClassVar[int]
     leases: _containers.RepeatedCompositeFieldContainer[NodeLease]
-    sent_ns: int
-    def __init__(self, leases: _Optional[_Iterable[_Union[NodeLease, _Mapping]]] = ..., sent_ns: _Optional[int] = ...) -> None: ...
+    since_ns: int
+    def __init__(self, leases: _Optional[_Iterable[_Union[NodeLease, _Mapping]]] = ..., since_ns: _Optional[int] = ...) -> None: ...
 
 class NodeLease(_message.Message):
-    __slots__ = ("node", "lease_id", "valid_ms")
+    __slots__ = ("node", "lease_id", "valid_ms", "epoch")
     NODE_FIELD_NUMBER: _ClassVar[int]
     LEASE_ID_FIELD_NUMBER: _ClassVar[int]
     VALID_MS_FIELD_NUMBER: _ClassVar[int]
+    EPOCH_FIELD_NUMBER: _ClassVar[int]
     node: str
     lease_id: str
     valid_ms: int
-    def __init__(self, node: _Optional[str] = ..., lease_id: _Optional[str] = ..., valid_ms: _Optional[int] = ...) -> None: ...
+    epoch: int
+    def __init__(self, node: _Optional[str] = ..., lease_id: _Optional[str] = ..., valid_ms: _Optional[int] = ..., epoch: _Optional[int] = ...) -> None: ...
+
+class LeasesTaken(_message.Message):
+    __slots__ = ("boot_ns",)
+    BOOT_NS_FIELD_NUMBER: _ClassVar[int]
+    boot_ns: int
+    def __init__(self, boot_ns: _Optional[int] = ...) -> None: ...
 
 class Teleop(_message.Message):
     __slots__ = ("lease_id", "seq", "sent_ns", "topic", "type_name", "type_hash", "payload")
