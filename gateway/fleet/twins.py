@@ -87,13 +87,11 @@ class TwinDesk:
         def job(engine: StoreEngine) -> list[TwinState]:
             with engine.transaction(write=False):
                 said, twins = read_labels(engine), read_twins(engine)
-                reports = read_reports(engine, values_bytes=values_bytes)
-            found = []
-            for robot in sorted(said):
-                labels = labels_of(said[robot], twins.get(robot))
-                if sees(robot) and selector.matches(robot, labels):
-                    found.append(self._state(robot, twins.get(robot), reports.get(robot), labels))
-            return found
+                labels = {robot: labels_of(said[robot], twins.get(robot)) for robot in sorted(said) if sees(robot)}
+                named = {robot: mine for robot, mine in labels.items() if selector.matches(robot, mine)}
+                some = named if len(named) < len(said) else None  # what robots report is long: of those named alone
+                reports = read_reports(engine, some, values_bytes=values_bytes)
+            return [self._state(robot, twins.get(robot), reports.get(robot), mine) for robot, mine in named.items()]
 
         return await self._store.read(job)
 
