@@ -24,6 +24,7 @@ from gateway.fleet.commands import CommandDesk
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.node_feature import Nodes
 from gateway.fleet.orders import OrderDesk
+from gateway.fleet.presence import Presence
 from gateway.fleet.rollout_side import TwinSide
 from gateway.fleet.rollouts import RolloutDesk
 from gateway.fleet.teleop import TeleopDesk
@@ -154,7 +155,8 @@ class Gateway:
         folder, clock = self.settings.data_dir / "updates", self.clock
         self.updates = Repository(self.store, self.objects, master, folder, clock=clock)
         self.fetch_tokens = FetchTokens(self.store, clock=clock, enrolled_ns=self.identities.robots.enrolled_ns)
-        side = TwinSide(self.twins, self._every_robot, self._presence, self.updates.available)
+        self.presence = Presence(self.store, self._presence, clock=clock)
+        side = TwinSide(self.store, self.twins, self.presence, self._every_robot, self.updates.available)
         self.rollouts = RolloutDesk(self.store, side, clock=clock)
 
     @cached_property
@@ -240,6 +242,7 @@ class Gateway:
             group.create_task(self.twins.run())
             group.create_task(self.updates.run())
             group.create_task(self.rollouts.run())
+            group.create_task(self.presence.run())
             group.create_task(self.orders.run())
             group.create_task(self.attendance.run())
             group.create_task(self.audit.run())
@@ -254,6 +257,7 @@ class Gateway:
         await self.recordings.close()
         with contextlib.suppress(StoreError):
             await self.twins.close()
+            await self.presence.close()
         await self.orders.close()
         await self.audit.close()
         await self.store.close()
@@ -330,6 +334,7 @@ class Gateway:
             self.teleop.on_offline(robot_id)
         self.recordings.on_online(robot_id, online)
         self.twins.on_online(robot_id, online)
+        self.presence.on_online(robot_id)
         self.orders.delivery.on_online(robot_id, online)
         self._on_channels(robot_id)
 

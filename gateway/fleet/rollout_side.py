@@ -1,14 +1,20 @@
-"""What a rollout sees and does of robots, by the twins' desk."""
+"""What a rollout sees and does of robots, by the twins' desk; of robots at other gateways by what those stored."""
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Collection, Iterable
 from typing import Any
 
 from gateway.domain.selector import Selector
+from gateway.domain.twin import Reported
+from gateway.fleet.presence import Presence
+from gateway.fleet.twin_book import reported_values
 from gateway.fleet.twin_feature import Twins
-from gateway.fleet.twin_plan import Edit
+from gateway.fleet.twin_plan import Edit, labels_of
 from gateway.fleet.twins import Editor
+from gateway.store import Store
+from gateway.store.engine import StoreEngine
+from gateway.store.twins import read_labels, read_reports
 
 __all__ = ["TwinSide"]
 
@@ -20,32 +26,65 @@ class TwinSide:
 
     def __init__(
         self,
+        store: Store,
         twins: Twins,
+        where: Presence,
         robots: Callable[[], Iterable[str]],
-        presence: Callable[[str], tuple[bool, int]],
         available: Callable[[str, str, str], Awaitable[bool]],
     ) -> None:
-        """`robots`: every one that ever connected."""
+        """`robots`: those that this gateway knows; `available`: whether robots can fetch that version of a bundle."""
+        self._store = store
         self._twins = twins
+        self._where = where
         self._robots = robots
-        self.presence = presence
         self._available = available
+        self._elsewhere: dict[str, Reported] = {}
 
-    def named(self, selector: str) -> list[str]:
-        """The robots that a selector names."""
+    async def named(self, selector: str) -> list[str]:
+        """The robots that a selector names, of all that ever connected to a gateway of the store."""
         wanted = Selector.parse(selector)
-        return [robot for robot in self._robots() if wanted.matches(robot, self._twins.labels_of(robot))]
+
+        def job(engine: StoreEngine) -> dict[str, dict[str, str]]:
+            with engine.transaction(write=False):
+                return read_labels(engine)
+
+        said, desired = await self._store.read(job), self._twins.book.desired
+        labels = {robot: labels_of(own, desired.get(robot)) for robot, own in said.items()}
+        labels |= {robot: self._twins.labels_of(robot) for robot in self._robots() if self._where.is_here(robot)}
+        return [robot for robot, own in labels.items() if wanted.matches(robot, own)]
+
+    async def look(self, robots: Collection[str]) -> None:
+        """Learn where robots are, and what those of `robots` reported that are at another gateway."""
+        await self._where.look()
+        away = [robot for robot in robots if not self._where.is_here(robot)] if self._store.shared else []
+
+        def job(engine: StoreEngine) -> dict[str, Reported]:
+            with engine.transaction(write=False):
+                return read_reports(engine, away)
+
+        self._elsewhere = await self._store.read(job) if away else {}
+
+    def presence(self, robot: str) -> tuple[bool, int]:
+        """Whether the robot is online, and since when it is or is not."""
+        return self._where.of(robot)
 
     def reported(self, robot: str) -> dict[str, Any] | None:
         """What the robot said last of itself."""
-        return self._twins.desk.reported_of(robot)
+        away = self._away(robot)
+        return reported_values(away) if away is not None else self._twins.desk.reported_of(robot)
 
     def refusal(self, robot: str) -> str:
         """Why the robot does not live by the revision that is desired now."""
-        said, desired = self._twins.book.reported.get(robot), self._twins.desk.desired_of(robot)
+        said = self._away(robot) or self._twins.book.reported.get(robot)
+        desired = self._twins.desk.desired_of(robot)
         if said is None or desired is None or said.revision != desired.revision or said.state not in LOST:
             return ""
         return f"its twin was {said.state}: {said.message or said.code}"[:300].rstrip(": ")
+
+    def _away(self, robot: str) -> Reported | None:
+        """What another gateway stored of the robot, unless this one heard of it later."""
+        away, here = self._elsewhere.get(robot), self._twins.book.reported.get(robot)
+        return away if away is not None and (here is None or away.at_ns > here.at_ns) else None
 
     async def set_path(self, robot: str, path: str, value: str, *, author: str) -> None:
         """Put a value into the robot's own twin."""

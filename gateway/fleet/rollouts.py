@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Any, Protocol, TypeVar
 
@@ -47,14 +47,17 @@ LISTED = 200
 class FleetSide(Protocol):
     """What a rollout needs of robots; the twins' desk and the registry have it."""
 
-    def named(self, selector: str) -> list[str]:
+    async def named(self, selector: str) -> list[str]:
         """The robots that a selector names; SelectorError when it is none."""
 
+    async def look(self, robots: Collection[str]) -> None:
+        """Learn where all robots are, and what these ones reported, at whichever gateway they are linked."""
+
     def presence(self, robot: str) -> tuple[bool, int]:
-        """Whether the robot is online, and since when it is so (wall time, ns)."""
+        """Whether the robot is online, and since when it is or is not (wall time, ns); as of the last `look`."""
 
     def reported(self, robot: str) -> dict[str, Any] | None:
-        """What the robot said last of itself."""
+        """What the robot said last of itself; as of the last `look`."""
 
     def refusal(self, robot: str) -> str:
         """Why the robot does not live by its twin as it is desired now; "" while it may come to it."""
@@ -85,7 +88,7 @@ class RolloutDesk:
             RolloutStateError: a rollout of the same thing that is not over has some of these robots.
             TooManyError: there are too many robots, or rollouts.
         """
-        robots = [robot for robot in self._fleet.named(plan.selector) if sees(robot)]
+        robots = [robot for robot in await self._fleet.named(plan.selector) if sees(robot)]
         if not robots:
             raise InvalidRequestError(f"the selector {plan.selector[:100]!r} names no robot")
         if len(robots) > self._limits.rollout_robots:
@@ -164,6 +167,7 @@ class RolloutDesk:
 
     async def _carry_on(self, rollout_id: str) -> None:
         one, revision = self._known.get(rollout_id) or await self._get(rollout_id)
+        await self._fleet.look([robot for robot, member in one.members.items() if member.state in IN_FLIGHT])
         now_ns = self._clock.wall_ns()
         facts = {
             robot: self._facts(one, robot)

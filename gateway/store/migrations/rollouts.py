@@ -11,7 +11,8 @@ __all__ = ["ROLLOUTS"]
 # update_metadata.role: root, targets, snapshot, timestamp, or robots/<group>. update_bundles.path: the target's path;
 # withdrawn_ns: 0 while it may be fetched. duties: what only one gateway at a time does, and until when it is its turn.
 # rollouts.document: the plan; rollouts.state: running, paused, halted, done, aborted. rollout_robots.state: waiting,
-# starting, updating, done, failed, unreached.
+# starting, updating, done, failed, unreached. gateways: until when each is believed to live. presence: which gateway
+# said last that the robot is linked to it (online 1), or is not any more, and since when; see gateway/store/presence.py.
 ROLLOUTS = """
     CREATE TABLE update_keys (
         keyid TEXT PRIMARY KEY,
@@ -69,5 +70,12 @@ ROLLOUTS = """
         since_ns {integer} NOT NULL,
         reason TEXT NOT NULL,
         PRIMARY KEY (rollout, robot)
+    );
+    CREATE TABLE gateways (gateway TEXT PRIMARY KEY, until_ns {integer} NOT NULL);
+    CREATE TABLE presence (
+        robot TEXT PRIMARY KEY,
+        gateway TEXT NOT NULL,
+        online {integer} NOT NULL,
+        since_ns {integer} NOT NULL
     );
 """

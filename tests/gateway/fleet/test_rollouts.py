@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Collection
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -38,8 +38,11 @@ class Fleet:
     refusing: set[str] = field(default_factory=set)
     signed: set[str] = field(default_factory=lambda: {"2.0.0", "2.0.1"})
 
-    def named(self, selector: str) -> list[str]:
+    async def named(self, selector: str) -> list[str]:
         return [] if selector == "nobody" else list(self.said)
+
+    async def look(self, robots: Collection[str]) -> None:
+        assert set(robots) <= self.said.keys()
 
     def presence(self, robot: str) -> tuple[bool, int]:
         return True, 0
