@@ -181,6 +181,7 @@ class Limits:
     node_crashes: int = 10  # reports that are kept of each node
     supervisor_clients: int = 16  # of the control socket
     supervisor_requests: int = 16  # of one of them at a time
+    safe_stop_s: float = 20.0  # for what brings a robot to rest
     node_lease_s: float = 3600.0  # the longest lease of a migratable node that a robot believes
     node_verb_s: float = 20.0  # in which a robot does what is asked of a node: a stop in good order takes its time
     node_fresh_s: float = 5.0  # for which a start waits until the robot has the row that lets the node run
@@ -189,7 +190,8 @@ class Limits:
     node_call_s: float = 10.0  # for a node's own services of parameters and lifecycle
     node_log_page_bytes: int = 64 * KIB  # of a log, where nobody says
     node_tails: int = 64  # of logs that a gateway follows at a time
-    node_tails_of_robot: int = 8  # and of one robot
+    node_tails_of_robot: int = 16  # and of one robot
+    node_tails_of_one: int = 8  # and for one who asks
     node_tail_s: float = 900.0  # for which one goes on; its reader asks again from there
     nodes_listed: int = 10_000  # in one answer about many robots
     type_cache: int = 4096  # compiled codecs and classes kept

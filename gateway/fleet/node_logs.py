@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncGenerator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -49,7 +49,7 @@ class NodeLogs:
         self._commands = commands
         self._clock = clock
         self._limits = limits
-        self._tails: Counter[str] = Counter()
+        self._tails: Counter[tuple[str, str]] = Counter()  # by ("robot", id) and ("who", whoever follows)
 
     async def page(
         self,
@@ -76,26 +76,28 @@ class NodeLogs:
         """How the node ended the last times, the newest first: at_ns, reason, pid, ran_s, version, argv, env, lines."""
         await self._require(robot, node)
         verb = link_pb2.Command(node_verb=link_pb2.NodeVerb(node=node, verb="crashes"))
-        result = await self._commands.run(robot, verb, timeout_s=self._limits.command_timeout_s)
+        result = await self._commands.run(robot, verb, timeout_s=self._limits.command_timeout_s, look=True)
         found = _object(result.payload).get("crashes")
         return [item for item in reversed(found) if isinstance(item, dict)] if isinstance(found, list) else []
 
-    async def tail(self, robot: str, node: str, *, cursor: str = "", query: str = "") -> AsyncIterator[LogPage]:
+    async def tail(
+        self, robot: str, node: str, *, who: str, cursor: str = "", query: str = ""
+    ) -> AsyncGenerator[LogPage, None]:
         """Pages as they come, for a while; one without lines says that nothing came. Begins with the newest lines,
         or after the cursor. Errors as those of `page`, before anything is given out.
 
         Raises:
-            TooManyError: too many follow this robot's logs already.
+            TooManyError: `who`, or all together, follow too many logs already.
         """
         _check(cursor, query)
         await self._require(robot, node)
-        self._room(robot)
-        return self._follow(robot, node, cursor, query)
+        self._room(robot, who)
+        return self._follow(robot, node, who, cursor, query)
 
-    async def _follow(self, robot: str, node: str, cursor: str, query: str) -> AsyncIterator[LogPage]:
+    async def _follow(self, robot: str, node: str, who: str, cursor: str, query: str) -> AsyncGenerator[LogPage, None]:
         until_s = self._clock.monotonic_s() + self._limits.node_tail_s
         pause_s, size = PAUSE_S[0], self._limits.node_log_page_bytes if cursor else FIRST_BYTES
-        with self._place(robot):
+        with self._place(robot, who):
             while self._clock.monotonic_s() < until_s:
                 page = await self._read(robot, node, cursor, query, backwards=False, max_bytes=size)
                 cursor, size = page.cursor, self._limits.node_log_page_bytes
@@ -105,21 +107,27 @@ class NodeLogs:
                 pause_s = PAUSE_S[0] if page.lines else min(1.5 * pause_s, PAUSE_S[1])
                 await asyncio.sleep(pause_s)
 
-    def _room(self, robot: str) -> None:
-        most, of_robot = self._limits.node_tails, self._limits.node_tails_of_robot
-        if self._tails.total() >= most or self._tails[robot] >= of_robot:
-            raise TooManyError(f"at most {of_robot} follow logs of one robot, and {most} those of all")
+    def _room(self, robot: str, who: str) -> None:
+        limits = self._limits
+        everybody = sum(count for (kind, _), count in self._tails.items() if kind == "who")
+        for said, count, most in (
+            ("are followed at this gateway", everybody, limits.node_tails),
+            (f"of robot {robot} are followed", self._tails["robot", robot], limits.node_tails_of_robot),
+            ("are followed by the same one", self._tails["who", who], limits.node_tails_of_one),
+        ):
+            if count >= most:
+                raise TooManyError(f"{count} logs {said} already: at most {most} at a time")
 
     @contextmanager
-    def _place(self, robot: str) -> Iterator[None]:
-        self._room(robot)
-        self._tails[robot] += 1
+    def _place(self, robot: str, who: str) -> Iterator[None]:
+        self._room(robot, who)
+        taken = [("robot", robot), ("who", who)]
+        self._tails.update(taken)
         try:
             yield
         finally:
-            self._tails[robot] -= 1
-            if not self._tails[robot]:
-                del self._tails[robot]
+            self._tails.subtract(taken)
+            self._tails += Counter()  # without those that are none any more
 
     async def _require(self, robot: str, node: str) -> None:
         (await self._desk.of_robot(robot)).get(node)
@@ -130,7 +138,7 @@ class NodeLogs:
     ) -> LogPage:
         asked = link_pb2.ReadLog(node=node, cursor=cursor, query=query, backwards=backwards, max_bytes=max_bytes)
         command = link_pb2.Command(read_log=asked)
-        result = await self._commands.run(robot, command, timeout_s=self._limits.command_timeout_s)
+        result = await self._commands.run(robot, command, timeout_s=self._limits.command_timeout_s, look=True)
         found = _object(result.payload)
         lines, said = found.get("lines"), str(found.get("cursor", ""))
         return LogPage(

@@ -29,6 +29,7 @@ __all__ = ["TRANSITIONS", "Lifecycle", "NodeValues", "Parameter", "SetResult"]
 AT_ONCE = 256  # names in one call: the answer stays far below what a link takes
 MOST = 4096  # of one node
 TRANSITIONS = ("configure", "activate", "deactivate", "cleanup", "shutdown")
+CHANGING = ("SetParameters", "ChangeState")
 KEPT_STATES = ("inactive", "active", "finalized")  # that a twin can name
 
 
@@ -44,11 +45,12 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class SetResult:
-    """What became of one value."""
+    """What became of one value; `value` is what the node was given, as a twin keeps it."""
 
     name: str
     successful: bool
     reason: str = ""
+    value: Any = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,8 +118,9 @@ class NodeValues:
         except RobotError as error:
             if not keep or (isinstance(error, CommandRefusedError) and error.agent_code != "unavailable"):
                 raise
-            results = [SetResult(name, True, f"kept for later: {error}"[:300]) for name in values]
-        taken = {item.name: values[item.name] for item in results if item.successful}
+            reason = f"kept for later: {error}"[:300]
+            results = [SetResult(name, True, reason, value) for name, value in values.items()]
+        taken = {item.name: item.value for item in results if item.successful}
         edited = None
         if keep and taken:
             edited = await self._keep(robot, "parameters", node, taken, actor, dry_run=dry_run)
@@ -150,7 +153,10 @@ class NodeValues:
         if len(said) != len(wire):
             raise CommandRefusedError(f"{node} answered {len(said)} of {len(wire)} parameters", agent_code="peer")
         for item, result in zip(wire, said, strict=True):
-            results[item["name"]] = SetResult(item["name"], bool(result["successful"]), str(result["reason"]))
+            name = item["name"]
+            # Whole numbers may have come as text: the node's own kind tells, not their looks.
+            kept = item["value"].get("integer_value", item["value"].get("integer_array_value", values[name]))
+            results[name] = SetResult(name, bool(result["successful"]), str(result["reason"]), kept)
         return [results[name] for name in values]
 
     async def _rules(self, robot: str, node: str, wanted: list[str]) -> dict[str, Rules]:
@@ -220,6 +226,8 @@ class NodeValues:
     # -- parts -----------------------------------------------------------------------------------------------------
 
     async def _call(self, robot: str, node: str, kind: str, service: str, request: Mapping[str, Any]) -> Any:
+        """Ask a service of the node. What only looks has few of the robot's places for commands, so that whoever may
+        look at most cannot keep a stop from getting through."""
         package = "rcl_interfaces" if "Parameters" in kind else "lifecycle_msgs"
         return await self._fleet.call(
             robot,
@@ -227,6 +235,7 @@ class NodeValues:
             type_name=f"{package}/srv/{kind}",
             request=request,
             timeout_s=LIMITS.node_call_s,
+            look=kind not in CHANGING,
         )
 
     def _wanted(self, robot: str, section: str, node: str) -> Any:
@@ -251,8 +260,6 @@ class NodeValues:
         """Into the robot's own document, under the name that the twin has for the node already."""
         rows = self._section(robot, section)
         key = next((key for key in self._keys(robot, node) if key in rows), node)
-        if isinstance(value, dict):
-            value = {name: _counted(item) for name, item in value.items()}
         edit = Edit(patch={section: {key: value}})
         return await self._twins.desk.edit(robot, edit, actor.editor, dry_run=dry_run)
 
@@ -265,9 +272,3 @@ def _known(steps: Sequence[tuple[int, str]]) -> Iterator[tuple[int, str]]:
 def _slices(items: list[str]) -> Iterator[list[str]]:
     for start in range(0, len(items), AT_ONCE):
         yield items[start : start + AT_ONCE]
-
-
-def _counted(value: Any) -> Any:
-    """A whole number that came as text because a browser cannot count so far."""
-    digits = isinstance(value, str) and value.removeprefix("-").isdecimal() and 16 <= len(value) <= 20
-    return int(value) if digits else value

@@ -1,20 +1,27 @@
-"""`metaros node`: who is in the graph, and what they publish, read, serve and call."""
+"""`metaros node`: who is in the graph, and what they publish, read, serve and call.
+
+With `--robot R`, or `-l TERMS` for a group, the same words are about the nodes that robots' supervisors run, by a
+gateway; those verbs come from the gateway's half by an entry point, as nothing here knows a gateway.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cache
+from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from metaros.cli.visit import Visit, visiting
+from metaros.errors import UsageError
 
 if TYPE_CHECKING:
     from metaros.cli.output import Output
 
 __all__ = ["register"]
 
-group = typer.Typer(name="node", no_args_is_help=True, help="Nodes: list them, look at one.")
+group = typer.Typer(name="node", no_args_is_help=True, help="Nodes of this graph, or of robots anywhere.")
 SECTIONS = (
     ("MS", "Subscribers", "subscribers"),
     ("MP", "Publishers", "publishers"),
@@ -24,18 +31,55 @@ SECTIONS = (
 ACTION_SECTIONS = (("sources", "Action Servers", "action_servers"), ("sinks", "Action Clients", "action_clients"))
 
 
+AFAR = "metaros.cli.afar"  # the group of entry points: modules that know a gateway
+
+Robot = Annotated[str, typer.Option("--robot", "-r", metavar="ROBOT", help="Of this robot, by a gateway.")]
+Selector = Annotated[
+    str, typer.Option("--selector", "-l", metavar="TERMS", help="Of each robot named, by a gateway: label=value.")
+]
+Gateway = Annotated[
+    str,
+    typer.Option(
+        "--gateway", metavar="URL", envvar="METAROS_GATEWAY_URL", show_envvar=False, help="That gateway's address."
+    ),
+]
+
+
 def register(app: typer.Typer) -> None:
-    """Add the noun."""
+    """Add the noun, with the verbs from afar where there is who knows them."""
+    if (far := afar()) is not None:
+        far.register(group)
     app.add_typer(group)
+
+
+@cache
+def afar() -> Any:
+    """The gateway's half; None where it is not installed."""
+    found = next(iter(entry_points(group=AFAR, name="node")), None)
+    return found.load() if found is not None else None
+
+
+def _afar() -> Any:
+    if (far := afar()) is None:
+        raise UsageError("robots are asked by a gateway: install metaros[gateway]")
+    return far
 
 
 @group.command("list")
 @visiting
 def list_(
-    at: Visit, count: Annotated[bool, typer.Option("--count-nodes", "-c", help="Only how many.")] = False
+    at: Visit,
+    count: Annotated[bool, typer.Option("--count-nodes", "-c", help="Only how many.")] = False,
+    robot: Robot = "",
+    selector: Selector = "",
+    state: Annotated[str, typer.Option("--state", metavar="STATE", help="From afar: only those, as running.")] = "",
+    gateway: Gateway = "",
 ) -> None:
-    """List the nodes of the graph."""
+    """List the nodes of the graph, or those that robots run."""
     out = at.out
+    if robot or selector:
+        _afar().list_nodes(out, robot=robot, selector=selector, state=state, gateway=gateway)
+        return
     with at.look() as graph:
         nodes = sorted(graph.nodes(), key=lambda node: node.full_name)
     names = [node.full_name for node in nodes]
@@ -63,13 +107,18 @@ def info(
     at: Visit,
     node: Annotated[str, typer.Argument(metavar="NODE", help="Such as /sim_1/base.")],
     hidden: Annotated[bool, typer.Option("--include-hidden", help="Also the topics and services of actions.")] = False,
+    robot: Robot = "",
+    gateway: Gateway = "",
 ) -> None:
-    """Show a node's publishers, subscribers, services, clients and actions."""
+    """Show a node's publishers, subscribers, services, clients and actions; of a robot's node, how it does."""
     from metaros.cli.connection import absolute
     from metaros.cli.graph_model import draw
     from metaros.cli.names import is_hidden, no_such
 
     out = at.out
+    if robot:
+        _afar().show_node(out, node, robot=robot, gateway=gateway)
+        return
     name = absolute(node)
     with at.look() as graph:
         known = {item.full_name for item in graph.nodes()}

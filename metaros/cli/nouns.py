@@ -53,7 +53,7 @@ NOUNS = (
     Noun("audit", "", SYSTEM, "list, verify: who changed what, and the proof of that log", "gateway"),
     Noun("ca", "", SYSTEM, "list, rotate, renew, retire: who signs robots' certificates", "gateway"),
     Noun("topic", "metaros.cli.topic", GRAPH, "list, info, type, find, echo, hz, bw, delay, pub"),
-    Noun("node", "metaros.cli.node", GRAPH, "list, info"),
+    Noun("node", "metaros.cli.node", GRAPH, "list, info; of robots: start, stop, log, set, param, lifecycle …"),
     Noun("service", "metaros.cli.service", GRAPH, "list, info, type, find, call"),
     Noun("param", "metaros.cli.param", GRAPH, "list, get, set, describe, dump, load, delete"),
     Noun("action", "metaros.cli.action", GRAPH, "list, info, type, find, send_goal"),

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncGenerator, AsyncIterator, Mapping
+from contextlib import aclosing
 from typing import Annotated, Any, Literal
 
 import orjson
@@ -232,7 +233,9 @@ async def tail_log(request: Request, robot_id: str, node: str, cursor: Cursor = 
     An event's id is the cursor, so that a browser goes on where it was.
     """
     cursor = cursor or request.headers.get("last-event-id", "")
-    pages = await services_of(request).nodes.logs.tail(robot_id, node, cursor=cursor, query=query)
+    principal = principal_of(request)
+    who = f"{principal.kind}:{principal.id}"
+    pages = await services_of(request).nodes.logs.tail(robot_id, node, who=who, cursor=cursor, query=query)
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
     return DownloadResponse(request, _Events(pages), what="a node's log", media_type=EVENTS, headers=headers)
 
@@ -280,7 +283,7 @@ def _desk(request: Request) -> NodeDesk:
 class _Events:
     """Pages of a log as server-sent events; a comment where nothing came, so that who has gone is noticed."""
 
-    def __init__(self, pages: AsyncIterator[LogPage]) -> None:
+    def __init__(self, pages: AsyncGenerator[LogPage, None]) -> None:
         self._pages = pages
 
     async def pieces(self) -> AsyncIterator[bytes]:
@@ -288,8 +291,9 @@ class _Events:
         end = {"code": "tail_over", "message": "ask again with the last cursor"}
         yield b": the log follows\n\n"
         try:
-            async for page in self._pages:
-                yield _event("lines", log_view(page), page.cursor) if page.lines else b":\n\n"
+            async with aclosing(self._pages) as pages:
+                async for page in pages:
+                    yield _event("lines", log_view(page), page.cursor) if page.lines else b":\n\n"
         except MetarosError as error:
             end = {"code": error_code(error), "message": str(error)}
         yield _event("end", end)
