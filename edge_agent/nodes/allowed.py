@@ -19,6 +19,8 @@ __all__ = ["Allowed", "NodeSettings", "allowed_entries", "node_settings"]
 MAX_ENTRIES: Final = LIMITS.node_allowed
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}\Z")
 _DOTTED: Final = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*\Z")
+_ROS: Final = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*\Z")
+_TYPE: Final = re.compile(r"\w+/msg/\w+\Z")
 _KINDS: Final = ("command", "module", "class")
 _KEYS: Final = ("name", *_KINDS, "args", "parameters", "env", "cwd")
 
@@ -45,6 +47,9 @@ class NodeSettings:
     health_s: float = 20.0  # a new version of a bundle has to run so long without an exit to be good
     trial_s: float = 180.0  # and to have done so within so long
     allowed: Mapping[str, Allowed] = field(default_factory=dict)
+    safe_stop: tuple[str, ...] = ()  # a command that brings this robot to rest where a critical node keeps dying
+    safe_stop_service: str = ""  # a std_srvs/srv/Trigger that does
+    safe_stop_publish: Mapping[str, str] = field(default_factory=dict)  # topics on which the zero message does: types
 
 
 def node_settings(table: Mapping[str, Any], where: str) -> dict[str, Any]:
@@ -57,9 +62,38 @@ def node_settings(table: Mapping[str, Any], where: str) -> dict[str, Any]:
         elif key in ("health_s", "trial_s"):
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0.1 <= value <= 86_400:
                 raise ConfigError(f"{where}: nodes.{key} must be 0.1 to 86400 s, not {value!r}")
+        elif key in _STOPS:
+            values[key] = _STOPS[key](value, f"{where}: nodes.{key}")
         else:
-            raise ConfigError(f"{where}: unknown key nodes.{key}; known are free_commands, health_s, trial_s")
+            known = ", ".join(("free_commands", "health_s", "trial_s", *_STOPS))
+            raise ConfigError(f"{where}: unknown key nodes.{key}; known are {known}")
     return values
+
+
+def _command(value: object, where: str) -> tuple[str, ...]:
+    if not isinstance(value, list) or not value or not all(_is_word(word) for word in value) or not value[0]:
+        raise ConfigError(f'{where}: expected a program and its arguments: ["/usr/bin/lidar", "--fast"]')
+    return tuple(value)
+
+
+def _service(value: object, where: str) -> str:
+    if not isinstance(value, str) or not _ROS.match(value):
+        raise ConfigError(f"{where}: expected a service's name, such as base/stop")
+    return value
+
+
+def _topics(value: object, where: str) -> Mapping[str, str]:
+    good = isinstance(value, dict) and all(_ROS.match(key) and _is_type(name) for key, name in value.items())
+    if not isinstance(value, dict) or not good:
+        raise ConfigError(f'{where}: expected types by topics: {{"cmd_vel" = "geometry_msgs/msg/Twist"}}')
+    return value
+
+
+def _is_type(name: object) -> bool:
+    return isinstance(name, str) and _TYPE.match(name) is not None
+
+
+_STOPS: Final = {"safe_stop": _command, "safe_stop_service": _service, "safe_stop_publish": _topics}
 
 
 def allowed_entries(rows: object, where: str) -> dict[str, Allowed]:
@@ -108,9 +142,7 @@ def _entry(row: Mapping[str, Any], where: str) -> Allowed:
 
 def _program(kind: str, value: object, where: str) -> dict[str, Any]:
     if kind == "command":
-        if not isinstance(value, list) or not value or not all(_is_word(word) for word in value) or not value[0]:
-            raise ConfigError(f'{where}: command: expected a program and its arguments: ["/usr/bin/lidar", "--fast"]')
-        return {"command": tuple(value)}
+        return {"command": _command(value, f"{where}: command")}
     module, colon, name = value.partition(":") if isinstance(value, str) else ("", "", "")
     if not _DOTTED.match(module) or (kind == "class") != bool(colon) or (colon and not _DOTTED.match(name)):
         raise ConfigError(

@@ -283,7 +283,7 @@ class NodeDesk:
 
     def _reported(self, node: Mapping[str, Any]) -> dict[str, Any]:
         keys = ("state", "why", "pid", "restarts", "since_ns", "last_exit", "version", "waits_for", "lease_id", "nice")
-        row = {key: node[key] for key in keys if node[key] not in ("", None)}
+        row = {key: node[key] for key in (*keys, "safe_stop") if node[key] not in ("", None)}
         row["quarantined"] = node["state"] == "quarantined"
         row["crashes"] = node["crashes_total"]
         return row

@@ -32,8 +32,11 @@ class Place:
         domain: int = 0,
         python: str = "",
         env: Mapping[str, str] | None = None,
+        drive_session: str = "",
     ) -> None:
+        """`drive_session`: the Zenoh session file of whoever may drive, where not everybody may."""
         self.namespace = namespace
+        self.drive_session = drive_session
         self.python = python or sys.executable
         self.env = {
             "PYTHONUNBUFFERED": "1",
@@ -78,6 +81,7 @@ def row_of(node: NodeWanted, settings: NodeSettings, place: Place, bundle: Bundl
         after=node.after,
         run=node.run,
         migratable=node.migratable,
+        safe_stop=tuple(_safe_stop(settings, place)) if node.critical else (),
         own_guard=ours,
         heartbeat_s=HEARTBEAT_S,
     )
@@ -86,6 +90,20 @@ def row_of(node: NodeWanted, settings: NodeSettings, place: Place, bundle: Bundl
 def as_json(row: Row) -> dict[str, Any]:
     """As the control protocol has it."""
     return asdict(row)
+
+
+def _safe_stop(settings: NodeSettings, place: Place) -> Iterator[str]:
+    """The program that brings this robot to rest, as its settings say; nothing where they say nothing."""
+    if not (settings.safe_stop or settings.safe_stop_service or settings.safe_stop_publish):
+        return
+    yield from (place.python, "-m", "metaros.cli.safe_stop", f"--namespace={place.namespace}")
+    if place.drive_session:
+        yield f"--session={place.drive_session}"
+    for topic, name in settings.safe_stop_publish.items():
+        yield f"--publish={topic}={name}"
+    if settings.safe_stop_service:
+        yield f"--call={settings.safe_stop_service}"
+    yield from ("--", *settings.safe_stop)
 
 
 Program = tuple[tuple[str, ...], Mapping[str, str], str, bool, bool]

@@ -22,12 +22,14 @@ __all__ = ["open_nodes"]
 
 def open_nodes(settings: Settings, directory: Path, clock: Clock, *, domain: int, bundles: Bundles | None) -> NodeLink:
     """The desk on the link; nothing runs before its `run` does. Without `bundles` the robot is not enrolled."""
+    session = _folder(settings, enrolled=bundles is not None)
     place = Place(
         namespace=settings.namespace,
         zenoh_port=settings.zenoh_port,
         domain=domain,
         python=python_of_base(),
-        env=_session(settings, enrolled=bundles is not None),
+        env={"ZENOH_SESSION_CONFIG_URI": str(session / "node.json5")} if session else {},
+        drive_session=str(session / "agent.json5") if session else "",
     )
     desk = NodeDesk(
         Ledger(directory),
@@ -39,10 +41,10 @@ def open_nodes(settings: Settings, directory: Path, clock: Clock, *, domain: int
     return NodeLink(desk)
 
 
-def _session(settings: Settings, *, enrolled: bool) -> dict[str, str]:
-    """Where the router is protected, nodes come as the user `node`, who drives nothing."""
+def _folder(settings: Settings, *, enrolled: bool) -> Path | None:
+    """Of the session files, where the router is protected: nodes come as the user `node`, who drives nothing."""
     folder = settings.zenoh_credentials or default_folder()
     profile = settings.zenoh_profile
     if profile == "open" or (profile == "auto" and not (enrolled and (folder / "agent.json5").is_file())):
-        return {}
-    return {"ZENOH_SESSION_CONFIG_URI": str(folder / "node.json5")}
+        return None
+    return folder

@@ -22,6 +22,7 @@ from metaros.supervise.crashes import Crashes, core_of
 from metaros.supervise.events import Event, EventKind
 from metaros.supervise.lease import Duty, Leases
 from metaros.supervise.process import Launch
+from metaros.supervise.safe_stop import SafeStops
 from metaros.supervise.supervisor import Supervisor
 from metaros.supervise.table_file import Row, TableFile
 
@@ -50,6 +51,7 @@ class NodeService:
         self._file = TableFile(directory / TABLE)
         self._leases = Leases()
         self._crashes = Crashes(directory / "crashes")
+        self._safe_stops = SafeStops(directory)
         self._supervisor = Supervisor(clock=clock, rng=rng, on_event=self._on_event, may_run=self._wanted)
         self._rows: dict[str, Row] = {}
         self._stages: dict[str, int] = {}
@@ -82,6 +84,7 @@ class NodeService:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         await self._supervisor.stop(grace_s=grace_s)
+        await self._safe_stops.close()
         await self._crashes.close()
 
     def kill(self) -> None:
@@ -219,6 +222,7 @@ class NodeService:
         if self._supervisor.knows(name):
             await self._supervisor.remove(name)
             self._crashes.forget(name)
+            self._safe_stops.forget(name)
             self._applied.pop(name, None)
             self._exits.pop(name, None)
             self._started_ns.pop(name, None)
@@ -284,6 +288,8 @@ class NodeService:
                 env=core_of({**os.environ, **(row.env if row else {})}),
                 lines=self._supervisor.tail(event.name),
             )
+        if event.kind is EventKind.SAFE_STOP and (row := self._rows.get(event.name)) is not None:
+            self._safe_stops.ask(row.name, row.safe_stop, row.env)
         level = logging.INFO if event.kind in (EventKind.STARTED, EventKind.READY) else logging.WARNING
         LOG.log(level, "%s: %s%s", event.name, event.kind.value, f" ({event.detail})" if event.detail else "")
         self._say_changed()
@@ -309,6 +315,7 @@ class NodeService:
             "nice": row.nice,
             "migratable": row.migratable,
             "lease_id": lease.lease_id if lease is not None and held else "",
+            "safe_stop": self._safe_stops.told(row.name),
             "crashes": len(self._crashes.of(row.name)),
             "crashes_total": self._exits.get(row.name, 0),
         }

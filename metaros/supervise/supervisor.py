@@ -238,6 +238,8 @@ class Supervisor:
         match decision:
             case Stop(reason):
                 child.state = "ended"
+                if child.launch.policy.critical and not exit_.clean:
+                    self._tell(child, EventKind.SAFE_STOP, "a critical process is not started again")
                 self._tell(child, EventKind.ENDED, reason)
                 return False
             case Quarantine(until, exits):

@@ -57,6 +57,7 @@ class Row:
     rest_for_one: bool = False
     run: bool = True
     migratable: bool = False  # it runs only while its lease holds
+    safe_stop: tuple[str, ...] = ()  # run where it is critical and keeps dying
     own_guard: bool = False
     heartbeat_s: float = 0.0
     stop_grace_s: float = 5.0
@@ -206,7 +207,7 @@ def _value(found: object, name: str, key: str) -> object:
     match key:
         case "env":
             return _environment(found, name)
-        case "after":
+        case "after" | "safe_stop":
             return _texts(found, name, key)
         case "cwd" | "version":
             if not isinstance(found, str) or "\0" in found or len(found) > 4096:

@@ -45,6 +45,10 @@ def test_it_comes_from_the_agents_file(tmp_path: Path) -> None:
         ("[nodes]\nfree_commands = 1", "free_commands"),
         ("[nodes]\nfree = true", r"nodes\.free"),
         ("[nodes]\nhealth_s = 0", "health_s"),
+        ('[nodes]\nsafe_stop = "x"', "safe_stop: expected a program"),
+        ('[nodes]\nsafe_stop_service = "a b"', "safe_stop_service"),
+        ('[nodes]\nsafe_stop_publish = {cmd_vel = "Twist"}', "safe_stop_publish"),
+        ('[nodes]\nsafe_stop_publish = {"cmd vel" = "a/msg/B"}', "safe_stop_publish"),
         ("allowed = 3", "allowed"),
         ('[[allowed]]\nname = "a"', "exactly one"),
         ('[[allowed]]\nname = "a"\ncommand = ["x"]\nmodule = "y"', "exactly one"),
@@ -100,6 +104,27 @@ def test_what_the_robot_opens_is_open() -> None:
     assert row_of(wanted(command=["sh", "-c", "x"]), free, PLACE).argv == ("sh", "-c", "x")
     row = row_of(wanted(allowed="l", args=["-x"], parameters={"a": "ü"}), free, PLACE)
     assert row.argv == ("l", "-x", "--ros-args", "-r", "__ns:=/r1", "-p", 'a:="ü"')
+
+
+def test_a_critical_node_knows_how_the_robot_comes_to_rest(tmp_path: Path) -> None:
+    path = tmp_path / "agent.toml"
+    path.write_text(
+        '[nodes]\nsafe_stop = ["/bin/estop", "-v"]\nsafe_stop_service = "base/stop"\n'
+        'safe_stop_publish = {cmd_vel = "geometry_msgs/msg/Twist"}\n'
+        '[[allowed]]\nname = "l"\ncommand = ["l"]\n'
+    )
+    found, guarded = (
+        load_settings(path).nodes,
+        Place(namespace="/", zenoh_port=1, python="/py", drive_session="/s.json5"),
+    )
+    program = ("/py", "-m", "metaros.cli.safe_stop")
+    ways = ("--publish=cmd_vel=geometry_msgs/msg/Twist", "--call=base/stop", "--", "/bin/estop", "-v")
+    row = row_of(wanted(allowed="l", critical=True), found, PLACE)
+    assert row.safe_stop == (*program, "--namespace=/r1", *ways)
+    row = row_of(wanted(allowed="l", critical=True), found, guarded)
+    assert row.safe_stop == (*program, "--namespace=/", "--session=/s.json5", *ways)
+    assert row_of(wanted(allowed="l"), found, PLACE).safe_stop == ()
+    assert row_of(wanted(allowed="l", critical=True), settings({"name": "l", "command": ["l"]}), PLACE).safe_stop == ()
 
 
 def test_every_row_is_one_that_the_supervisor_takes() -> None:

@@ -173,6 +173,32 @@ async def test_stop_and_start_at_once_never_run_it_twice(rig: Rig) -> None:
     assert len(children) == 1
 
 
+STOP = "import os, sys; print(os.environ['METAROS_NODE'], os.environ['X'], file=open(sys.argv[1], 'a'))"
+DYING = {"critical": True, "window_exits": 1, "base_delay_s": 0.01, "max_delay_s": 0.02, "env": {"X": "1"}}
+
+
+async def test_a_critical_node_that_keeps_dying_brings_the_robot_to_rest(rig: Rig) -> None:
+    path = rig.directory / "rest"
+    stop = [sys.executable, "-S", "-c", STOP, str(path)]
+    await rig.table(
+        row("a", "raise SystemExit(1)", safe_stop=stop, **DYING),
+        row("b", "raise SystemExit(78)", safe_stop=stop, **DYING),  # it is not started again
+        row("c", "raise SystemExit(1)", **DYING),
+        row("d", "raise SystemExit(1)", safe_stop=[sys.executable, "-c", "raise SystemExit('no brake')"], **DYING),
+        row("e", "raise SystemExit(78)", safe_stop=stop, env={"X": "1"}),
+        row("f", "", safe_stop=stop, restart="never", **DYING),  # it has done what it had to do
+    )
+    for name in "abcd":
+        await wait_until_async(lambda name=name: rig.node(name)["safe_stop"] not in ("", "under way"))
+    assert set(path.read_text().splitlines()) == {"a 1", "b 1"}
+    assert rig.node("a")["safe_stop"] == "done"
+    assert rig.node("c")["safe_stop"] == "wanted, and the robot's settings name none"
+    assert rig.node("d")["safe_stop"] == "failed: no brake"
+    await rig.until("e", "ended")
+    await rig.until("f", "ended")
+    assert rig.node("e")["safe_stop"] == rig.node("f")["safe_stop"] == ""
+
+
 async def test_a_crash_loop_is_quarantined_seen_and_told(rig: Rig) -> None:
     code = "import sys; print('starting'); sys.exit('no lidar on /dev/ttyUSB0')"
     await rig.table(

@@ -1,0 +1,79 @@
+"""The safe stop of critical nodes: what their rows say is run when one of them keeps dying, and told how it went."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+
+from metaros.limits import LIMITS
+from metaros.supervise import guard
+from metaros.supervise.heartbeats import ENVIRONMENT as HEARTBEAT
+
+__all__ = ["NODE", "SafeStops"]
+
+LOG = logging.getLogger("metaros.supervisor")
+NODE = "METAROS_NODE"  # in its environment: whose death it was
+_SAID = 300
+
+
+class SafeStops:
+    """At most one a node at a time: a death during it asks for nothing new."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._running: dict[str, asyncio.Task[None]] = {}
+        self._told: dict[str, str] = {}
+
+    def told(self, node: str) -> str:
+        """How its last one went; "" where there was none."""
+        return self._told.get(node, "")
+
+    def ask(self, node: str, argv: tuple[str, ...], env: Mapping[str, str]) -> None:
+        """Bring the robot to rest."""
+        if node in self._running:
+            return
+        if not argv:
+            self._told[node] = "wanted, and the robot's settings name none"
+            LOG.error("%s: a safe stop is %s", node, self._told[node])
+            return
+        self._told[node] = "under way"
+        task = self._running[node] = asyncio.create_task(self._stop(node, argv, env))
+        task.add_done_callback(lambda _: self._running.pop(node, None))
+
+    def forget(self, node: str) -> None:
+        """It is gone from the table."""
+        self._told.pop(node, None)
+
+    async def close(self) -> None:
+        """Until those that are under way have ended: they are short, and nobody is at rest before."""
+        await asyncio.gather(*self._running.values())
+
+    async def _stop(self, node: str, argv: tuple[str, ...], env: Mapping[str, str]) -> None:
+        problem = await asyncio.to_thread(self._run, node, argv, env)
+        self._told[node] = f"failed: {problem}" if problem else "done"
+        LOG.error("%s: safe stop %s", node, self._told[node])
+
+    def _run(self, node: str, argv: tuple[str, ...], env: Mapping[str, str]) -> str:
+        """What went wrong, or nothing."""
+        ours = (HEARTBEAT, guard.PARENT)
+        full = {name: value for name, value in os.environ.items() if name not in ours} | {**env, NODE: node}
+        try:
+            done = subprocess.run(
+                argv,
+                cwd=self._directory,
+                env=full,
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                text=True,
+                errors="replace",
+                timeout=LIMITS.safe_stop_s,
+                check=False,
+            )
+        except (OSError, subprocess.TimeoutExpired) as error:
+            return str(error)[:_SAID]
+        said = done.stderr.strip().splitlines()[-1:] or [f"exit code {done.returncode}"]
+        return said[0][:_SAID] if done.returncode else ""
