@@ -16,10 +16,12 @@ __all__ = ["ROBOTS", "Edits"]
 
 ROBOTS = {"a1": "lab", "a2": "lab", "b1": "hall", "b2": "hall"}
 BURST_S = 3.0
+LOST_S = 0.2
 WINDOWS_S = (2.0, 10.0, 60.0, 60.0)
 ENOUGH_S = 600.0  # a window that no busy machine lets pass
 WITHIN_S = 40.0  # of the machine's seconds
 HARM = {"jam": {"nodes": {"jam": {"allowed": JAM}}}, "forbid": {"nodes": {"bad": {"allowed": NOT_ALLOWED}}}}
+LAST = {"parameters": {"n0": {"last": True}}}
 REMEDY = {"jam": {"nodes": {"jam": None}}, "forbid": {"nodes": {"bad": None}}}
 
 
@@ -48,6 +50,10 @@ class Edits:
         for patch in REMEDY.values():
             for name in ROBOTS:
                 await self.model.patch(self.world.twins, name, patch)
+        for name, agent in self.world.agents.items():  # what is told last gets lost on its way, and nobody edits again
+            await self.model.patch(self.world.twins, name, LAST)
+            await asyncio.sleep(self.rng.random() * LOST_S)
+            agent.cut()
         loop = asyncio.get_running_loop()
         end_s = loop.time() + WITHIN_S * SPEED
         while missing := await self._missing():
