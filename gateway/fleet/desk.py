@@ -129,6 +129,8 @@ class FleetDesk:
         command = self.calling(robot_id, service, type_name=type_name, request=request, lease_id=lease_id)
         command.sent_ns = sent_ns
         result = await self._commands.run(robot_id, command, timeout_s=timeout_s, look=look)
+        if len(result.payload) > LARGE_JSON_BYTES:  # the robot chose it
+            return await asyncio.to_thread(self.response, command, result.payload)
         return self.response(command, result.payload)
 
     def calling(
