@@ -20,6 +20,7 @@ __all__ = ["BASE_PYTHON", "Launcher", "python_of_base"]
 
 BASE_PYTHON: Final = "METAROS_BASE_PYTHON"  # the install that an update never replaces
 _OURS: Final = (guard.PARENT, HEARTBEAT)  # of the agent alone
+_SECRETS: Final = ("METAROS_KEY", "METAROS_STORE", "METAROS_OBJECTS")  # of whoever started it: no business of any node
 
 
 def python_of_base(environ: Mapping[str, str] = os.environ) -> str:
@@ -75,7 +76,7 @@ class Launcher:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 cwd=self._directory,
-                env={name: value for name, value in self._environ.items() if name not in _OURS},
+                env={name: value for name, value in self._environ.items() if name not in (*_OURS, *_SECRETS)},
                 **_apart(),
             )
         except OSError as error:
