@@ -61,10 +61,13 @@ class LivingRobot:
         assert self._loop is not None
         asyncio.run_coroutine_threadsafe(work, self._loop).result(STARTED_S)
 
-    async def live(self, agent: ScriptedAgent) -> None:
-        """Until cancelled."""
+    async def begin(self, agent: ScriptedAgent) -> None:
+        """Say what is so for the first time; from then on a test may say more."""
         self._agent, self._loop = agent, asyncio.get_running_loop()
         await self._report()
+
+    async def live(self, agent: ScriptedAgent) -> None:
+        """Do what comes, until cancelled."""
         while True:
             frame = await agent.frames[CONTROL].get()
             kind = frame.WhichOneof("frame")
@@ -120,6 +123,7 @@ def living_robot(ready: Ready, name: str) -> Iterator[LivingRobot]:
 
     async def run() -> None:
         async with OneAtATime(ready, name) as agent:
+            await robot.begin(agent)
             tasks = [asyncio.create_task(robot.live(agent)), asyncio.create_task(_beat(agent))]
             up.set()
             await stop.wait()

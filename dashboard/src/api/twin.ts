@@ -1,8 +1,9 @@
 /** Typed calls about twins: what a robot is to be, what it says it is, tried changes, and their history. */
 
 import type { Change } from "../fleet_ops/document";
-import { readJson, writeJson, type Json, type JsonObject, type Numeric } from "../fleet_ops/json";
-import { requestBytes, robotPath, type Method } from "./client";
+import type { Json, JsonObject, Numeric } from "../fleet_ops/json";
+import { robotPath, type Method } from "./client";
+import { askExact, sendExact } from "./exact";
 
 export type TwinWord = "applied" | "applying" | "confirming" | "reverted" | "refused";
 
@@ -72,31 +73,23 @@ export interface ChangeOptions {
   seen?: { revision: number; edition: number };
 }
 
-const decoder = new TextDecoder();
-
-/** Numbers come as they were written. */
-async function ask<T>(path: string, init?: RequestInit): Promise<T> {
-  return readJson(decoder.decode(await requestBytes(path, init))) as T;
-}
-
 function change<T>(method: Method, path: string, body: Json, options: ChangeOptions, more: Record<string, string> = {}): Promise<T> {
   const query = new URLSearchParams(more);
   if (options.dryRun) query.set("dry_run", "true");
   if (options.reason) query.set("reason", options.reason);
   if (options.confirmWithinS) query.set("confirm_within_s", String(options.confirmWithinS));
-  const headers: Record<string, string> = { "content-type": "application/json" };
-  if (options.seen) headers["if-match"] = `"${options.seen.revision}.${options.seen.edition}"`;
-  return ask(`${path}${query.size > 0 ? `?${query}` : ""}`, { method, headers, body: writeJson(body) });
+  const headers: Record<string, string> = options.seen ? { "if-match": `"${options.seen.revision}.${options.seen.edition}"` } : {};
+  return sendExact(method, `${path}${query.size > 0 ? `?${query}` : ""}`, body, headers);
 }
 
 const twinPath = (robot: string) => `${robotPath(robot)}/twin`;
 
 export const twinApi = {
-  schema: () => ask<JsonObject>("/twin/schema"),
-  get: (robot: string) => ask<Twin>(twinPath(robot)),
+  schema: () => askExact<JsonObject>("/twin/schema"),
+  get: (robot: string) => askExact<Twin>(twinPath(robot)),
   put: (robot: string, own: JsonObject, options: ChangeOptions) => change<TwinChange>("PUT", twinPath(robot), own, options),
   patchMany: (selector: string, patch: JsonObject, options: ChangeOptions) => change<TwinsChange>("PATCH", "/twins", patch, options, { selector }),
-  history: async (robot: string, limit: number) => (await ask<{ entries: TwinEntry[] }>(`${twinPath(robot)}/history?limit=${limit}`)).entries,
+  history: async (robot: string, limit: number) => (await askExact<{ entries: TwinEntry[] }>(`${twinPath(robot)}/history?limit=${limit}`)).entries,
   revert: (robot: string, revision: number, options: ChangeOptions) => change<TwinChange>("POST", `${twinPath(robot)}/revert`, { revision }, options),
   retry: (robot: string, reason: string) => change<TwinChange>("POST", `${twinPath(robot)}/retry`, {}, { dryRun: false, reason }),
 };

@@ -96,7 +96,7 @@ interface PlanProps {
 }
 
 /** What was tried and not done. Robots that would change alike stand together. */
-function Plan({ shown, robots, changed, windowS }: PlanProps) {
+export function Plan({ shown, robots, changed, windowS }: PlanProps) {
   const groups = new Map<string, { names: string[]; one: TwinChange }>();
   for (const one of changed) {
     const id = JSON.stringify([one.changes, one.own_changes]);

@@ -57,6 +57,8 @@ export interface Limits {
   range?: Range | null;
   /** Zero is taken as well, where the range does not hold it. */
   zero?: boolean;
+  /** Numbers that JSON has not are taken, as text. */
+  special?: boolean;
   pattern?: string;
   least?: number;
   most?: number;
@@ -82,6 +84,7 @@ function scalar(kind: Kind, typed: string, limits: Limits): Parsed {
   const text = kind === "string" ? typed : typed.trim();
   if (kind === "string") return textual(text, limits);
   if (kind === "bool") return text === "true" || text === "false" ? { value: text === "true" } : { problem: "true or false" };
+  if (limits.special && kind === "double" && /^([+-]?inf|nan)$/i.test(text)) return { value: text.toLowerCase() };
   const value = numeric(text.replace(/^\+/, "").replace(/^(-?)\./, "$10.").replace(/\.$/, ".0"));
   const whole = kind === "integer";
   if (value === null) return { problem: whole ? "a whole number" : "a number" };

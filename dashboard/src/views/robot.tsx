@@ -21,6 +21,7 @@ import { LiveTab } from "./live";
 
 const LinkTab = lazy(async () => (await import("./link")).LinkTab);
 const TopicsTab = lazy(async () => (await import("./topics")).TopicsTab);
+const NodesTab = lazy(async () => (await import("../fleet_ops/nodes")).NodesTab);
 const ConfigTab = lazy(async () => (await import("../fleet_ops/config")).ConfigTab);
 const CommandsTab = lazy(async () => (await import("./commands")).CommandsTab);
 const PastTab = lazy(async () => (await import("./past")).PastTab);
@@ -30,6 +31,7 @@ const REFRESH_MS = 2000;
 /** The tabs that are about the robot alone: their words in the address, their names, what they need. */
 const TABS: Record<string, { title: string; needs?: string; View: ComponentType<{ robot: Robot }> }> = {
   link: { title: "Link", View: LinkTab },
+  nodes: { title: "Nodes", needs: "nodes.read", View: NodesTab },
   config: { title: "Config", needs: "twin.read", View: ConfigTab },
   commands: { title: "Commands", needs: "commands.read", View: CommandsTab },
 };
