@@ -22,6 +22,7 @@ from gateway.domain.lease import LeaseTable
 from gateway.errors import RobotOfflineError, StoreError
 from gateway.fleet.commands import CommandDesk
 from gateway.fleet.desk import FleetDesk
+from gateway.fleet.failover import Failover
 from gateway.fleet.node_feature import Nodes
 from gateway.fleet.orders import OrderDesk
 from gateway.fleet.presence import Presence
@@ -149,7 +150,9 @@ class Gateway:
             limits=limits,
         )
         self.twins = Twins(self.store, self.links.send, self._labels_said, clock=self.clock)
-        self.nodes = Nodes(self.twins, self.registry.get, self.commands, self.fleet, self.orders, clock=self.clock)
+        self.failover = Failover(self.store, self.twins, self.links.send, clock=self.clock)
+        parts = (self.twins, self.registry.get, self.commands, self.fleet, self.orders)
+        self.nodes = Nodes(*parts, clock=self.clock, holder_of=self.failover.holder_of)
 
     def _make_updates(self, master: MasterKey) -> None:
         folder, clock = self.settings.data_dir / "updates", self.clock
@@ -238,14 +241,10 @@ class Gateway:
         async with asyncio.TaskGroup() as group:
             group.create_task(self._tick())
             group.create_task(self._tell_demand())
-            group.create_task(self.recordings.run())
-            group.create_task(self.twins.run())
-            group.create_task(self.updates.run())
-            group.create_task(self.rollouts.run())
-            group.create_task(self.presence.run())
-            group.create_task(self.orders.run())
-            group.create_task(self.attendance.run())
-            group.create_task(self.audit.run())
+            for part in (self.recordings, self.twins, self.failover, self.updates):
+                group.create_task(part.run())
+            for desk in (self.rollouts, self.presence, self.orders, self.attendance, self.audit):
+                group.create_task(desk.run())
             group.create_task(self.identities.run(self.links.recheck))
 
     async def stop(self) -> None:
@@ -283,6 +282,7 @@ class Gateway:
             on_result=self._on_result,
             on_recording=lambda robot, part: self.recordings.on_part(robot, part),
             on_twin=lambda robot, report: self.twins.on_report(robot, report),
+            on_leases=lambda robot, boot_ns: self.failover.on_answer(robot, boot_ns),
             fetch_token=lambda robot: self.fetch_tokens.make(robot),
         )
 
@@ -334,6 +334,7 @@ class Gateway:
             self.teleop.on_offline(robot_id)
         self.recordings.on_online(robot_id, online)
         self.twins.on_online(robot_id, online)
+        self.failover.on_online(robot_id, online)
         self.presence.on_online(robot_id)
         self.orders.delivery.on_online(robot_id, online)
         self._on_channels(robot_id)

@@ -95,6 +95,7 @@ class NodeLeases:
         self._first_s: dict[Unit, float] = {}  # units without a row: since when we have looked for one
         self._shunned: dict[tuple[Unit, str], float] = {}
         self._wanted: dict[Unit, str] = {}
+        self._under_way: frozenset[Unit] = frozenset()
 
     # -- what is heard ---------------------------------------------------------------------------------------------
 
@@ -122,7 +123,7 @@ class NodeLeases:
                 known.boot_ns = None
 
     def learn(self, rows: Iterable[Held], *, now_s: float) -> None:
-        """All rows of the store, as they were read before `now_s`."""
+        """All rows of the store, as they were read before `now_s`, and after every write of ours had its end."""
         known: dict[Unit, _Known] = {}
         for row in rows:
             was = self._known.get(row.unit)
@@ -130,6 +131,7 @@ class NodeLeases:
             known[row.unit] = was if was is not None and same else _Known(row, now_s + self._terms.valid_s)
             self._first_s.pop(row.unit, None)
         self._known = known
+        self._under_way = frozenset()
 
     def want(self, unit: Unit, robot: str) -> None:
         """Somebody wishes that the unit moved there."""
@@ -142,10 +144,10 @@ class NodeLeases:
         """Those that have migratable nodes: they are asked."""
         return self._units.keys()
 
-    def held(self, unit: Unit) -> Held | None:
-        """Its last lease, over or not."""
+    def holder(self, unit: Unit, *, now_s: float) -> Held | None:
+        """Who may have it now."""
         known = self._known.get(unit)
-        return known.held if known is not None else None
+        return known.held if known is not None and now_s < known.until_s else None
 
     def can_take(self, unit: Unit, robot: str, *, now_s: float) -> bool:
         """Whether the unit could run on a robot that answers."""
@@ -157,7 +159,7 @@ class NodeLeases:
         holders = (self._known[unit].held.robot for unit in self._offers if unit in self._known)
         load = Counter(holders)
         steps = []
-        for unit in sorted(self._offers):
+        for unit in sorted(self._offers.keys() - self._under_way):
             known = self._known.get(unit)
             if known is not None and self._goes_on(unit, known, now_s):
                 step = self._renewal(known)
@@ -168,6 +170,10 @@ class NodeLeases:
             if step is not None:
                 steps.append(step)
         return steps
+
+    def begin(self, steps: Iterable[Step]) -> None:
+        """These are being written: nothing else happens to their units until `learn` says what came of it."""
+        self._under_way = frozenset(step.after.unit for step in steps)
 
     def took(self, steps: Iterable[Step]) -> None:
         """These are where they belong."""

@@ -114,13 +114,23 @@ class Failover(RuleBasedStateMachine):
     # -- gateways --------------------------------------------------------------------------------------------------
 
     def read(self, gateway: Gateway) -> None:
+        """As the desk does it: not while a write is under way."""
+        if gateway.planned:
+            return
         gateway.leases.learn(list(self.rows.values()), now_s=gateway.clock.read(self.true_s))
 
     def plan(self, gateway: Gateway) -> None:
-        gateway.planned = gateway.leases.plan(now_s=gateway.clock.read(self.true_s), wall_ns=0)
+        steps = gateway.leases.plan(now_s=gateway.clock.read(self.true_s), wall_ns=0)
+        gateway.leases.took(step for step in steps if not step.written)
+        written = [step for step in steps if step.written]
+        if written and not gateway.planned:
+            gateway.leases.begin(written)
+            gateway.planned = written
 
     def write(self, gateway: Gateway) -> None:
         """What was planned, perhaps long ago: each step alone, and only onto the row that it was planned for."""
+        if not gateway.planned:
+            return
         done = []
         for step in gateway.planned:
             if self.rows.get(step.after.unit) == step.before:
@@ -128,6 +138,7 @@ class Failover(RuleBasedStateMachine):
                 done.append(step)
         gateway.planned = []
         gateway.leases.took(done)
+        self.read(gateway)
 
     def tell(self, gateway: Gateway) -> None:
         for robot in list(gateway.leases.robots):
@@ -165,14 +176,18 @@ class Failover(RuleBasedStateMachine):
         self.write(gateway)
         self.tell(gateway)
 
-    @rule(number=which)
-    def restarts(self, number: int) -> None:
+    @rule(number=which, late=st.booleans())
+    def restarts(self, number: int, late: bool) -> None:
+        """It is killed. What it was writing comes to the store yet, or does not."""
         gateway = self.gateway(number)
         for name in list(gateway.links):
             self.ends(gateway, name)
             if (link := self.robots[name].link) is not None and link.gateway is gateway:
                 self.robots[name].link = None
-        gateway.leases, gateway.planned = self.life(), []
+        if late:
+            self.write(gateway)
+        gateway.planned = []
+        gateway.leases = self.life()
         self.read(gateway)
 
     # -- links -----------------------------------------------------------------------------------------------------
@@ -329,6 +344,7 @@ class Failover(RuleBasedStateMachine):
             self.round_trip(name, link.gateway.number)
         for gateway in self.gateways:
             if gateway.number == storeless:
+                self.plan(gateway)
                 self.tell(gateway)
             elif gateway.number != paused:
                 self.works(gateway.number)

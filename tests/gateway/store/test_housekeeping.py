@@ -238,6 +238,7 @@ def test_the_tables_of_both_are_the_same(tmp_path: Path, engine: StoreEngine) ->
         "rollout_robots",
         "rollouts",
         "duties",
+        "node_leases",
         "update_bundles",
         "update_keys",
         "update_metadata",
