@@ -79,7 +79,8 @@ class Failover:
 
     def on_report(self, robot: str, values: Mapping[str, Any]) -> None:
         """A robot told how its nodes are. A report that was too long for that leaves things as they were."""
-        if "nodes" in values.get("left_out", ()):
+        left_out = values.get("left_out")
+        if isinstance(left_out, list) and "nodes" in left_out:
             self._able.setdefault(robot, {})
             return
         nodes = values.get("nodes")
@@ -203,7 +204,7 @@ class Failover:
 
 def can_run(row: object) -> bool:
     """Whether a node, as its robot reports it, waits for nothing but a lease, or runs."""
-    if not isinstance(row, dict) or row.get("quarantined") or row.get("state") in UNABLE:
+    if not isinstance(row, dict) or row.get("quarantined") or str(row.get("state")) in UNABLE:
         return False
     return row.get("why", "") in ("", "no lease")
 

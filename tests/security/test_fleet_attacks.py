@@ -124,7 +124,8 @@ def lies() -> Iterator[dict[str, Any]]:
     fields = ("state", "why", "pid", "restarts", "since_ns", "last_exit", "version", "waits_for", "lease_id", "nice",
               "quarantined", "crashes", "update", "migratable")  # fmt: skip
     for odd in ODD:
-        yield {"nodes": odd, "agent": odd, "parameters": odd, "lifecycle": odd, "budget": odd, "troubles": odd}
+        sections = ("nodes", "agent", "parameters", "lifecycle", "budget", "troubles", "left_out")
+        yield dict.fromkeys(sections, odd)
         yield {"nodes": {"lidar": odd, "": odd, "\x00": odd, "a/b": odd}}
         yield {"nodes": {"lidar": dict.fromkeys(fields, odd)}, "parameters": {"/sim_1/lidar": odd}}
         update = {"update": {"state": odd, "version": odd, "code": odd, "message": odd}}
