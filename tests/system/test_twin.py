@@ -21,15 +21,15 @@ TRIES = 5  # to catch a trial before it is confirmed
 class Robot:
     """The agent of a simulated robot, behind a link that can be cut, and its twin at the gateway."""
 
-    def __init__(self, stack: Stack, proxy: CuttingProxy) -> None:
-        self.stack, self.proxy = stack, proxy
+    def __init__(self, stack: Stack, proxy: CuttingProxy, *options: str) -> None:
+        self.stack, self.proxy, self.options = stack, proxy, options
         self.agent = self.start()
 
     def start(self) -> Program:
         where = ("--gateway", f"127.0.0.1:{self.proxy.port}")
         where += ("--zenoh-port", str(self.stack.zenoh_port), "--state-dir", str(self.stack.folder / "agent"))
         names = ("--name", ROBOT, "--namespace", f"/{ROBOT}", "--no-host-metrics")
-        return self.stack.start("agent", "agent", *names, *where)
+        return self.stack.start("agent", "agent", *names, *where, *self.options)
 
     def ask(self, method: str, path: str, body: object = None) -> Any:
         request = urllib.request.Request(
