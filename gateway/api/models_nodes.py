@@ -48,7 +48,7 @@ class NodeUpdate(BaseModel):
 
 
 class ReportedNode(BaseModel):
-    """What the robot says of a node."""
+    """What the robot says of a node. `safe_stop`: of a critical one that died, how the robot's stop went."""
 
     state: str
     why: str
@@ -62,6 +62,7 @@ class ReportedNode(BaseModel):
     nice: int | None
     quarantined: bool
     crashes: int
+    safe_stop: str
     update: NodeUpdate | None
 
 

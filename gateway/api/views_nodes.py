@@ -161,6 +161,7 @@ def _reported(said: Mapping[str, Any]) -> dict[str, Any]:
         "nice": said["nice"] if type(said.get("nice")) is int else None,
         "quarantined": said.get("quarantined") is True,
         "crashes": _whole(said.get("crashes")),
+        "safe_stop": _text(said.get("safe_stop")),
         "update": {key: _text(update.get(key)) for key in ("state", "version", "code", "message")}
         if isinstance(update, dict)
         else None,

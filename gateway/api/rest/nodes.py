@@ -232,7 +232,7 @@ async def tail_log(request: Request, robot_id: str, node: str, cursor: Cursor = 
 
     An event's id is the cursor, so that a browser goes on where it was.
     """
-    cursor = cursor or request.headers.get("last-event-id", "")
+    cursor = request.headers.get("last-event-id", "") or cursor  # a browser that comes back repeats its first cursor
     principal = principal_of(request)
     who = f"{principal.kind}:{principal.id}"
     pages = await services_of(request).nodes.logs.tail(robot_id, node, who=who, cursor=cursor, query=query)
