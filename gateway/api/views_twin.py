@@ -103,9 +103,9 @@ def outcomes_view(items: Sequence[Outcome], *, dry_run: bool) -> dict[str, Any]:
     return {"dry_run": dry_run, "robots": len(items), "changed": changed, "results": results}
 
 
-def entry_views(entries: Sequence[TwinEntry]) -> list[dict[str, Any]]:
-    """A robot's history, the newest first; the oldest entry's changes are those against nothing."""
-    before = [*(entry.document for entry in entries[1:]), b"{}"][: len(entries)]
+def entry_views(entries: Sequence[TwinEntry], *, limit: int) -> list[dict[str, Any]]:
+    """The newest `limit` of a robot's history; each against the one before it, the first of all against nothing."""
+    before = [*(entry.document for entry in entries[1:]), b"{}"]
     return [
         {
             "revision": entry.revision,
@@ -117,7 +117,7 @@ def entry_views(entries: Sequence[TwinEntry]) -> list[dict[str, Any]]:
             "own": orjson.loads(entry.own),
             "desired": orjson.loads(entry.document),
         }
-        for entry, old in zip(entries, before, strict=True)
+        for entry, old in zip(entries[:limit], before, strict=False)
     ]
 
 

@@ -29,7 +29,8 @@ __all__ = [
     "write_twins",
 ]
 
-HISTORY = LIMITS.twin_history  # entries kept of each robot; the oldest go
+HISTORY = LIMITS.twin_history  # entries of each robot that are shown; older ones go
+KEPT = HISTORY + 1  # one more, to say what the oldest that is shown changed
 _COLUMNS = (
     "robot, revision, edition, change, own, document, labels, templates, problem, author, at_ns, reason, confirm_ms"
 )
@@ -101,7 +102,7 @@ def write_twins(engine: StoreEngine, items: Sequence[Desired]) -> None:
             for item in items
         ],
     )
-    old = [(item.robot, item.edition - HISTORY) for item in items if item.edition > HISTORY]
+    old = [(item.robot, item.edition - KEPT) for item in items if item.edition > KEPT]
     engine.many("DELETE FROM twin_history WHERE robot = ? AND edition <= ?", old)
 
 

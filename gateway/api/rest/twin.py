@@ -109,8 +109,8 @@ async def patch_twin(
 )
 async def get_history(request: Request, robot_id: str, limit: Count = 20) -> Response:
     """Who changed what, when and why; the newest first, at most 100 are kept."""
-    entries = await services_of(request).twins.desk.history(robot_id, limit=limit)
-    return JsonResponse({"entries": await asyncio.to_thread(entry_views, entries)})
+    entries = await services_of(request).twins.desk.history(robot_id, limit=limit + 1)
+    return JsonResponse({"entries": await asyncio.to_thread(entry_views, entries, limit=limit)})
 
 
 @router.post(

@@ -69,6 +69,8 @@ async def test_edits_are_checked_tried_and_taken_back(tmp_path: Path) -> None:
         entries = (await http.get(path + "/history")).json()["entries"]
         assert [item["revision"] for item in entries] == [2, 1]
         assert entries[0]["changes"] == [{"path": "/nodes", "verb": "remove", "old": LIDAR["nodes"]}]
+        assert entries[1]["changes"] == [{"path": "/nodes", "verb": "add", "new": LIDAR["nodes"]}]
+        assert (await http.get(path + "/history?limit=1")).json()["entries"] == entries[:1]
         assert (await http.post(path + "/revert", json={"revision": 1})).json()["revision"] == 3
         assert (await http.get(path)).json()["own"] == LIDAR
         gone = await http.post(path + "/revert", json={"revision": 99})
