@@ -20,6 +20,7 @@ __all__ = ["Verbs"]
 WAIT_S: Final = 30.0  # the longest that `list` and `tail` wait for something new
 TAIL_STEP_S: Final = 0.2
 MOST_S: Final = 1e10
+READING: Final = 2  # logs are looked through at a time: whoever searches does not keep leases from their end
 Answer = dict[str, Any]
 
 
@@ -29,6 +30,7 @@ class Verbs:
     def __init__(self, service: NodeService, end: Callable[[], None]) -> None:
         self._service = service
         self._end = end
+        self._reading = asyncio.Semaphore(READING)
         self._table: dict[str, Callable[[Request], Awaitable[Answer]]] = {
             "list": self._list,
             "set_table": self._set_table,
@@ -98,7 +100,10 @@ class Verbs:
         size = request.get("max_bytes", 0)
         if type(size) is not int or size < 0 or not isinstance(backwards, bool):
             raise ConfigError("max_bytes: a whole number from 0; backwards: true or false")
-        page = await asyncio.to_thread(read_page, path, cursor=cursor, max_bytes=size, query=query, backwards=backwards)
+        async with self._reading:
+            page = await asyncio.to_thread(
+                read_page, path, cursor=cursor, max_bytes=size, query=query, backwards=backwards
+            )
         return page.as_json()
 
     async def _tail(self, request: Request) -> Answer:

@@ -10,6 +10,8 @@ import socket
 import subprocess
 import sys
 import textwrap
+import threading
+from collections import Counter
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -20,9 +22,11 @@ from hypothesis import strategies as st
 
 from metaros.clock import SystemClock, boot_s, system_rng
 from metaros.errors import ConfigError, FrameError, UnavailableError
+from metaros.supervise import verbs
 from metaros.supervise.client import SupervisorClient
 from metaros.supervise.control import CLIENTS, Control
 from metaros.supervise.door import LINE_BYTES, SOCKET, TOKEN, Door, connect
+from metaros.supervise.log_reader import Page
 from metaros.supervise.service import NodeService
 from metaros.supervise.verbs import Verbs
 from tests.support.waiting import wait_until_async
@@ -91,6 +95,30 @@ async def test_tail_brings_lines_as_they_come(rig: Rig, client: SupervisorClient
     assert [line["text"] for line in page["lines"]] == ["up"]
     empty = await client.ask("tail", node="a", cursor=page["cursor"], wait_s=0.3)
     assert empty["lines"] == []
+
+
+async def test_searches_take_turns(
+    rig: Rig, client: SupervisorClient, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each holds the interpreter: many at once would keep the loop from what has a deadline."""
+    await rig.table("a")
+    go, under_way, most = threading.Event(), Counter[str](), []
+
+    def slow(path: Path, **options: Any) -> Page:
+        under_way["now"] += 1
+        most.append(under_way["now"])
+        go.wait(60)
+        under_way["now"] -= 1
+        return Page((), "0", False)
+
+    monkeypatch.setattr(verbs, "read_page", slow)
+    searches = [asyncio.create_task(client.ask("log", node="a", query="x")) for _ in range(10)]
+    await wait_until_async(lambda: len(most) >= verbs.READING)
+    assert (await client.ask("list"))["nodes"], "all else goes on"
+    assert len(most) == verbs.READING
+    go.set()
+    await asyncio.gather(*searches)
+    assert (len(most), max(most)) == (10, verbs.READING)
 
 
 async def test_leases_of_the_future_and_of_nobody_knows_when(rig: Rig, client: SupervisorClient) -> None:
