@@ -14,7 +14,7 @@ State = Literal["issued", "delivered", "running", "done", "failed", "expired", "
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True)  # 0 is no false here
+    model_config = ConfigDict(extra="forbid")
 
 
 class CommandRequest(_Model):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 import json
+import uuid
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
@@ -29,7 +30,7 @@ from metaros.clock import SystemClock
 from metaros.interfaces.geometry_msgs.msg import Twist
 from tests.edge_agent.conftest import Robot
 from tests.edge_agent.conftest import robot as robot
-from tests.gateway.harness import OPERATOR_KEY, client, open_socket, running_gateway
+from tests.gateway.harness import OPERATOR_KEY, ScriptedAgent, client, open_socket, running_gateway
 from tests.support.key_ring import bearer
 
 TWIST = "geometry_msgs/msg/Twist"
@@ -94,6 +95,17 @@ async def rest_json(world: World, speed: float, lease: str, sent_ns: int) -> str
     return code(await world.http.post(f"{BASE}/publish", json=body))
 
 
+async def rest_once(world: World, speed: float, lease: str, sent_ns: int) -> str:
+    body = {"topic": "cmd_vel", "type": TWIST, "message": {"linear": {"x": speed}}, "lease_id": lease}
+    headers = {"Idempotency-Key": uuid.uuid4().hex}
+    answers = [
+        code(await world.http.post(f"{BASE}/publish", json={**body, "sent_ns": sent_ns}, headers=headers))
+        for _ in range(2)  # the second one is a memory of the first, whatever the lease is by then
+    ]
+    assert answers[0] == answers[1] or answers[1] == "lease_required"
+    return answers[0]
+
+
 async def rest_full_name(world: World, speed: float, lease: str, sent_ns: int) -> str:
     body = {"topic": "/sim_1/cmd_vel", "type": TWIST, "message": {"linear": {"x": speed}}, "lease_id": lease}
     return code(await world.http.post(f"{BASE}/publish", json={**body, "sent_ns": sent_ns}))
@@ -131,13 +143,24 @@ async def grpc_publish(world: World, speed: float, lease: str, sent_ns: int) -> 
     return ""
 
 
+async def grpc_command(world: World, speed: float, lease: str, sent_ns: int) -> str:
+    asked = json.dumps(order(speed, lease, sent_ns)["request"])
+    request = fleet_pb2.SendCommandRequest(robot="sim_1", kind="publish", request_json=asked, sent_ns=sent_ns)
+    try:
+        return str((await world.fleet.SendCommand(request, metadata=METADATA)).code)
+    except grpc.aio.AioRpcError as error:
+        return code_of(error)
+
+
 DOORS: dict[str, Door] = {
     "REST publish": rest_json,
+    "REST publish under a key": rest_once,
     "REST publish, full name": rest_full_name,
     "REST publish, CDR": rest_cdr,
     "REST command": rest_command,
     "REST command by selector": rest_fleet_command,
     "gRPC publish": grpc_publish,
+    "gRPC command": grpc_command,
 }
 
 
@@ -201,18 +224,29 @@ async def until_driven(made: World, door: Door) -> None:
     assert speed in made.heard
 
 
+async def another_robots_lease(made: World) -> str:
+    """The id of a lease of robot sim_2, which has nothing to do with sim_1."""
+    async with ScriptedAgent(made.ready, "sim_2", session=b"2" * 16) as agent:
+        request = fleet_pb2.AcquireLeaseRequest(robot="sim_2", holder="me")
+        asking = asyncio.ensure_future(made.fleet.AcquireLease(request, metadata=METADATA))
+        await agent.answer((await agent.next("command")).command)
+        return str((await asking).lease_id)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("checks", [True, False], ids=["gateway checks", "agent alone"])
 async def test_every_door_in_every_state_of_the_lease(
     tmp_path: Path, zenoh_router: str, heard: list[float], checks: bool
 ) -> None:
     async with world(tmp_path, zenoh_router, heard, checks=checks) as made:
+        elsewhere = await another_robots_lease(made)
         for name, door in DOORS.items():
             await until_driven(made, door)
             allowed = len(heard)
             assert await door(made, -1.0, "", 0) == "lease_required", f"{name} without a lease"
             lease = await made.take()
             assert await door(made, -2.0, "guess", 0) == "lease_required", f"{name}, somebody else's lease"
+            assert await door(made, -2.5, elsewhere, 0) == "lease_required", f"{name}, another robot's lease"
             assert await door(made, -3.0, lease, SystemClock().wall_ns() - OLD_NS) == "stale", name
             assert len(heard) == allowed
             await made.release(lease)

@@ -42,7 +42,25 @@ RULES = {
     "PATCH /api/v1/twins": "a selector, and a part of a twin's document",
     "PUT /api/v1/templates/{name}": "the same, and a name",
     "DELETE /api/v1/templates/{name}": "what is left of robots' documents has to be whole",
+    "POST /api/v1/updates/bundles": "a bundle's zip file, and a group's name",
+    "POST /api/v1/updates/metadata": "documents that are signed",
+    "POST /api/v1/rollouts": "a version, a selector, names of nodes and bundles, waves",
+    "POST /api/v1/rollouts/{rollout_id}/resume": "a version",
+    "GET /api/v1/nodes": "the grammar of selectors",
+    "POST /api/v1/nodes/{verb}": "the same, a node's name, and a signal where the verb is signal",
+    "PATCH /api/v1/nodes/{node}": "the same, and a part of a node's row",
+    "POST /api/v1/robots/{robot_id}/nodes/{node}/{verb}": "a node's name, and a signal where the verb is signal",
+    "PUT /api/v1/robots/{robot_id}/nodes/{node}": "a node's name and its row",
+    "PATCH /api/v1/robots/{robot_id}/nodes/{node}": "the same",
+    "DELETE /api/v1/robots/{robot_id}/nodes/{node}": "a node's name; what is left of the document has to be whole",
+    "PATCH /api/v1/robots/{robot_id}/nodes/{node}/parameters": "parameters' names and values",
+    "POST /api/v1/robots/{robot_id}/nodes/{node}/lifecycle": "a node's own name",
+    "GET /api/v1/robots/{robot_id}/nodes/{node}/parameters": "the same",
+    "GET /api/v1/robots/{robot_id}/nodes/{node}/lifecycle": "the same",
+    "GET /api/v1/robots/{robot_id}/nodes/{node}/log": "a cursor that was given",
+    "GET /api/v1/robots/{robot_id}/nodes/{node}/log/tail": "the same",
 }
+schemathesis.serializer.alias(["application/zip", "application/cdr"], "application/octet-stream")
 LONGEST_URI = 8000
 AWAY = ("robot_offline", "command_timeout")  # a robot that does not answer is no fault of the gateway's
 

@@ -93,6 +93,7 @@ class FleetService:
             expires_s=request.expires_s or LIMITS.command_expires_s,
             timeout_s=request.timeout_s or LIMITS.command_timeout_s,
             idempotency=request.idempotency_key or None,
+            sent_ns=stamp(request.sent_ns),
         )
         command = await call.services.orders.send(order, call.principal)
         call.detail = f"{command.id} {command.kind} {command.state}"

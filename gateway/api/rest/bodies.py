@@ -31,7 +31,7 @@ async def read_body(request: Request, model: type[Body]) -> Body:
     if "json" not in request.headers["content-type"]:
         raise InvalidRequestError("this request has a JSON body")
     try:
-        read = model.model_validate_json(await request.body())
+        read = model.model_validate_json(await request.body(), strict=True)  # 0 is no false, and "5" no number
     except ValidationError as error:
         faults = [f"{'.'.join(str(part) for part in item['loc'])}: {item['msg']}" for item in error.errors()]
         raise InvalidRequestError("; ".join(faults)[:1000]) from error

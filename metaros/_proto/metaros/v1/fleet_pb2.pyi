@@ -94,7 +94,7 @@ class FleetCallResponse(_message.Message):
     def __init__(self, json: _Optional[str] = ...) -> None: ...
 
 class SendCommandRequest(_message.Message):
-    __slots__ = ("robot", "kind", "request_json", "durable", "expires_s", "timeout_s", "idempotency_key", "wait_s")
+    __slots__ = ("robot", "kind", "request_json", "durable", "expires_s", "timeout_s", "idempotency_key", "wait_s", "sent_ns")
     ROBOT_FIELD_NUMBER: _ClassVar[int]
     KIND_FIELD_NUMBER: _ClassVar[int]
     REQUEST_JSON_FIELD_NUMBER: _ClassVar[int]
@@ -103,6 +103,7 @@ class SendCommandRequest(_message.Message):
     TIMEOUT_S_FIELD_NUMBER: _ClassVar[int]
     IDEMPOTENCY_KEY_FIELD_NUMBER: _ClassVar[int]
     WAIT_S_FIELD_NUMBER: _ClassVar[int]
+    SENT_NS_FIELD_NUMBER: _ClassVar[int]
     robot: str
     kind: str
     request_json: str
@@ -111,7 +112,8 @@ class SendCommandRequest(_message.Message):
     timeout_s: float
     idempotency_key: str
     wait_s: float
-    def __init__(self, robot: _Optional[str] = ..., kind: _Optional[str] = ..., request_json: _Optional[str] = ..., durable: _Optional[bool] = ..., expires_s: _Optional[float] = ..., timeout_s: _Optional[float] = ..., idempotency_key: _Optional[str] = ..., wait_s: _Optional[float] = ...) -> None: ...
+    sent_ns: int
+    def __init__(self, robot: _Optional[str] = ..., kind: _Optional[str] = ..., request_json: _Optional[str] = ..., durable: _Optional[bool] = ..., expires_s: _Optional[float] = ..., timeout_s: _Optional[float] = ..., idempotency_key: _Optional[str] = ..., wait_s: _Optional[float] = ..., sent_ns: _Optional[int] = ...) -> None: ...
 
 class GetCommandRequest(_message.Message):
     __slots__ = ("command",)
