@@ -107,6 +107,9 @@ def rows_of(answers: Iterable[bytes]) -> Iterable[Report]:
             box, waiting = said.get("black_box") or {}, said.get("recordings") or {}
             report["black_box"] = {name: int(box.get(name, 0)) for name in _BOX}
             report["recordings"] = {name: int(waiting.get(name, 0)) for name in ("count", "size_bytes")}
+            twin = said.get("twin") or {}
+            report["twin"] = {name: int(twin.get(name, 0)) for name in ("revision", "applied")}
+            report["twin"] |= {name: text(twin.get(name, "")) for name in ("state", "code", "message")}
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError):
             continue
         yield report
@@ -170,6 +173,7 @@ def show(out: Output, report: Report) -> None:
         ("Store", report.get("store_id") or "none yet: no gateway has taken it"),
         ("Epoch", ", ".join(map(str, epochs[-4:])) or "–"),
         ("State", f"{report['directory']}, {human_bytes(report['disk_free_bytes'])} free"),
+        ("Twin", twin_line(report.get("twin") or {})),
         ("Black box", box_line(report.get("black_box") or {}, report["running"])),
     )
     for label, value in rows:
@@ -180,6 +184,18 @@ def show(out: Output, report: Report) -> None:
     out.line()
     out.table(_COLUMNS, lines(report["classes"]), right=range(1, len(_COLUMNS)))
     out.line()
+
+
+def twin_line(twin: Report) -> str:
+    """What the robot lives by, in words."""
+    if not twin.get("revision"):
+        return "none: the robot's own settings"
+    lives_by = f"revision {twin['applied']}" if twin["applied"] else "the robot's own settings"
+    if twin["state"] == "applied":
+        return lives_by
+    if twin["state"] == "on trial":
+        return f"{lives_by}, on trial until the gateway confirms it"
+    return f"{lives_by}; revision {twin['revision']} was {twin['state']}: {text(twin['message'] or twin['code'])}"
 
 
 def box_line(box: Report, running: bool) -> str:

@@ -19,6 +19,7 @@ from edge_agent.outbox.reader import Segment
 from edge_agent.outbox.segment import SegmentHeader, read_header, scan
 from edge_agent.outbox.state import OutboxState
 from edge_agent.store_id import StoreId
+from edge_agent.twin.state import TwinFile
 from edge_agent.uplink.session import Queues
 from edge_agent.uplink.statistics import LinkFacts, class_depth
 from edge_agent.uplink_limit import stored_limit
@@ -76,6 +77,7 @@ def running_report(
         "classes": [*classes, _class_row(depth, None)],
         "black_box": _box_row(facts.black_box() if facts.black_box is not None else link_pb2.BlackBox()),
         "recordings": _shelf_row(queues.shelf),
+        "twin": twin_row(directory),
     }
 
 
@@ -109,6 +111,23 @@ def held_report(directory: Path) -> Report:
         "classes": rows,
         "black_box": _left_box(directory / BOX_FOLDER),
         "recordings": _left_recordings(directory / RECORDINGS_FOLDER),
+        "twin": twin_row(directory),
+    }
+
+
+def twin_row(directory: Path) -> Report:
+    """How it stands with the twin, by its record: `revision` is the newest that came, the robot lives by `applied`.
+
+    `state` is applied, on trial, reverted or refused; revision 0 is the robot's own settings.
+    """
+    record = TwinFile(cast(Disk, _Looked(directory))).load()
+    pending = record.pending
+    return {
+        "revision": record.seen,
+        "applied": (pending.version if pending is not None else record.applied).revision,
+        "state": "on trial" if pending is not None else record.undone or "applied",
+        "code": record.code,
+        "message": record.message,
     }
 
 

@@ -10,7 +10,7 @@ import typer
 from typer.testing import CliRunner
 
 from edge_agent.cli import register
-from edge_agent.cli_status import box_line, lines, rows_of
+from edge_agent.cli_status import box_line, lines, rows_of, twin_line
 from edge_agent.state_dir import locked
 from tests.edge_agent.test_main import start
 from tests.edge_agent.test_report import filled
@@ -146,3 +146,13 @@ def test_a_peers_report_is_cleaned() -> None:
 
 def test_a_class_in_words() -> None:
     assert lines([CLASS]) == [("bulk", "–", "2 MB", "1,234", "–", "3 MB", "10 MB", "30%", "5")]
+
+
+def test_a_twin_in_words() -> None:
+    twin = {"revision": 0, "applied": 0, "state": "applied", "code": "", "message": ""}
+    assert twin_line({}) == twin_line(twin) == "none: the robot's own settings"
+    assert twin_line({**twin, "revision": 3, "applied": 3}) == "revision 3"
+    assert twin_line({**twin, "revision": 3, "applied": 3, "state": "on trial"}).startswith("revision 3, on trial")
+    undone = {**twin, "revision": 3, "applied": 2, "state": "reverted", "message": "nobody\x1b[2J confirmed it"}
+    assert twin_line(undone) == "revision 2; revision 3 was reverted: nobody?[2J confirmed it"
+    assert twin_line({**undone, "applied": 0}).startswith("the robot's own settings; revision 3 was reverted")

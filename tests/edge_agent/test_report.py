@@ -6,6 +6,8 @@ from pathlib import Path
 
 from edge_agent.outbox import OsDisk
 from edge_agent.report import held_report
+from edge_agent.twin.record import Pending, Record, Version
+from edge_agent.twin.state import TwinFile
 from metaros.clock import ManualClock
 from tests.edge_agent.parts import accept, make_outbox
 
@@ -64,3 +66,16 @@ def test_damage_shortens_the_count_at_most(tmp_path: Path) -> None:
     data[-1] ^= 1
     segment.write_bytes(data)
     assert held_report(tmp_path)["classes"][0]["samples"] == 2
+
+
+def test_how_it_stands_with_the_twin_is_told(tmp_path: Path) -> None:
+    (tmp_path / "outbox").mkdir()
+    nothing = {"revision": 0, "applied": 0, "state": "applied", "code": "", "message": ""}
+    assert held_report(tmp_path)["twin"] == nothing
+    one, two = (Version(revision=number, document=b"{}") for number in (1, 2))
+    file = TwinFile(OsDisk(tmp_path))
+    file.keep(Record(applied=one, pending=Pending(version=two, until_s=1.0, boot_id="b"), seen=2))
+    assert held_report(tmp_path)["twin"] == {**nothing, "revision": 2, "applied": 2, "state": "on trial"}
+    file.keep(Record(applied=one, seen=2, undone="reverted", code="not_confirmed", message="late"))
+    undone = {"revision": 2, "applied": 1, "state": "reverted", "code": "not_confirmed", "message": "late"}
+    assert held_report(tmp_path)["twin"] == undone
