@@ -1,6 +1,8 @@
 /** Typed calls for commands that are kept: send one, look at the history, take one back. */
 
-import { request, robotPath, send } from "./client";
+import { writeJson, type Json, type JsonObject } from "../fleet_ops/json";
+import { robotPath, send } from "./client";
+import { askExact } from "./exact";
 
 export type CommandKind = "publish" | "call_service" | "node_verb" | "read_log" | "save_recording" | "set_uplink";
 export type CommandEnd = "done" | "failed" | "expired" | "cancelled";
@@ -11,7 +13,8 @@ export interface Command {
   robot: string;
   /** A newer gateway may have kinds that this page does not know. */
   kind: CommandKind | (string & {});
-  request: unknown;
+  /** Its numbers are as they were written, like those of the result: 2^60 is one of a message's. */
+  request: Json;
   state: CommandState;
   durable: boolean;
   issued_by: string;
@@ -24,7 +27,7 @@ export interface Command {
   ended: string | null;
   code: string;
   message: string;
-  result: unknown;
+  result: Json;
 }
 
 export interface CommandPage {
@@ -34,11 +37,14 @@ export interface CommandPage {
 
 export interface CommandOrder {
   kind: CommandKind;
-  request: Record<string, unknown>;
+  request: JsonObject;
   durable: boolean;
   expires_s?: number;
   timeout_s?: number;
 }
+
+/** As the gateway tells it; its own numbers are ordinary ones. */
+const plain = (command: Command): Command => ({ ...command, timeout_s: Number(command.timeout_s) });
 
 /** A key that nobody else has: the same order under it is the same command, however often it is sent. */
 export function newKey(): string {
@@ -47,17 +53,18 @@ export function newKey(): string {
 }
 
 export const commandsApi = {
-  list: (robot: string, state: CommandState | "", before: string | null, limit = 50) => {
+  list: async (robot: string, state: CommandState | "", before: string | null, limit = 50): Promise<CommandPage> => {
     const query = new URLSearchParams({ robot, limit: String(limit) });
     if (state) query.set("state", state);
     if (before) query.set("before", before);
-    return request<CommandPage>(`/commands?${query}`);
+    const { commands, next } = await askExact<CommandPage>(`/commands?${query}`);
+    return { commands: commands.map(plain), next };
   },
-  send: (robot: string, order: CommandOrder, key: string) =>
-    request<Command>(`${robotPath(robot)}/commands`, {
+  send: (robot: string, { kind, request, ...rest }: CommandOrder, key: string) =>
+    askExact<Command>(`${robotPath(robot)}/commands`, {
       method: "POST",
       headers: { "content-type": "application/json", "idempotency-key": key },
-      body: JSON.stringify(order),
+      body: writeJson({ kind, request, ...(rest as JsonObject) }),
     }),
   cancel: (id: string) => send<Command>("DELETE", `/commands/${encodeURIComponent(id)}`),
 };

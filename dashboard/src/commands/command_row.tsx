@@ -3,6 +3,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Command } from "../api/commands";
+import { isObject, writeJson, type Json } from "../fleet_ops/json";
 import { ageText, now } from "../live/age";
 import { duration } from "../ui/format";
 import { Link } from "../ui/parts";
@@ -68,7 +69,7 @@ function Inside({ command, onAgain }: { command: Command; onAgain?: () => void }
     <div class="command-inside">
       <section aria-label="Request">
         <h3>Request</h3>
-        <pre>{JSON.stringify(command.request, null, 2)}</pre>
+        <pre>{writeJson(command.request, 2)}</pre>
       </section>
       <section aria-label="Result">
         <h3>Result</h3>
@@ -95,13 +96,13 @@ function Result({ command }: { command: Command }) {
   const recording = kind === "save_recording" ? fieldOf(result, "recording") : "";
   return (
     <>
-      <pre tabIndex={0}>{JSON.stringify(result, null, 2)}</pre>
+      <pre tabIndex={0}>{writeJson(result, 2)}</pre>
       {recording && <p class="hint"><Link class="text-link" href="/recordings">To the recordings</Link></p>}
     </>
   );
 }
 
-function linesOf(result: unknown): string[] | null {
-  const lines = typeof result === "object" && result !== null ? (result as { lines?: unknown }).lines : null;
+function linesOf(result: Json): string[] | null {
+  const lines = isObject(result) ? result.lines : null;
   return Array.isArray(lines) ? lines.map((line) => fieldOf(line, "text")) : null;
 }

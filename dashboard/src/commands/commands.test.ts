@@ -1,5 +1,6 @@
 import { expect, test } from "vitest";
 import type { Command } from "../api/commands";
+import { writeJson } from "../fleet_ops/json";
 import { blankForm, formOf, orderOf } from "./form";
 import { stepsOf, tookText } from "./steps";
 import { parseObject, titleOf, whyOf } from "./words";
@@ -97,6 +98,12 @@ test("what cannot be is said by its field", () => {
   expect(() => parseObject("{\n  bad}")).toThrow("line 2");
   expect(() => parseObject("[1]")).toThrow("object");
   expect(parseObject("  ")).toEqual({});
+});
+
+test("numbers of a message are sent as they were typed", () => {
+  const order = orderOf({ ...blankForm("publish"), topic: "/a", message: '{"stamp": 1152921504606846977, "rate": 10.0}' });
+  expect(writeJson(order.request)).toBe('{"topic":"/a","message":{"stamp":1152921504606846977,"rate":10.0}}');
+  expect(formOf(command({ kind: "publish", request: order.request }))!.message).toContain("1152921504606846977");
 });
 
 test("bytes and unknown kinds are not asked again by the form", () => {

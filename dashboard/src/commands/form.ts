@@ -1,6 +1,7 @@
 /** What the form of a command holds, and the order that it makes. */
 
 import type { Command, CommandKind, CommandOrder } from "../api/commands";
+import { isObject, writeJson, type JsonObject } from "../fleet_ops/json";
 import { fieldOf, parseObject } from "./words";
 
 /** Texts are as they were typed; each kind uses those that it needs. */
@@ -49,7 +50,8 @@ export const blankForm = (kind: CommandKind): Form => ({
 /** The form that asks for the same again; null for a kind that it does not offer. */
 export function formOf({ kind, request, durable, timeout_s: timeoutS }: Command): Form | null {
   const text = (name: string) => fieldOf(request, name);
-  const part = (name: string) => JSON.stringify((request as Record<string, unknown> | null)?.[name] ?? {}, null, 2);
+  const asked = isObject(request) ? request : {};
+  const part = (name: string) => writeJson(asked[name] ?? {}, 2);
   const form = { ...blankForm("publish"), durable, timeoutS: String(timeoutS) };
   switch (kind) {
     case "publish":
@@ -60,7 +62,7 @@ export function formOf({ kind, request, durable, timeout_s: timeoutS }: Command)
     case "node_verb":
       return { ...form, kind: "node_verb", node: text("node"), verb: text("verb"), signal: Number(text("signal")) || form.signal };
     case "save_recording": {
-      const topics = (request as { topics?: unknown } | null)?.topics;
+      const topics = asked.topics;
       return { ...form, kind: "save_recording", lastS: Number(text("last_s")) || form.lastS, topics: Array.isArray(topics) ? topics.join(", ") : "" };
     }
     case "set_uplink": {
@@ -81,7 +83,7 @@ export function orderOf(form: Form): CommandOrder {
   return form.durable ? { ...order, expires_s: form.expiresS } : order;
 }
 
-function requestOf(form: Form): Record<string, unknown> {
+function requestOf(form: Form): JsonObject {
   switch (form.kind) {
     case "publish":
       return { topic: needed(form.topic, "topic"), ...(form.type.trim() && { type: form.type.trim() }), message: parseObject(form.message) };

@@ -8,6 +8,7 @@ import { api } from "../api/client";
 import { commandsApi, newKey, type Command, type CommandKind } from "../api/commands";
 import { can } from "../api/session";
 import type { Robot } from "../api/types";
+import { writeJson, type JsonObject } from "../fleet_ops/json";
 import { DurableFields } from "./durable_fields";
 import { blankForm, formOf, orderOf, type Form } from "./form";
 import { KindFields } from "./kind_fields";
@@ -33,7 +34,7 @@ export function SendDialog({ robot, known, like, onClose, onSent }: DialogProps)
   const { busy, problem, attempt } = useAttempt();
   const submit = async (close: () => void) => {
     const order = orderOf(form.value);
-    const text = JSON.stringify(order);
+    const text = writeJson({ ...order } as JsonObject);
     // What is pressed again after a broken connection is the same command; what was changed is another one.
     if (sent.current.text !== text) sent.current = { text, key: newKey() };
     onSent(await commandsApi.send(robot.id, order, sent.current.key));
@@ -52,11 +53,13 @@ export function SendDialog({ robot, known, like, onClose, onSent }: DialogProps)
           <KindField form={form} kinds={kinds.map(({ kind }) => kind)} />
           <KindFields form={form} robot={robot} topics={topics.value.value ?? []} known={known} />
           {form.value.kind !== "save_recording" && <DurableFields form={form} online={robot.state === "online"} />}
-          <Refusal text={problem.value} />
-          <div class="dialog-end">
-            <span />
-            <button type="button" class="button" onClick={close}>Cancel</button>
-            <button class="button button-solid" disabled={busy.value}>{busy.value ? "Sending…" : "Send"}</button>
+          <div class="dialog-foot">
+            <Refusal text={problem.value} />
+            <div class="dialog-end">
+              <span />
+              <button type="button" class="button" onClick={close}>Cancel</button>
+              <button class="button button-solid" disabled={busy.value}>{busy.value ? "Sending…" : "Send"}</button>
+            </div>
           </div>
         </form>
       )}

@@ -1,6 +1,7 @@
 /** Commands in words: what one asks for, and what each kind of them is called. */
 
 import type { Command, CommandKind } from "../api/commands";
+import { isNumeric, isObject, readJson, type Json, type JsonObject } from "../fleet_ops/json";
 import { bytesPerSecond, duration } from "../ui/format";
 
 export interface KindWords {
@@ -23,9 +24,9 @@ export const KINDS: readonly KindWords[] = [
 const VERBS: Record<string, string> = { start: "Start", stop: "Stop", restart: "Restart", retry: "Retry", signal: "Signal" };
 
 /** A request may hold anything: a field of it as text, "" where it has none. */
-export function fieldOf(request: unknown, name: string): string {
-  const value = typeof request === "object" && request !== null ? (request as Record<string, unknown>)[name] : undefined;
-  return typeof value === "string" || typeof value === "number" || typeof value === "boolean" ? String(value) : "";
+export function fieldOf(request: Json, name: string): string {
+  const value = isObject(request) ? request[name] : undefined;
+  return typeof value === "string" || typeof value === "boolean" || isNumeric(value) ? String(value) : "";
 }
 
 /** "Call /sim_1/base/resume": one line. */
@@ -68,15 +69,15 @@ export const whyOf = ({ code, message }: Pick<Command, "code" | "message">) =>
   message && message !== code ? message : Object.hasOwn(CODE_WORDS, code) ? CODE_WORDS[code]! : code;
 
 /** A JSON document that somebody typed; throws an Error whose message says where it stops being one. */
-export function parseObject(text: string): Record<string, unknown> {
-  let value: unknown;
+export function parseObject(text: string): JsonObject {
+  let value: Json;
   try {
-    value = JSON.parse(text.trim() || "{}");
+    value = readJson(text.trim() ? text : "{}");
   } catch (error) {
     throw new Error(`This is no JSON: ${placed(error, text)}`);
   }
-  if (typeof value !== "object" || value === null || Array.isArray(value)) throw new Error("A message is a JSON object: {…}");
-  return value as Record<string, unknown>;
+  if (!isObject(value)) throw new Error("A message is a JSON object: {…}");
+  return value;
 }
 
 /** Browsers say "at position 17"; people count lines. */

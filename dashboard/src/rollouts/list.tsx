@@ -24,7 +24,7 @@ export function RolloutList() {
   return (
     <>
       <div class="rollouts-head">
-        <WaveLegend />
+        {all !== null && all.length > 0 ? <WaveLegend /> : <span />}
         {can("rollouts.manage") ? (
           <button type="button" class="button button-solid" onClick={() => (starting.value = true)}>Start a rollout…</button>
         ) : <NotYours what="start rollouts" />}

@@ -7,15 +7,13 @@ import { TextField } from "../admin/fields";
 import { Modal, Refusal, useAttempt } from "../admin/modal";
 import { useAsked } from "../admin/use_list";
 import { rolloutsApi, type Bundle, type RolloutDetail } from "../api/rollouts";
-import { robots } from "../live/fleet";
 import { Link } from "../ui/parts";
-import { NamedRobots, useNamed } from "./named";
 import { FIRST, orderOf, type Plan } from "./plan";
+import { SelectorField } from "./selector_field";
 import { WaveRows } from "./wave_bars";
-import { CARE, isReady, labelsOf, newestFirst, robotsText, thingOf, withTerm } from "./words";
+import { CARE, isReady, newestFirst, robotsText, thingOf } from "./words";
 
 const NEVER_MS = 3_600_000;
-const LABELS = 12;
 
 export function StartDialog({ onClose, onStarted }: { onClose: () => void; onStarted: (made: RolloutDetail) => void }) {
   const updates = useAsked(rolloutsApi.updates, NEVER_MS);
@@ -48,14 +46,16 @@ export function StartDialog({ onClose, onStarted }: { onClose: () => void; onSta
           }}
         >
           <WhatFields plan={plan} bundles={bundles} bundle={bundle} />
-          <WhichFields plan={plan} />
+          <SelectorField value={plan.value.selector} onInput={(selector) => (plan.value = { ...plan.value, selector })} />
           <HowFields plan={plan} />
           {dry && <DryRun made={dry} />}
-          <Refusal text={problem.value || updates.problem.value} />
-          <div class="dialog-end">
-            <span />
-            <button type="button" class="button" onClick={close}>Cancel</button>
-            <button class="button button-solid" disabled={busy.value || !bundle}>{dry ? `Start for ${robotsText(dry.robots)}` : "Dry run"}</button>
+          <div class="dialog-foot">
+            <Refusal text={problem.value || updates.problem.value} />
+            <div class="dialog-end">
+              <span />
+              <button type="button" class="button" onClick={close}>Cancel</button>
+              <button class="button button-solid" disabled={busy.value || !bundle}>{dry ? `Start for ${robotsText(dry.robots)}` : "Dry run"}</button>
+            </div>
           </div>
         </form>
       )}
@@ -80,28 +80,6 @@ function WhatFields({ plan, bundles, bundle }: PlanProps & { bundles: Bundle[]; 
       {bundle?.kind === "node" && (
         <TextField label="Node" mono placeholder={bundle.name} hint="The node's name in the robots' twins; empty: as the bundle." value={plan.value.node} onInput={(node) => set({ node })} />
       )}
-    </>
-  );
-}
-
-function WhichFields({ plan }: PlanProps) {
-  const selector = plan.value.selector;
-  const named = useNamed(selector.trim());
-  const labels = labelsOf(robots.value ?? [], LABELS);
-  const set = (text: string) => (plan.value = { ...plan.value, selector: text });
-  return (
-    <>
-      <TextField label="Robots" mono placeholder="every robot" hint="Terms that all hold: site=lab, kind in (arm, cart), stage!=old, robot=sim_1. Empty: every robot." value={selector} onInput={set} />
-      {labels.length > 0 && (
-        <div class="label-chips" role="group" aria-label="Labels of robots">
-          {labels.map(({ term, robots: count }) => (
-            <button key={term} type="button" class="chip" aria-pressed={selector.split(",").some((part) => part.trim() === term)} onClick={() => set(withTerm(selector, term))}>
-              {term} <small class="num">{count}</small>
-            </button>
-          ))}
-        </div>
-      )}
-      <NamedRobots named={named.value} />
     </>
   );
 }

@@ -4,6 +4,7 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Confirm, Refusal, type Question } from "../admin/modal";
 import { useAsked } from "../admin/use_list";
+import { saidOf } from "../api/client";
 import { commandsApi, type Command, type CommandPage, type CommandState } from "../api/commands";
 import { can } from "../api/session";
 import type { Robot } from "../api/types";
@@ -43,8 +44,12 @@ function History({ robot, state }: { robot: Robot; state: CommandState | "" }) {
   const more = async () => {
     const from = older.value ?? page;
     if (!from?.next) return;
-    const next = await commandsApi.list(robot.id, state, from.next);
-    older.value = { commands: [...(older.value ? older.value.commands : from.commands), ...next.commands], next: next.next };
+    try {
+      const next = await commandsApi.list(robot.id, state, from.next);
+      older.value = { commands: [...from.commands, ...next.commands], next: next.next };
+    } catch (error) {
+      newest.problem.value = saidOf(error);
+    }
   };
   return (
     <div class="admin commands">

@@ -1,16 +1,21 @@
-/** The Rollouts page: rollouts, one of them, and the versions that they can bring. */
+/** The Rollouts page: rollouts, one of them, the versions that they can bring, and templates. */
 
 import { RolloutPage } from "../rollouts/detail";
 import { RolloutList } from "../rollouts/list";
 import { VersionsPart } from "../rollouts/versions";
 import { Link } from "../ui/parts";
 import { place } from "../ui/url";
+import { lazy } from "./lazy";
 import "../ui/admin.css";
+import "../ui/ops.css";
 import "../ui/rollouts.css";
+
+const TemplatesPart = lazy(async () => (await import("../rollouts/templates")).TemplatesPart);
 
 const PARTS = [
   { path: "/rollouts", word: "Rollouts", View: RolloutList },
   { path: "/rollouts/versions", word: "Versions", View: VersionsPart },
+  { path: "/rollouts/templates", word: "Templates", View: TemplatesPart },
 ] as const;
 
 export function RolloutsPage() {

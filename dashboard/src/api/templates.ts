@@ -1,0 +1,49 @@
+/** Typed calls for templates: partial twins of all robots that a selector names. */
+
+import type { JsonObject, Numeric } from "../fleet_ops/json";
+import { askExact, sendExact } from "./exact";
+import type { TwinChange } from "./twin";
+
+export interface Template {
+  name: string;
+  selector: string;
+  priority: number;
+  revision: number;
+  author: string;
+  at: string;
+  reason: string;
+  document: JsonObject;
+}
+
+/** What one does, or would do, to the robots that it reaches. */
+export interface TemplateChange {
+  dry_run: boolean;
+  template: Template;
+  robots: Numeric;
+  changed: Numeric;
+  results: TwinChange[];
+}
+
+export interface TemplateOptions {
+  dryRun: boolean;
+  reason: string;
+  confirmWithinS: number;
+  /** The revision that the person has seen: another one is refused. 0: there was none. */
+  seen: number;
+}
+
+function place(name: string, { dryRun, reason, confirmWithinS }: TemplateOptions): string {
+  const query = new URLSearchParams({ confirm_within_s: String(confirmWithinS) });
+  if (dryRun) query.set("dry_run", "true");
+  if (reason) query.set("reason", reason);
+  return `/templates/${encodeURIComponent(name)}?${query}`;
+}
+
+const seenHeader = ({ seen }: TemplateOptions) => ({ "if-match": `"${seen}"` });
+
+export const templatesApi = {
+  list: async () => (await askExact<{ templates: Template[] }>("/templates")).templates,
+  put: (name: string, body: { selector: string; priority: number; document: JsonObject }, options: TemplateOptions) =>
+    sendExact<TemplateChange>("PUT", place(name, options), body, seenHeader(options)),
+  remove: (name: string, options: TemplateOptions) => sendExact<TemplateChange>("DELETE", place(name, options), {}, seenHeader(options)),
+};

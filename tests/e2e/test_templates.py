@@ -1,0 +1,136 @@
+"""Templates over a real gateway: what they would change is shown before, and robots live by them after."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.e2e.conftest import PHONE, save
+from tests.e2e.living_robot import LivingRobot, living_robot
+from tests.e2e.real_gateway import RealGateway, real_gateway
+from tests.e2e.test_fleet_page import CONTRASTS
+from tests.support.waiting import wait_until
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser"), pytest.mark.timeout(300)]
+
+OpenPage = Callable[..., Page]
+CAMERA = '{"topics": {"camera/**": {"class": "live", "rate_hz": 5.0}}}'
+
+
+@pytest.fixture
+def gateway(tmp_path: Path) -> Iterator[RealGateway]:
+    """ada is an admin, bo an operator."""
+    with real_gateway(tmp_path) as running:
+        running.user("ada", "admin")
+        running.user("bo", "operator")
+        yield running
+
+
+@pytest.fixture
+def robot(gateway: RealGateway) -> Iterator[LivingRobot]:
+    """arm_1, at the lab."""
+    with living_robot(gateway.ready, "arm_1") as lives:
+        gateway.ask("PATCH", "/robots/arm_1/labels", {"labels": {"site": "lab"}})
+        yield lives
+
+
+def opened(gateway: RealGateway, open_page: OpenPage, name: str = "ada", **options: object) -> Page:
+    """Somebody's page of templates."""
+    page = open_page(gateway.link(name), **options)
+    expect(page.locator(".who")).to_be_visible()
+    page.goto(f"{gateway.url}/rollouts/templates")
+    expect(page.locator("[data-template], .nothing").first).to_be_visible()
+    return page
+
+
+def test_one_is_made_changed_and_deleted(gateway: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
+    page = opened(gateway, open_page)
+    page.get_by_role("button", name="New template…").click()
+    editor = page.locator("[data-card=template]")
+    expect(editor.get_by_role("status").last).to_have_text("Give it a name.")
+    editor.get_by_label("Name", exact=True).fill("camera-rate")
+    editor.get_by_role("button", name="site=lab").click()
+    expect(editor.locator("[data-named]")).to_have_attribute("data-named", "1")
+    editor.get_by_role("button", name="JSON").click()
+    document = editor.get_by_label("The template's document")
+    document.fill("{nonsense")
+    expect(editor.get_by_role("button", name="Show what would change")).to_be_disabled()
+    document.fill(CAMERA.replace("5.0", '"fast"'))
+    editor.get_by_role("button", name="Show what would change").click()
+    expect(editor.get_by_role("alert")).to_contain_text("rate_hz")
+    document.fill(CAMERA)
+    editor.get_by_label("Reason").fill("bandwidth")
+    editor.get_by_role("button", name="Show what would change").click()
+    plan = editor.get_by_label("What would change")
+    expect(plan).to_contain_text("arm_1 would change")
+    expect(plan.locator("[data-path='/topics/camera~1**/rate_hz'] ins")).to_have_text("5.0")
+    save(page, "templates-plan")
+    assert gateway.ask("GET", "/templates")["templates"] == []
+    editor.get_by_role("button", name="Apply to 1 robot").click()
+    card = page.locator("[data-template=camera-rate]")
+    expect(card).to_contain_text("site=lab")
+    expect(card).to_contain_text("bandwidth")
+    wait_until(lambda: robot.document.get("topics", {}).get("camera/**", {}).get("rate_hz") == 5.0)
+    save(page, "templates-list")
+
+    card.get_by_role("button", name="Edit camera-rate").click()
+    editor.get_by_role("button", name="JSON").click()
+    document.fill(CAMERA.replace("5.0", "2.0"))
+    editor.get_by_role("button", name="Show what would change").click()
+    editor.get_by_role("button", name="Apply to 1 robot").click()
+    wait_until(lambda: robot.document["topics"]["camera/**"]["rate_hz"] == 2.0)
+    expect(card).to_contain_text("revision 3")  # the label was the first change
+
+    card.get_by_role("button", name="Delete camera-rate").click()
+    dialog = page.get_by_role("dialog")
+    expect(dialog.locator(".change-remove").first).to_be_visible()
+    save(page, "templates-delete")
+    dialog.get_by_role("button", name="Delete").click()
+    expect(page.locator(".nothing")).to_contain_text("No template yet")
+    wait_until(lambda: not robot.document.get("topics"))
+
+
+def test_who_was_overtaken_is_told(gateway: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
+    gateway.ask("PUT", "/templates/camera-rate", {"selector": "site=lab", "document": {}})
+    page = opened(gateway, open_page)
+    page.get_by_role("button", name="Edit camera-rate").click()
+    gateway.ask(
+        "PUT", "/templates/camera-rate", {"selector": "site=lab", "document": {"budget": {"bytes_per_s": 9000}}}
+    )
+    editor = page.locator("[data-card=template]")
+    editor.get_by_label("Priority").fill("7")
+    editor.get_by_role("button", name="Show what would change").click()
+    expect(editor.get_by_role("alert")).to_contain_text("camera-rate")
+    assert gateway.ask("GET", "/templates/camera-rate")["priority"] == 0
+    editor.get_by_role("button", name="Cancel").click()
+    page.get_by_role("button", name="New template…").click()
+    editor.get_by_label("Name", exact=True).fill("camera-rate")
+    expect(editor).to_contain_text("There is a template of that name.")
+
+
+def test_an_operator_reads(gateway: RealGateway, open_page: OpenPage) -> None:
+    gateway.ask("PUT", "/templates/camera-rate", {"selector": "site=lab", "document": {}})
+    page = opened(gateway, open_page, "bo")
+    expect(page.get_by_text("Admins may change templates; bo is an operator.")).to_be_visible()
+    for name in ("New template…", "Edit camera-rate", "Delete camera-rate"):
+        expect(page.get_by_role("button", name=name)).to_have_count(0)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_fits_a_phone_and_can_be_read(gateway: RealGateway, open_page: OpenPage, scheme: str) -> None:
+    document = {"topics": {"camera/**": {"class": "live", "rate_hz": 5.0}}, "budget": {"bytes_per_s": 250_000}}
+    for name, selector in (("a-camera-rate", "site=lab, kind in (arm, cart)"), ("b-all", "")):
+        gateway.ask("PUT", f"/templates/{name}?reason=less+bandwidth", {"selector": selector, "document": document})
+    page = opened(gateway, open_page, size=PHONE, touch=True, scheme=scheme)
+    page.locator("[data-template=a-camera-rate] summary").click()
+    save(page, f"templates-phone-{scheme}")
+    assert page.evaluate("document.documentElement.scrollWidth") == PHONE["width"]
+    assert page.evaluate(CONTRASTS) == []
+    page.get_by_role("button", name="Edit b-all").click()
+    page.locator("[data-section=topics]").wait_for()
+    save(page, f"templates-edit-phone-{scheme}")
+    assert page.evaluate("document.documentElement.scrollWidth") == PHONE["width"]
+    assert page.evaluate(CONTRASTS) == []
