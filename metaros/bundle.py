@@ -7,6 +7,8 @@ unpacks one: all by this module. A version is two to four numbers with dots betw
 
 from __future__ import annotations
 
+import contextlib
+import io
 import re
 import stat
 import tomllib
@@ -34,6 +36,7 @@ MEMBERS = 512
 UNPACKED_BYTES = 1 << 30
 RATIO = 200  # what a member may grow by; wheels are packed already
 MANIFEST_BYTES = 64 * 1024
+READ_BYTES = 1 << 20  # of a bundle at a time: its directory of members, too
 NAME_CHARS = 255
 _NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]{0,61}[a-z0-9])?")
 _VERSION = re.compile(r"(?:0|[1-9]\d{0,8})(?:\.(?:0|[1-9]\d{0,8})){1,3}")
@@ -147,7 +150,9 @@ def read_bundle(source: Path | BinaryIO) -> Manifest:
         BundleError: it is no bundle.
     """
     try:
-        with zipfile.ZipFile(source) as archive:
+        with contextlib.ExitStack() as stack:
+            file = stack.enter_context(source.open("rb")) if isinstance(source, Path) else source
+            archive = stack.enter_context(zipfile.ZipFile(_Bounded(file)))
             members = archive.infolist()
             _check_members(members)
             manifest = _manifest(archive)
@@ -164,6 +169,37 @@ def read_bundle(source: Path | BinaryIO) -> Manifest:
     if bad is not None:
         raise BundleError(f"no bundle: the checksum of {bad[:80]!r} does not hold")
     return manifest
+
+
+class _Bounded(io.RawIOBase):
+    """A file of which nobody reads much at a time: zipfile would take in a directory of millions of members first, and
+    ask how many there are afterwards."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        super().__init__()
+        self._file = file
+
+    def read(self, size: int = -1, /) -> bytes:
+        """Up to `size` bytes; BundleError for more than READ_BYTES."""
+        if size < 0:
+            place = self._file.tell()
+            size = self._file.seek(0, io.SEEK_END) - place
+            self._file.seek(place)
+        if size > READ_BYTES:
+            raise BundleError(f"no bundle: its directory has more than {READ_BYTES} bytes")
+        return self._file.read(size)
+
+    def seek(self, offset: int, whence: int = 0, /) -> int:
+        """As of the file."""
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        """As of the file."""
+        return self._file.tell()
+
+    def seekable(self) -> bool:
+        """It is a file."""
+        return True
 
 
 def _check_members(members: list[zipfile.ZipInfo]) -> None:

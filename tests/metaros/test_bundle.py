@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import stat
+import struct
+import tracemalloc
 import zipfile
 from pathlib import Path
 
@@ -72,6 +75,20 @@ def test_what_is_no_bundle(tmp_path: Path, said: dict[str, object], message: str
     path = make_bundle(tmp_path, **said)  # type: ignore[arg-type]
     with pytest.raises(BundleError, match=message):
         read_bundle(path)
+
+
+def test_a_directory_of_millions_is_never_taken_in() -> None:
+    """zipfile makes an object of each member before anybody can count them: 4 GB of memory for a file of 256 MiB."""
+    member = struct.pack("<I6H3I5H2I", 0x02014B50, 20, 20, 0, 0, 0, 33, 0, 0, 0, 7, 0, 0, 0, 0, 0, 0) + b"files/a"
+    directory = member * 300_000
+    file = io.BytesIO(directory + struct.pack("<I4H2IH", 0x06054B50, 0, 0, 512, 512, len(directory), 0, 0))
+    tracemalloc.start()
+    try:
+        with pytest.raises(BundleError, match="directory"):
+            read_bundle(file)
+        assert tracemalloc.get_traced_memory()[1] < 4 << 20
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_link_in_a_bundle_is_refused(tmp_path: Path) -> None:
