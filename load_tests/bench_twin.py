@@ -1,18 +1,19 @@
 """A change of the whole fleet's twins: how long until it is accepted, and until every robot lives by it.
 
-    python -m load_tests twin [--robots 1000] [--rounds 3] [--quick]
+    python -m load_tests twin [--robots 1000] [--rounds 3] [--engines sqlite,postgres] [--quick]
 
-A gateway with SQLite in this process, its robots in another one, over gRPC on loopback, all on this machine's cores.
-Each round is one request, in turn a merge patch of every robot's own document and a template for half of them. Accepted
-is the time of the HTTP request, in which the database has the change on disk; converged is from its beginning until the
-last robot has had its revision confirmed. 1 is returned when an acceptance takes over `--accept-s`, or a convergence
-over `--converge-s`.
+A gateway in this process, with SQLite and then with a PostgreSQL of its own, its robots in another one, over gRPC on
+loopback, all on this machine's cores. Each round is one request: in turn a merge patch of every robot's document, and
+a template for half of them. Accepted is the time of the HTTP request, in which the database has the change on disk;
+converged is from its beginning until the last robot has had its revision confirmed. 1 is returned when an acceptance
+takes over `--accept-s`, or a convergence over `--converge-s`.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import os
 import sys
 import tempfile
 import time
@@ -23,6 +24,7 @@ import httpx
 
 from gateway.domain.principal import Role
 from tests.gateway.harness import RING, client, running_gateway
+from tests.support.postgres import PostgresServer
 
 __all__ = ["main"]
 
@@ -55,10 +57,10 @@ async def _round(http: httpx.AsyncClient, robots: asyncio.subprocess.Process, nu
     return accepted, time.perf_counter() - began
 
 
-async def _measure(count: int, rounds: int) -> list[tuple[float, float]]:
+async def _measure(count: int, rounds: int, *, url: str) -> list[tuple[float, float]]:
     key = RING.add(role=Role.ADMIN, name="bench")
     with tempfile.TemporaryDirectory() as folder:
-        async with running_gateway(Path(folder)) as ready, client(ready, key=key) as http:
+        async with running_gateway(Path(folder), store_url=url) as ready, client(ready, key=key) as http:
             program = [sys.executable, "-m", "load_tests.twin_robots", str(ready.grpc_port), str(count)]
             robots = await asyncio.create_subprocess_exec(*program, stdout=asyncio.subprocess.PIPE)
             try:
@@ -77,14 +79,26 @@ def main(argv: Sequence[str] = ()) -> int:
     parser = argparse.ArgumentParser(prog="python -m load_tests twin")
     parser.add_argument("--robots", type=int, default=1000)
     parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--engines", default="sqlite,postgres")
     parser.add_argument("--accept-s", type=float, default=1.0)
     parser.add_argument("--converge-s", type=float, default=30.0)
     parser.add_argument("--quick", action="store_true", help="100 robots, 2 rounds")
     chosen = parser.parse_args(argv)
     count, rounds = (100, 2) if chosen.quick else (chosen.robots, chosen.rounds)
     good = True
-    for number, (accepted, converged) in enumerate(asyncio.run(_measure(count, rounds)), 1):
-        kind = "merge patch of every robot" if number % 2 else "template for every robot"
-        print(f"{kind:28} accepted in {accepted:6.3f} s, converged in {converged:6.2f} s", flush=True)
-        good = good and accepted <= chosen.accept_s and converged <= chosen.converge_s
+    for engine in chosen.engines.split(","):
+        server = PostgresServer() if engine == "postgres" else None
+        try:
+            if server is not None:
+                server.start()
+            url = server.schema() if server is not None else ""
+            found = asyncio.run(_measure(count, rounds, url=url))
+        finally:
+            if server is not None:
+                server.close()
+        for number, (accepted, converged) in enumerate(found, 1):
+            kind = "merge patch of every robot" if number % 2 else "template for every robot"
+            print(f"{engine:9} {kind:27} accepted in {accepted:6.3f} s, converged in {converged:6.2f} s", flush=True)
+            good = good and accepted <= chosen.accept_s and converged <= chosen.converge_s
+    print(f"{os.cpu_count()} cores, load of the last minute {os.getloadavg()[0]:.1f} (ours is 2)")
     return int(not good)
