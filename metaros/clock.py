@@ -6,6 +6,7 @@ their edge; tests pass a `ManualClock` and a seeded generator, and never sleep.
 
 from __future__ import annotations
 
+import sys
 import time
 from typing import TYPE_CHECKING, Protocol
 
@@ -67,8 +68,10 @@ def boot_s() -> float:
     """Seconds since the machine's start: the same in all its processes, never decreasing. On Linux it goes on while the
     machine is suspended, as a lease does.
     """
-    clock: int | None = getattr(time, "CLOCK_BOOTTIME", None)
-    return time.monotonic() if clock is None else time.clock_gettime(clock)
+    if sys.platform == "linux":
+        return time.clock_gettime(time.CLOCK_BOOTTIME)
+    else:
+        return time.monotonic()
 
 
 def system_rng() -> random.Random:

@@ -11,6 +11,8 @@ import asyncio
 import contextlib
 import json
 import logging
+import socket
+import sys
 from collections.abc import Awaitable, Callable
 from typing import Any, Final
 
@@ -40,7 +42,7 @@ class Control:
     async def open(self) -> None:
         """Listen. Raises OSError."""
         found = self._door.listen()
-        if found.family.name == "AF_UNIX":
+        if sys.platform != "win32" and found.family == socket.AF_UNIX:
             self._server = await asyncio.start_unix_server(self._came, sock=found, limit=LINE_BYTES)
         else:
             self._server = await asyncio.start_server(self._came, sock=found, limit=LINE_BYTES)

@@ -61,8 +61,7 @@ class Door:
     async def admits(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
         """Whether who came in is this user."""
         if self._unix:
-            found: socket.socket = writer.get_extra_info("socket")
-            return peer_uid(found) == os.getuid()  # type: ignore[attr-defined,unused-ignore]
+            return is_ours(writer.get_extra_info("socket"))
         try:
             line = await asyncio.wait_for(reader.readline(), _TOKEN_S)
             told = json.loads(line)["token"]
@@ -71,17 +70,20 @@ class Door:
             return False
 
     def _listen_unix(self) -> socket.socket:
-        path = self._directory / SOCKET
-        found = socket.socket(socket.AF_UNIX)
-        try:
-            with reachable(path) as short:
-                found.bind(short)
-            path.chmod(0o600)
-            found.listen(16)
-        except OSError:
-            found.close()
-            raise
-        return found
+        if sys.platform == "win32":
+            raise OSError("this platform has no Unix sockets that its loop knows")
+        else:
+            path = self._directory / SOCKET
+            found = socket.socket(socket.AF_UNIX)
+            try:
+                with reachable(path) as short:
+                    found.bind(short)
+                path.chmod(0o600)
+                found.listen(16)
+            except OSError:
+                found.close()
+                raise
+            return found
 
     def _listen_tcp(self) -> socket.socket:
         found = socket.create_server(("127.0.0.1", 0))
@@ -94,10 +96,11 @@ class Door:
 async def connect(directory: Path) -> Streams:
     """Streams to the supervisor of a state directory. Raises UnavailableError where none runs."""
     try:
-        if (directory / TOKEN).exists():
+        if sys.platform == "win32" or (directory / TOKEN).exists():
             return await _connect_tcp(directory / TOKEN)
-        with reachable(directory / SOCKET) as short:
-            return await asyncio.open_unix_connection(short, limit=2 * LINE_BYTES)
+        else:
+            with reachable(directory / SOCKET) as short:
+                return await asyncio.open_unix_connection(short, limit=2 * LINE_BYTES)
     except (OSError, ValueError, KeyError, AttributeError) as error:
         raise UnavailableError(f"no supervisor runs in {directory}: {error}") from None
 
@@ -107,6 +110,14 @@ async def _connect_tcp(path: Path) -> Streams:
     reader, writer = await asyncio.open_connection("127.0.0.1", int(facts["port"]), limit=2 * LINE_BYTES)
     writer.write(json.dumps({"token": facts["token"]}).encode() + b"\n")
     return reader, writer
+
+
+def is_ours(connection: socket.socket) -> bool:
+    """Whether this user is at the other end of a Unix socket."""
+    if sys.platform == "win32":
+        return False
+    else:
+        return peer_uid(connection) == os.getuid()
 
 
 def peer_uid(connection: socket.socket) -> int:
@@ -124,11 +135,11 @@ def peer_uid(connection: socket.socket) -> int:
 @contextmanager
 def reachable(path: Path) -> Iterator[str]:
     """A text for the socket's path that the system takes: a long one goes by a descriptor of its directory."""
-    if len(os.fsencode(path)) <= _PATH_BYTES or sys.platform != "linux":
+    if sys.platform == "linux" and len(os.fsencode(path)) > _PATH_BYTES:
+        folder = os.open(path.parent, os.O_PATH | os.O_DIRECTORY)
+        try:
+            yield f"/proc/self/fd/{folder}/{path.name}"
+        finally:
+            os.close(folder)
+    else:
         yield str(path)
-        return
-    folder = os.open(path.parent, os.O_PATH | os.O_DIRECTORY)
-    try:
-        yield f"/proc/self/fd/{folder}/{path.name}"
-    finally:
-        os.close(folder)

@@ -51,8 +51,6 @@ class Warden:
             _bury(popen)
 
     def _say(self, words: list[dict[str, object]]) -> None:
-        if sys.platform == "win32":
-            return
         if self._popen is None:
             self._start()
             return
@@ -66,21 +64,22 @@ class Warden:
         """Another one, who is told all."""
         if self._popen is not None:
             _bury(self._popen)
-        with contextlib.suppress(OSError):  # no memory: the kernel's request to each node is left
-            popen = subprocess.Popen(
-                [sys.executable, "-I", "-S", warden_main.__file__],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-                bufsize=0,
-                start_new_session=True,
-            )
-            assert popen.stdin is not None
-            assert popen.stdout is not None
-            self._popen = popen
-            asyncio.get_running_loop().add_reader(popen.stdout.fileno(), self._died, popen)
-            os.write(popen.stdin.fileno(), _lines(_began(*row) for row in self._groups.items()))
-            os.set_blocking(popen.stdin.fileno(), False)  # from now on nobody waits for it
+        if sys.platform != "win32":
+            with contextlib.suppress(OSError):  # no memory: the kernel's request to each node is left
+                popen = subprocess.Popen(
+                    [sys.executable, "-I", "-S", warden_main.__file__],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.DEVNULL,
+                    bufsize=0,
+                    start_new_session=True,
+                )
+                assert popen.stdin is not None
+                assert popen.stdout is not None
+                self._popen = popen
+                asyncio.get_running_loop().add_reader(popen.stdout.fileno(), self._died, popen)
+                os.write(popen.stdin.fileno(), _lines(_began(*row) for row in self._groups.items()))
+                os.set_blocking(popen.stdin.fileno(), False)  # from now on nobody waits for it
 
     def _died(self, popen: subprocess.Popen[bytes]) -> None:
         """Its output, which it never uses, is at its end."""

@@ -20,10 +20,21 @@ LAST_S = 30.0  # for a last word
 
 def main() -> None:
     """Listen to the end of the input, then kill what is left."""
-    if sys.platform == "win32":
-        return  # there are no groups
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)  # it ends with its supervisor, not before
+    if sys.platform != "win32":  # there are no groups
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)  # it ends with its supervisor, not before
+        groups = _listen()
+        for group in groups:
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(group, signal.SIGKILL)
+        for popen in [_last_word(argv) for argv in groups.values() if argv]:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                if popen is not None:
+                    popen.wait(LAST_S)
+
+
+def _listen() -> dict[int, list[str]]:
+    """The groups that are left at the end of the input, with their last words."""
     groups: dict[int, list[str]] = {}
     for line in sys.stdin.buffer:
         word = json.loads(line)
@@ -31,14 +42,7 @@ def main() -> None:
             groups[word["began"]] = word["last"]
         else:
             groups.pop(word["ended"], None)
-    for group in groups:
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(group, signal.SIGKILL)
-    lasts = [_last_word(argv) for argv in groups.values() if argv]
-    for popen in lasts:
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            if popen is not None:
-                popen.wait(LAST_S)
+    return groups
 
 
 def _last_word(argv: list[str]) -> subprocess.Popen[bytes] | None:
