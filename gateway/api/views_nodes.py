@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gateway.api.problem import error_code
 from gateway.api.views import rfc3339
 from gateway.api.views_twin import outcome_view
-from gateway.domain.node import NodeState
+from gateway.domain.node import Difference, NodeState
 from gateway.domain.parameter import Bounds
 from gateway.fleet.node_logs import LogPage
 from gateway.fleet.node_values import Lifecycle, Parameter
 from gateway.fleet.node_verbs import Result
 from gateway.fleet.nodes import RobotNodes
+from metaros.twin.document import NodeWanted
 
 __all__ = [
     "crash_view",
@@ -41,9 +41,9 @@ def node_view(node: NodeState, *, in_own: bool) -> dict[str, Any]:
         "state": node.state[:TEXT_CHARS],
         "wanted": node.wanted,
         "in_step": not node.differs,
-        "differs": [dataclasses.asdict(item) for item in node.differs],
+        "differs": [_row(item) for item in node.differs],
         "in_own": in_own,
-        "desired": dataclasses.asdict(node.desired) if node.desired is not None else None,
+        "desired": _row(node.desired) if node.desired is not None else None,
         "reported": _reported(node.reported) if node.reported is not None else None,
         "reported_at": _time(node.reported_ns),
         "holder": node.holder,
@@ -143,6 +143,11 @@ def lifecycle_view(robot: str, node: str, item: Lifecycle) -> dict[str, Any]:
         "wanted": item.wanted,
         "transitions": [label for _, label in item.transitions],
     }
+
+
+def _row(item: Difference | NodeWanted) -> dict[str, Any]:
+    """Its fields as they are; dataclasses.asdict copies them deeply, and a fleet has very many."""
+    return {name: getattr(item, name) for name in item.__slots__}
 
 
 def _reported(said: Mapping[str, Any]) -> dict[str, Any]:

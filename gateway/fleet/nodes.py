@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import difflib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+import orjson
 
 from gateway.domain.errors import TwinChangedError, UnknownNodeError
 from gateway.domain.node import NodeState, TwinStanding, node_state
@@ -23,6 +25,7 @@ from metaros.twin import Twin, TwinError, parse, parse_part, read
 __all__ = ["Holder", "NodeDesk", "RobotNodes", "nobody"]
 
 VALUES_BYTES = 64 * 1024  # of one robot's report in a list of many; longer ones are shown robot by robot
+ROBOTS_AT_ONCE = 16  # that are laid together in one go: a large fleet never holds the loop up
 TRIES = 5  # of an edit of ours while others edit the same twin
 Holder = Callable[[str, str], str | None]  # of a robot's node: the robot that has its lease, None where nobody has
 Expected = tuple[int, int | None] | None
@@ -70,20 +73,17 @@ class NodeDesk:
     async def of_robot(self, robot: str) -> RobotNodes:
         """One robot's nodes; UnknownRobotError for one that never connected."""
         state = await self._twins.desk.state(robot)
-        return self._nodes(state, _parsed(state.desired.document))
+        (sides,) = await asyncio.to_thread(_read, [state])
+        return self._nodes(sides)
 
     async def of_many(self, selector: Selector, sees: Callable[[str], bool]) -> list[RobotNodes]:
         """The nodes of every robot that the selector names and that one sees, by robot."""
         states = await self._twins.desk.states(selector, sees, values_bytes=VALUES_BYTES)
-        twins: dict[bytes, Twin] = {}  # a fleet has few different documents
         found = []
-        for number, state in enumerate(states):
-            document = state.desired.document
-            if document not in twins:
-                twins[document] = _parsed(document)
-            found.append(self._nodes(state, twins[document]))
-            if number % 64 == 63:
-                await asyncio.sleep(0)  # a large fleet never holds the loop up
+        for number, sides in enumerate(await asyncio.to_thread(_read, states)):
+            found.append(self._nodes(sides))
+            if number % ROBOTS_AT_ONCE == 0:
+                await asyncio.sleep(0)
         return found
 
     # -- rows of the twin ------------------------------------------------------------------------------------------
@@ -190,9 +190,10 @@ class NodeDesk:
 
     # -- both sides ------------------------------------------------------------------------------------------------
 
-    def _nodes(self, state: TwinState, twin: Twin) -> RobotNodes:
-        robot = state.desired.robot
-        view, said = self.view_of(robot), state.reported
+    def _nodes(self, sides: _Sides) -> RobotNodes:
+        state, twin = sides.state, sides.twin
+        robot, said = state.desired.robot, state.reported
+        view = self.view_of(robot)
         standing = TwinStanding(
             robot=robot,
             online=view is not None and view.online,
@@ -204,8 +205,7 @@ class NodeDesk:
             manages=twin.nodes is not None,
             namespace=view.robot.namespace if view is not None else f"/{robot}",
         )
-        reported = dict(_reported(reported_values(said))) if said is not None else {}
-        desired = twin.nodes or {}
+        reported, desired = sides.reported, twin.nodes or {}
         nodes = [
             node_state(
                 name,
@@ -216,11 +216,34 @@ class NodeDesk:
             )
             for name in sorted({*desired, *reported})
         ]
-        own = read(state.desired.own).get("nodes") or {}
-        return RobotNodes(standing=standing, nodes=tuple(nodes), own=frozenset(own))
+        return RobotNodes(standing=standing, nodes=tuple(nodes), own=sides.own)
 
 
 _GONE = object()
+
+
+@dataclass(frozen=True, slots=True)
+class _Sides:
+    """One robot's twin and report, read."""
+
+    state: TwinState
+    twin: Twin
+    reported: Mapping[str, Mapping[str, Any]]
+    own: frozenset[str]
+
+
+def _read(states: Sequence[TwinState]) -> list[_Sides]:
+    """The documents of some robots, in a thread; a fleet has few different ones."""
+    twins: dict[bytes, Twin] = {}
+    found = []
+    for state in states:
+        document = state.desired.document
+        if document not in twins:
+            twins[document] = _parsed(document)
+        reported = dict(_reported(reported_values(state.reported))) if state.reported is not None else {}
+        own = frozenset(orjson.loads(state.desired.own).get("nodes") or {})
+        found.append(_Sides(state, twins[document], reported, own))
+    return found
 
 
 def _reported(values: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:

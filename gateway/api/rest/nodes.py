@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncGenerator, AsyncIterator, Mapping
+from collections.abc import AsyncGenerator, AsyncIterator, Mapping, Sequence
 from contextlib import aclosing
+from itertools import islice
 from typing import Annotated, Any, Literal
 
 import orjson
@@ -37,7 +38,7 @@ from gateway.api.views_twin import outcomes_view
 from gateway.domain.selector import Selector
 from gateway.fleet.node_logs import LogPage
 from gateway.fleet.node_verbs import Actor, Deed
-from gateway.fleet.nodes import NodeDesk
+from gateway.fleet.nodes import NodeDesk, RobotNodes
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
 
@@ -60,20 +61,7 @@ async def list_nodes(
 ) -> Response:
     """The nodes of every robot that the selector names and that one sees; of one state, or of one name."""
     robots = await services_of(request).nodes.desk.of_many(Selector.parse(selector), principal_of(request).sees)
-    chosen = (
-        (found, item.own)
-        for item in robots
-        for found in item.nodes
-        if (not state or found.state == state) and (not node or found.name == node)
-    )
-    shown: list[dict[str, Any]] = []
-    for found, own in chosen:
-        if len(shown) == limit:
-            return JsonResponse({"nodes": shown, "more": True})
-        shown.append(node_view(found, in_own=found.name in own))
-        if len(shown) % 256 == 0:
-            await asyncio.sleep(0)  # a large fleet never holds the loop up
-    return JsonResponse({"nodes": shown, "more": False})
+    return await asyncio.to_thread(_listed, robots, state, node, limit)
 
 
 @router.post(
@@ -127,7 +115,8 @@ async def change_many(
 )
 async def robot_nodes(request: Request, robot_id: str) -> Response:
     """A robot's nodes: as they are to be, as the robot says they are, and why they differ."""
-    return JsonResponse(nodes_view(await services_of(request).nodes.desk.of_robot(robot_id)))
+    found = await services_of(request).nodes.desk.of_robot(robot_id)
+    return await asyncio.to_thread(lambda: JsonResponse(nodes_view(found)))
 
 
 @router.get(
@@ -274,6 +263,18 @@ async def act(
 def actor_of(request: Request, reason: str) -> Actor:
     """Who asks."""
     return Actor(editor=editor_of(request, reason=reason, window=None), principal=principal_of(request))
+
+
+def _listed(robots: Sequence[RobotNodes], state: str, node: str, limit: int) -> Response:
+    """Those of that state and name, as many as may be shown; in a thread, as they may be very many."""
+    chosen = (
+        node_view(found, in_own=found.name in item.own)
+        for item in robots
+        for found in item.nodes
+        if state in ("", found.state) and node in ("", found.name)
+    )
+    shown = list(islice(chosen, limit + 1))
+    return JsonResponse({"nodes": shown[:limit], "more": len(shown) > limit})
 
 
 def _desk(request: Request) -> NodeDesk:
