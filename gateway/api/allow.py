@@ -23,7 +23,7 @@ from gateway.errors import CsrfError, ForbiddenError, InvalidRequestError, Reque
 from gateway.identity.permissions import Permission, permission
 from metaros.errors import MetarosError
 
-__all__ = ["BARE", "RPCS", "admit", "allow", "declared", "principal_of", "require_seen", "routes_of"]
+__all__ = ["BARE", "RPCS", "admit", "allow", "declared", "principal_of", "require_all", "require_seen", "routes_of"]
 
 PRINCIPAL_KEY = "metaros.principal"  # of a scope: who asks
 REFUSAL_KEY = "metaros.refusal"  # why a credential is not good
@@ -95,6 +95,12 @@ def require_seen(connection: HTTPConnection, robot_id: str) -> None:
     """UnknownRobotError for a robot out of the principal's scope, in the words for one that does not exist."""
     if not principal_of(connection).sees(robot_id):
         raise UnknownRobotError.of(robot_id)
+
+
+def require_all(connection: HTTPConnection, what: str) -> None:
+    """ForbiddenError for what reaches every robot, asked by somebody who is not to reach them all."""
+    if not principal_of(connection).sees_all:
+        raise ForbiddenError(f"{what} are for every robot: they need somebody whose scope is all of them")
 
 
 def declared(route: Any) -> list[Permission]:

@@ -74,6 +74,9 @@ GROUPS: list[tuple[str, str, Any]] = [
     ("POST", "/api/v1/commands", {"selector": "robot=sim_1", "kind": "node_verb", "durable": True,
                                   "request": {"node": "lidar", "verb": "stop"}}),
     ("POST", "/api/v1/rollouts", {"selector": "robot=sim_1", "version": "9.9.9"}),
+    ("POST", "/api/v1/updates/withdrawals", {"path": "nodes/lidar/1.0.zip"}),
+    ("POST", "/api/v1/updates/online-keys", {"fresh": True}),
+    ("POST", "/api/v1/updates/metadata", {"roots": []}),
     ("PUT", "/api/v1/templates/t", {"selector": "", "document": {"budget": {"bytes_per_s": 4321}}}),
 ]  # fmt: skip
 
@@ -89,6 +92,8 @@ async def test_groups_end_at_the_scope_of_whoever_names_them(tmp_path: Path) -> 
                     assert answer.status_code < 500, (role, path, answer.text)
                     said = json.dumps(answer.json()).replace("selector", "").replace("robot=sim_1", "")
                     assert "sim_1" not in said, (role, method, path, answer.text)
+                    if method in ("POST", "PUT") and ("/updates" in path or "/templates" in path):
+                        assert answer.status_code == 403, (role, path, answer.text)
         assert (await admin.get("/api/v1/robots/sim_1/twin")).json() == before
         assert (await admin.get("/api/v1/commands")).json()["commands"] == []
         assert (await admin.get("/api/v1/templates")).json()["templates"] == []

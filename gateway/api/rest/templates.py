@@ -10,15 +10,15 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_twin as models
-from gateway.api.allow import allow, principal_of
+from gateway.api.allow import allow, require_all
 from gateway.api.audited import note
 from gateway.api.problem import JsonResponse
-from gateway.api.rest.bodies import body_document, read_body
-from gateway.api.rest.twin import PRECONDITIONS, DryRun, Reason, Window, editor_of
+from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.rest.twin import PRECONDITIONS, Count, DryRun, Reason, Window, editor_of
 from gateway.api.services import services_of
-from gateway.api.views_twin import outcomes_view, template_view
+from gateway.api.views_twin import outcomes_view, template_entry_views, template_view
 from gateway.domain.twin import Template
-from gateway.errors import ForbiddenError, InvalidRequestError
+from gateway.errors import InvalidRequestError
 from gateway.fleet.twin_plan import Outcome
 from metaros.twin import read
 
@@ -53,7 +53,7 @@ async def put_template(
     request: Request, name: str, dry_run: DryRun = False, reason: Reason = "", confirm_within_s: Window = None
 ) -> Response:
     """Add a template, or put another in its place; with what becomes of every robot that it changes."""
-    _require_all(request)
+    require_all(request, "templates")
     await asyncio.to_thread(read, await request.body())  # no key twice, no NaN, not too deep
     body = await read_body(request, models.TemplateRequest)
     item, outcomes = await services_of(request).twins.templates.put(
@@ -77,10 +77,43 @@ async def delete_template(
     request: Request, name: str, dry_run: DryRun = False, reason: Reason = "", confirm_within_s: Window = None
 ) -> Response:
     """Take a template away; robots go on with what is left."""
-    _require_all(request)
+    require_all(request, "templates")
     item, outcomes = await services_of(request).twins.templates.remove(
         name,
         editor=editor_of(request, reason=reason, window=confirm_within_s),
+        expected=_expected(request),
+        dry_run=dry_run,
+    )
+    return await _answer(request, item, outcomes, dry_run=dry_run)
+
+
+@router.get(
+    "/{name}/history",
+    dependencies=[allow("twin.read")],
+    responses={200: {"model": models.TemplateHistory}, **PROBLEMS},
+)
+async def get_template_history(request: Request, name: str, limit: Count = 20) -> Response:
+    """Who changed a template, when and why, also of one that is gone; the newest first."""
+    entries = await services_of(request).twins.templates.history(name, limit=limit + 1)
+    return JsonResponse({"entries": await asyncio.to_thread(template_entry_views, entries, limit=limit)})
+
+
+@router.post(
+    "/{name}/revert",
+    dependencies=[allow("templates.write")],
+    responses={200: {"model": models.TemplateChange}, **PRECONDITIONS},
+    openapi_extra=body_document(models.Revert),
+)
+async def revert_template(
+    request: Request, name: str, dry_run: DryRun = False, reason: Reason = "", confirm_within_s: Window = None
+) -> Response:
+    """The template as it was at an earlier revision, also of one that is gone; with what becomes of each robot."""
+    require_all(request, "templates")
+    body = await read_body(request, models.Revert)
+    item, outcomes = await services_of(request).twins.templates.revert(
+        name,
+        body.revision,
+        editor=editor_of(request, reason=reason or f"back to revision {body.revision}", window=confirm_within_s),
         expected=_expected(request),
         dry_run=dry_run,
     )
@@ -91,12 +124,6 @@ async def _answer(request: Request, item: Template, outcomes: list[Outcome], *, 
     view = await asyncio.to_thread(outcomes_view, outcomes, dry_run=dry_run)
     note(request, detail=f"{'dry run: ' if dry_run else ''}{view['changed']} robots of {item.selector.text or 'all'}")
     return JsonResponse({**view, "template": template_view(item)}, headers={"ETag": f'"{item.revision}"'})
-
-
-def _require_all(request: Request) -> None:
-    """A template reaches whatever robot has its labels, now or later."""
-    if not principal_of(request).sees_all:
-        raise ForbiddenError("templates are for every robot: they need somebody whose scope is all of them")
 
 
 def _expected(request: Request) -> int | None:

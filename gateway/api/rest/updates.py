@@ -10,7 +10,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response, StreamingResponse
 
 from gateway.api import models, models_updates
-from gateway.api.allow import allow, principal_of
+from gateway.api.allow import allow, principal_of, require_all
 from gateway.api.audited import note
 from gateway.api.guard import UPLOAD_TYPE
 from gateway.api.problem import JsonResponse
@@ -58,6 +58,7 @@ async def list_updates(request: Request) -> Response:
 )
 async def online_keys(request: Request) -> Response:
     """The public keys that a root has to name for this store, made when they are first asked for."""
+    require_all(request, "updates")
     body = await read_body(request, models_updates.OnlineKeysRequest)
     note(request, detail="new online keys" if body.fresh else "online keys")
     return JsonResponse({"keys": await _desk(request).online_keys(fresh=body.fresh)})
@@ -71,6 +72,7 @@ async def online_keys(request: Request) -> Response:
 )
 async def publish(request: Request) -> Response:
     """Publish what was signed offline. All of it is taken, or nothing is."""
+    require_all(request, "updates")
     body = await read_body(request, models_updates.SignedUpload)
     upload = Upload(
         roots=[text.encode("utf-8", "surrogatepass") for text in body.roots],
@@ -138,6 +140,7 @@ async def upload_bundle(
     request: Request, group: Annotated[str, Query(max_length=63, description="whose delegated role signs it")] = ""
 ) -> Response:
     """Take a bundle in; robots can have it once it is named by signed targets."""
+    require_all(request, "updates")
     if request.headers.get("content-type", "").split(";")[0].strip().lower() != UPLOAD_TYPE:
         raise MediaTypeError(f"a bundle has Content-Type {UPLOAD_TYPE}")
     desk = _desk(request)
@@ -165,6 +168,7 @@ async def get_bundle(request: Request, path: str) -> Response:
 )
 async def withdraw(request: Request) -> Response:
     """Hand a version out no more, at once; robots that run it keep it until they are told otherwise."""
+    require_all(request, "updates")
     body = await read_body(request, models_updates.WithdrawRequest)
     desk = _desk(request)
     gone = await desk.withdraw(body.path, body.reason)
