@@ -9,13 +9,14 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Locator, Page, Route, expect
 
 from gateway.main import Ready
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.idl import message_class
 from tests.e2e.conftest import PHONE, save
+from tests.e2e.living_robot import living_robot
 from tests.e2e.real_gateway import RealGateway, real_gateway
 from tests.e2e.test_fleet_page import CONTRASTS
 from tests.gateway.harness import CONTROL, ScriptedAgent
@@ -182,6 +183,41 @@ def test_what_waits_for_an_absent_robot_can_be_taken_back(gateway: RealGateway, 
     page.get_by_label("State").select_option("cancelled")
     expect(rows(page)).to_have_count(1)
     assert page.url.endswith("tab=commands&state=cancelled")
+
+
+def test_what_waits_is_done_when_its_robot_comes(gateway: RealGateway, open_page: OpenPage) -> None:
+    order = {"kind": "set_uplink", "request": {"bytes_per_s": 9000}, "durable": True}
+    gateway.ask("POST", "/robots/sim_2/commands", order)
+    page = commands_of(gateway, open_page, "sim_2")
+    expect(rows(page)).to_have_attribute("data-state", "issued")
+    with living_robot(gateway.ready, "sim_2") as back:
+        expect(rows(page)).to_have_attribute("data-state", "done")
+        assert len(back.commands) == 1
+
+
+def test_pressed_again_after_a_lost_answer_it_is_done_once(
+    gateway: RealGateway, worker: Worker, open_page: OpenPage
+) -> None:
+    page = commands_of(gateway, open_page)
+    answers: list[int] = []
+
+    def lose_the_first(route: Route) -> None:
+        if route.request.method != "POST":
+            return route.continue_()
+        answer = route.fetch()
+        answers.append(answer.status)
+        return route.abort() if len(answers) == 1 else route.fulfill(response=answer)
+
+    page.route("**/api/v1/robots/sim_1/commands", lose_the_first)
+    dialog = form(page)
+    dialog.get_by_label("Service", exact=True).fill("/sim_1/once")
+    dialog.get_by_label("Type", exact=True).fill(TRIGGER)
+    dialog.get_by_role("button", name="Send", exact=True).click()
+    expect(dialog.get_by_role("alert")).to_contain_text("does not answer")
+    dialog.get_by_role("button", name="Send", exact=True).click()
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    expect(rows(page)).to_have_count(1)
+    assert (answers, len(worker.done)) == ([200, 200], 1)
 
 
 def test_a_refusal_says_why(gateway: RealGateway, open_page: OpenPage) -> None:

@@ -1,6 +1,7 @@
 /** One rollout: how far it is, why it stands still, what can be done, and each of its robots. */
 
 import { useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
 import { Badge } from "../admin/badge";
 import { Confirm, Refusal, type Question } from "../admin/modal";
 import { useAsked } from "../admin/use_list";
@@ -16,10 +17,17 @@ import { WaveLegend, WaveRows } from "./wave_bars";
 import { isOpen, robotsText, settled, STATE_TONES, STATE_WORDS, thingOf } from "./words";
 
 const EVERY_MS = 1500;
+const MANY = 1000;
+const MANY_MS = 5000; // each answer holds every robot
+const OVER_MS = 30_000;
 
 export function RolloutPage({ id }: { id: string }) {
-  const asked = useAsked(() => rolloutsApi.get(id), EVERY_MS);
+  const everyMs = useSignal(EVERY_MS);
+  const asked = useAsked(() => rolloutsApi.get(id), everyMs.value);
   const one = asked.value.value;
+  useEffect(() => {
+    if (one) everyMs.value = !isOpen(one) ? OVER_MS : one.robots > MANY ? MANY_MS : EVERY_MS;
+  }, [one]);
   if (!one) {
     return asked.problem.value ? <Refusal text={asked.problem.value} /> : <p class="quiet">Asking the gateway…</p>;
   }

@@ -68,6 +68,10 @@ export function RobotPage({ id }: { id: string }) {
     };
   }, [id]);
 
+  useEffect(() => {
+    document.querySelector(".tabs [aria-current]")?.scrollIntoView({ block: "nearest", inline: "nearest" }); // a phone does not show all of them
+  }, [place.value.params.get("tab"), robot === undefined]);
+
   if (!robot) return <Unknown id={id} loading={robots.value === null} />;
   const asked = place.value.params.get("tab");
   const own = asked !== null && Object.hasOwn(TABS, asked) ? TABS[asked]! : null;
