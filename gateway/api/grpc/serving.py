@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
+from contextlib import aclosing
 from typing import Any
 
 import grpc
@@ -48,8 +49,9 @@ def _handler(gate: Gate, service: FleetService, method: MethodDescriptor) -> grp
     async def answers(requests: Requests, context: Context) -> AsyncIterator[Any]:
         async with gate.call(path, context) as call:
             asked = read(requests) if method.client_streaming else await one(requests)
-            async for reply in behaviour(asked, call):
-                yield reply
+            async with aclosing(behaviour(asked, call)) as replies:
+                async for reply in replies:
+                    yield reply
 
     make: Callable[..., grpc.RpcMethodHandler[Any, Any]]
     if method.server_streaming:

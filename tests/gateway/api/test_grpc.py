@@ -16,7 +16,7 @@ from gateway.main import Ready
 from gateway.settings import Settings
 from metaros._proto import fleet_pb2, fleet_pb2_grpc
 from metaros.limits import LIMITS
-from tests.gateway.harness import RING, ScriptedAgent, running_gateway
+from tests.gateway.harness import RING, ScriptedAgent, client, running_gateway
 from tests.support.certificates import make_certificate
 from tests.support.key_ring import bearer
 
@@ -117,3 +117,42 @@ async def test_the_ready_line_and_the_status_name_the_port(tmp_path: Path) -> No
         assert f"programs 127.0.0.1:{ready.api_grpc_port}" in line
         write_status(tmp_path / "status.json", ready)
         assert f'"api_grpc_port": {ready.api_grpc_port}' in (tmp_path / "status.json").read_text()
+
+
+@asynccontextmanager
+async def driven(ready: Ready, channel: grpc.aio.Channel, agent: ScriptedAgent, key: str) -> AsyncIterator[Any]:
+    """A Drive stream whose robot granted the lease and heard the first speed."""
+    call = fleet_pb2_grpc.FleetStub(channel).Drive(metadata=known_by(key))
+    await call.write(fleet_pb2.DriveRequest(robot="sim_1", holder="me", linear=0.5))
+    grant = (await agent.next("command")).command
+    assert grant.WhichOneof("action") == "grant_lease"
+    await agent.answer(grant)
+    assert (await call.read()).lease_id == grant.grant_lease.lease_id
+    yield call
+
+
+async def stopped(agent: ScriptedAgent) -> None:
+    """The robot is told to stand, and has its lease back."""
+    release = (await agent.next("command")).command
+    assert release.WhichOneof("action") == "release_lease"
+    await agent.answer(release)
+
+
+@pytest.mark.parametrize("how", ["cancelled", "half closed", "key revoked"])
+async def test_a_robot_that_is_driven_stops_with_the_stream(tmp_path: Path, how: str) -> None:
+    key = RING.add(role=Role.OPERATOR)
+    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent, fleet(ready) as channel:
+        async with driven(ready, channel, agent, key) as call:
+            if how == "cancelled":
+                call.cancel()
+            elif how == "half closed":
+                await call.done_writing()
+            else:
+                RING.revoke(key)
+            await stopped(agent)
+            if how == "key revoked":
+                with pytest.raises(grpc.aio.AioRpcError) as caught:
+                    await call.read()
+                assert dict(caught.value.trailing_metadata() or ())["metaros-code"] == "bad_credentials"
+        async with client(ready) as http:
+            assert (await http.get("/api/v1/robots/sim_1")).json()["lease"] is None
