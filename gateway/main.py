@@ -39,8 +39,6 @@ __all__ = ["Ready", "run", "serve"]
 
 GRPC_GRACE_S = 0.5
 HTTP_GRACE_S = 1
-ROBOTS_CONNECTIONS = 32_768  # three of a robot
-PROGRAMS_CONNECTIONS = 1024
 
 
 class _HttpServer(uvicorn.Server):
@@ -152,7 +150,7 @@ def _robots_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
         lambda server: add_links(server, gateway.links),
         host=own.host,
         port=_free_port(own.host, own.grpc_port, default=DEFAULT_GRPC_PORT, flag="--grpc-port"),
-        connections=ROBOTS_CONNECTIONS,
+        connections=LIMITS.robots_connections,
         credentials=tls_credentials(lambda: _robots_tls(gateway)) if own.robots_tls else None,
     )
 
@@ -164,7 +162,7 @@ def _programs_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
         lambda server: add_fleet(server, gate),
         host=own.host,
         port=_free_port(own.host, own.api_grpc_port, default=DEFAULT_API_GRPC_PORT, flag="--api-grpc-port"),
-        connections=PROGRAMS_CONNECTIONS,
+        connections=LIMITS.programs_connections,
         credentials=tls_credentials(lambda: _programs_tls(gateway)) if own.robots_tls else None,
     )
 

@@ -75,6 +75,8 @@ class Limits:
     sockets_open: int = 512  # of one user, key or address, beside robots' links
     socket_message_bytes: int = 64 * KIB  # of a client on the stream and teleop sockets
     socket_frames_per_s: float = 150.0  # of a client, control frames and fragments too; a robot's link: 60 times
+    programs_connections: int = 1024  # to the gRPC port of people's programs
+    robots_connections: int = 32_768  # to the gRPC port of robots: three of each
     links_waiting: int = 1024  # lanes of robots that have not said who they are
     links_waiting_address: int = 128  # of one address beyond this machine
     links_address_per_s: float = 200.0  # lanes that one address opens
