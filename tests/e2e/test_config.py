@@ -18,6 +18,7 @@ from tests.e2e.test_fleet_page import CONTRASTS
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser"), pytest.mark.timeout(600)]
 
 OpenPage = Callable[..., Page]
+PICTURED = {"test_an_edit_is_tried_then_applied_and_the_robot_does_it": "arm_1"}
 ARM = {
     "topics": {"camera/**": {"class": "live", "rate_hz": 5.0}},
     "parameters": {"/arm_1/lidar": {"rate_hz": 10.0, "frame": "laser"}},
@@ -36,7 +37,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealGateway]:
 @pytest.fixture
 def robot(served: RealGateway, request: pytest.FixtureRequest) -> Iterator[LivingRobot]:
     """A robot of each test's own."""
-    name = re.sub(r"\W+", "_", request.node.name)[-40:]
+    name = PICTURED.get(request.node.name) or re.sub(r"\W+", "_", request.node.name)[-40:]
     with living_robot(served.ready, name) as lives:
         yield lives
 
@@ -53,6 +54,7 @@ def opened(gateway: RealGateway, open_page: OpenPage, robot: str, *, who: str = 
 def shot(page: Page, name: str) -> None:
     """Kept where METAROS_SHOTS says, whole."""
     if folder := os.environ.get("METAROS_SHOTS"):
+        page.evaluate("scrollTo(0, 0)")  # the bar on top sticks where the page is
         page.screenshot(path=str(Path(folder) / f"{name}.png"), full_page=True)
 
 
@@ -123,6 +125,10 @@ def test_json_is_edited_too_and_its_mistakes_are_named(
     page.get_by_role("button", name="JSON").click()
     text = page.get_by_label("The robot's own document")
     assert '"rate_hz": 10.0' in text.input_value()
+    text.press("End")
+    page.keyboard.type("/?")  # elsewhere these are keys of the page
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    expect(text).to_be_focused()
     text.fill('{"topics": ')
     expect(page.locator(".card-editor .value-field, .card-editor .json + small")).to_contain_text("JSON")
     expect(page.get_by_role("button", name="Show what would change")).to_be_disabled()
@@ -208,6 +214,42 @@ def test_somebody_elses_change_is_not_overwritten(served: RealGateway, open_page
     standing(page, "in_step", 3)
     assert robot.document["budget"] == {"bytes_per_s": 50000}
     assert robot.document["topics"]["camera/**"]["rate_hz"] == 1.5
+
+
+def test_a_draft_outlives_a_look_at_another_tab(served: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
+    served.ask("PUT", f"/robots/{robot.name}/twin", ARM)
+    page = opened(served, open_page, robot.name)
+    page.get_by_role("button", name="Edit", exact=True).click()
+    page.locator("[data-field='topics.camera/**.rate_hz'] input").fill("1.5")
+    page.get_by_role("button", name="Nodes").click()
+    expect(page.locator(".nothing")).to_contain_text("runs no nodes")
+    page.get_by_role("button", name="Config").click()
+    expect(page.locator("[data-field='topics.camera/**.rate_hz'] input")).to_have_value("1.5")
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator("[data-card=editor]")).to_have_count(0)
+
+
+def test_an_operator_changes_no_code_and_the_form_says_so(
+    served: RealGateway, open_page: OpenPage, robot: LivingRobot
+) -> None:
+    served.ask("PUT", f"/robots/{robot.name}/twin", {"nodes": {"lidar": {"allowed": "lidar-driver", "nice": 0}}})
+    page = opened(served, open_page, robot.name, who="ada")
+    page.get_by_role("button", name="Edit", exact=True).click()
+    code = page.locator("[data-field='nodes.lidar.allowed']")
+    expect(code.get_by_role("textbox")).to_be_disabled()
+    expect(code).to_contain_text("an admin's to say")
+    expect(page.get_by_placeholder("name of a node")).to_have_count(0)
+    page.locator("[data-field='nodes.lidar.nice']").get_by_role("textbox").fill("5")
+    page.get_by_role("button", name="JSON").click()
+    text = page.get_by_label("The robot's own document")
+    text.fill(text.input_value().replace("lidar-driver", "shell"))  # who types it is refused by the gateway
+    page.get_by_role("button", name="Show what would change").click()
+    expect(page.get_by_role("alert")).to_contain_text("needs nodes.code")
+    text.fill(text.input_value().replace("shell", "lidar-driver"))
+    page.get_by_role("button", name="Show what would change").click()
+    page.get_by_role("button", name=f"Apply to {robot.name}").click()
+    standing(page, "in_step", 2)
+    assert robot.document["nodes"]["lidar"] == {"allowed": "lidar-driver", "nice": 5}
 
 
 def test_several_robots_are_changed_at_once_after_their_names_were_seen(

@@ -61,6 +61,7 @@ def opened(afar: Afar, open_page: OpenPage, **query: str) -> Page:
 def shot(page: Page, name: str) -> None:
     """Kept where METAROS_SHOTS says, whole."""
     if folder := os.environ.get("METAROS_SHOTS"):
+        page.evaluate("scrollTo(0, 0)")  # the bar on top sticks where the page is
         page.screenshot(path=str(Path(folder) / f"{name}.png"), full_page=True)
 
 
@@ -179,7 +180,7 @@ def said(boot_s: float) -> dict[str, Any]:
 LINES = [
     "[INFO] [camera]: opening /dev/video0",
     "[WARN] [camera]: no answer, trying again",
-    "[ERROR] [camera]: cannot open /dev/video0: <b>no such device</b>",
+    "[ERROR] [camera]: cannot open /dev/video0: <no such device>",
 ]
 
 
@@ -254,11 +255,11 @@ def test_the_last_words_of_a_crash_are_there_and_inert(
     page = looked(served, open_page, query="&node=camera&view=crashes")
     crash = page.locator("[data-crash='77']")
     expect(crash).to_contain_text("exit code 1")
-    expect(crash.locator(".last-words")).to_contain_text("<b>no such device</b>")
+    expect(crash.locator(".last-words")).to_contain_text("<no such device>")
     expect(crash).to_contain_text("camera-driver --fast")
     shot(page, "nodes-crash")
     page.get_by_role("button", name="Log", exact=True).click()
-    expect(page.locator(".log-error")).to_contain_text("<b>no such device</b>")
+    expect(page.locator(".log-error")).to_contain_text("<no such device>")
     expect(page).to_have_url(re.compile(r"node=camera$"))
 
 

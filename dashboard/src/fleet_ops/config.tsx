@@ -1,6 +1,6 @@
 /** The Config tab: whether the robot is as it is to be, each value beside what is so, the way to change it, the history. */
 
-import { useSignal } from "@preact/signals";
+import { signal, type Signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Refusal } from "../admin/modal";
 import { useAsked } from "../admin/use_list";
@@ -20,10 +20,19 @@ import "../ui/ops.css";
 const LOOK_MS = 2000;
 const LISTED = 20;
 
+/** Drafts outlive a look at another tab. */
+const drafts = new Map<string, Signal<Draft | null>>();
+
+function draftOf(robot: string): Signal<Draft | null> {
+  const found = drafts.get(robot) ?? signal<Draft | null>(null);
+  drafts.set(robot, found);
+  return found;
+}
+
 export function ConfigTab({ robot }: { robot: Robot }) {
   const asked = useAsked(() => twinApi.get(robot.id), LOOK_MS);
   const history = useAsked(() => twinApi.history(robot.id, LISTED), 60_000);
-  const draft = useSignal<Draft | null>(null);
+  const draft = draftOf(robot.id);
   const twin = asked.value.value;
   const edition = twin?.edition ?? null;
   useEffect(() => {

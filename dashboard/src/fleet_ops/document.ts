@@ -1,6 +1,6 @@
 /** Parts of a twin's document: read and set by a path, and the merge patch (RFC 7396) between two. */
 
-import { copy, isObject, same, type Json, type JsonObject } from "./json";
+import { blank, copy, isObject, same, type Json, type JsonObject } from "./json";
 
 export type Path = readonly string[];
 
@@ -12,17 +12,17 @@ export const pointerOf = (path: Path) => path.map((part) => `/${part.replaceAll(
 
 export function at(document: Json | undefined, path: Path): Json | undefined {
   let found: Json | undefined = document;
-  for (const part of path) found = isObject(found) ? found[part] : undefined;
+  for (const part of path) found = isObject(found) && Object.hasOwn(found, part) ? found[part] : undefined;
   return found;
 }
 
 /** A copy with another value there; `undefined` takes it away, and a section that is left empty with it. */
 export function put(document: JsonObject, path: Path, value: Json | undefined): JsonObject {
   const [first, ...rest] = path as [string, ...string[]];
-  const next = { ...document };
+  const next = Object.assign(blank(), document);
   if (rest.length > 0) {
-    const below = isObject(document[first]) ? document[first] : {};
-    const changed = put(below, rest, value);
+    const below = at(document, [first]);
+    const changed = put(isObject(below) ? below : {}, rest, value);
     const emptied = value === undefined && Object.keys(changed).length === 0;
     if (emptied && GO_WHEN_EMPTY.has(first)) delete next[first];
     else next[first] = changed;
@@ -36,10 +36,10 @@ const GO_WHEN_EMPTY: ReadonlySet<string> = new Set(["topics", "parameters", "lif
 
 /** What makes `old` into `now` when it is merged over it. */
 export function patchBetween(old: JsonObject, now: JsonObject): JsonObject {
-  const patch: JsonObject = {};
-  for (const key of Object.keys(old)) if (!(key in now)) patch[key] = null;
+  const patch = blank();
+  for (const key of Object.keys(old)) if (!Object.hasOwn(now, key)) patch[key] = null;
   for (const [key, value] of Object.entries(now)) {
-    const was = old[key];
+    const was = at(old, [key]);
     if (was === undefined) patch[key] = copy(value);
     else if (!same(was, value)) patch[key] = isObject(was) && isObject(value) ? patchBetween(was, value) : copy(value);
   }
@@ -53,7 +53,7 @@ export function rebased(base: JsonObject, draft: JsonObject, newest: JsonObject)
 
 function edits(old: JsonObject, now: JsonObject, path: Path = []): { path: Path; value: Json | undefined }[] {
   return [...new Set([...Object.keys(old), ...Object.keys(now)])].flatMap((key) => {
-    const [was, is] = [old[key], now[key]];
+    const [was, is] = [at(old, [key]), at(now, [key])];
     if (same(was, is)) return [];
     return isObject(was) && isObject(is) ? edits(was, is, [...path, key]) : [{ path: [...path, key], value: is }];
   });

@@ -37,6 +37,13 @@ test("a value is put without touching the old document, and an emptied section g
   expect(before).toHaveProperty("topics.scan");
 });
 
+test("names that every object of JavaScript has are names like others", () => {
+  const none = json('{"nodes":{}}');
+  expect(put(none, ["nodes", "constructor", "nice"], 5)).toEqual(json('{"nodes":{"constructor":{"nice":5}}}'));
+  expect(writeJson(put(none, ["nodes", "__proto__"], json('{"nice":1}')))).toBe('{"nodes":{"__proto__":{"nice":1}}}');
+  expect(writeJson(patchBetween(json("{}"), json('{"__proto__":1,"toString":2}')))).toBe('{"__proto__":1,"toString":2}');
+});
+
 test("a patch says only what differs; a draft is carried over to what somebody else made meanwhile", () => {
   const base = json('{"budget":{"bytes_per_s":1},"topics":{"a":{"rate_hz":1.0},"b":{}}}');
   const draft = json('{"topics":{"a":{"rate_hz":2.0},"b":{}}}');

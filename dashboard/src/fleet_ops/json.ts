@@ -35,6 +35,9 @@ export function numeric(text: string): Numeric | null {
   return String(Number(text)) === text ? Number(text) : new Exact(text);
 }
 
+/** An object to fill: a key may be called `__proto__` or `constructor`. */
+export const blank = () => Object.create(null) as JsonObject;
+
 const TOKEN = /"(?:[^"\\]|\\.)*"|[{}[\],:]|[^\s{}[\],:"]+/g;
 
 /** Read a document; what is none throws the browser's own SyntaxError, which says where. */
@@ -49,7 +52,7 @@ export function readJson(text: string): Json {
     return numeric(token) ?? (JSON.parse(token) as Json);
   };
   const object = (): JsonObject => {
-    const found: JsonObject = Object.create(null) as JsonObject; // a key may be called __proto__
+    const found = blank();
     while (tokens[at] !== "}") {
       if (tokens[at] === ",") at += 1;
       const key = JSON.parse(tokens[at]!) as string;
@@ -92,7 +95,7 @@ export function writeJson(value: Json, indent = 0, depth = 0): string {
 export function same(one: Json | undefined, other: Json | undefined): boolean {
   if (isObject(one) && isObject(other)) {
     const keys = Object.keys(one);
-    return keys.length === Object.keys(other).length && keys.every((key) => key in other && same(one[key], other[key]));
+    return keys.length === Object.keys(other).length && keys.every((key) => Object.hasOwn(other, key) && same(one[key], other[key]));
   }
   if (Array.isArray(one) && Array.isArray(other)) return one.length === other.length && one.every((item, i) => same(item, other[i]));
   if (one instanceof Exact && other instanceof Exact) return one.text === other.text;

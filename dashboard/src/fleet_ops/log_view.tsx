@@ -38,15 +38,14 @@ export function LogView({ node: { robot, name, online } }: { node: Node }) {
 
 function Lines({ log, query, asking, onOlder }: { log: Log; query: string; asking: boolean; onOlder: () => void }) {
   const box = useRef<HTMLDivElement>(null);
-  const seen = useRef<{ atEnd: boolean; height: number; first: string }>({ atEnd: true, height: 0, first: "" });
-  const first = log.lines[0] ? `${log.lines[0].at_ns}${log.lines[0].text}` : "";
+  const seen = useRef<{ atEnd: boolean; height: number; base: number }>({ atEnd: true, height: 0, base: 0 });
   useLayoutEffect(() => {
     const node = box.current;
     if (!node) return;
     const before = seen.current;
     if (before.atEnd) node.scrollTop = node.scrollHeight;
-    else if (before.first !== first && before.height > 0) node.scrollTop += node.scrollHeight - before.height; // older ones came above: what is read stays
-    seen.current = { ...before, height: node.scrollHeight, first };
+    else if (log.base < before.base) node.scrollTop += node.scrollHeight - before.height; // older ones came above: what is read stays
+    seen.current = { ...before, height: node.scrollHeight, base: log.base };
   }, [log]);
   const onScroll = () => {
     const node = box.current!;
@@ -56,7 +55,7 @@ function Lines({ log, query, asking, onOlder }: { log: Log; query: string; askin
     <div ref={box} class="log" role="log" aria-label="Log" aria-live="off" tabIndex={0} data-lines={log.lines.length} onScroll={onScroll}>
       {log.older && <button type="button" class="button log-older" disabled={asking} onClick={onOlder}>Older lines</button>}
       {log.lines.length === 0 && <p class="hint">{query ? `No line holds “${query}”.` : "It has said nothing yet."}</p>}
-      {log.lines.map((line, i) => <Line key={`${line.at_ns} ${i}`} at={line.at} text={line.text} query={query} />)}
+      {log.lines.map((line, i) => <Line key={log.base + i} at={line.at} text={line.text} query={query} />)}
     </div>
   );
 }

@@ -21,7 +21,7 @@ const TONES: Record<string, Tone> = {
 /** The tone of what is shown; what a robot that is away said last is no more than that. */
 export function toneOf({ state, online, in_step, wanted }: Node): Tone {
   if (!online) return "off";
-  const tone = TONES[state] ?? "warn";
+  const tone = Object.hasOwn(TONES, state) ? TONES[state]! : "warn"; // a word of a later version
   return tone === "off" && !in_step && wanted === "running" ? "warn" : tone;
 }
 

@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import type { LogPage, Node, NodeReport, NodeRow } from "../api/nodes";
-import { begunWith, MOST_LINES, olderFrom, withNewer, withOlder } from "./log_lines";
+import { begunWith, MOST_CHARS, MOST_LINES, olderFrom, withNewer, withOlder } from "./log_lines";
 import { cut, levelOf, programOf, reasonsOf, resultWords, toneOf, verbsOf } from "./node_words";
 
 const row = (changes: Partial<NodeRow> = {}): NodeRow => ({ bundle: "", version: "", allowed: "lidar", command: [], restart: "always", critical: false, nice: 0, migratable: false, run: true, ...changes });
@@ -68,13 +68,17 @@ test("older pages come before, without a line twice, while new ones come after",
   log = withNewer(log, page("60", false, "e"));
   log = withOlder(log, page("20", true, "b", "c", "d")); // read backwards from 50: holds the newest page
   expect(texts(log)).toBe("bcde");
+  expect(log.base).toBe(-1); // "c" is number 0 still
   expect([olderFrom(log), log.end]).toEqual(["20", "60"]);
   log = withOlder(log, page("0", false, "a"));
-  expect([texts(log), log.older]).toEqual(["abcde", false]);
+  expect([texts(log), log.older, log.base]).toEqual(["abcde", false, -2]);
 });
 
 test("a log is bounded: the oldest lines go, and can be asked for no more", () => {
   const many = Array.from({ length: MOST_LINES }, (_, i) => `${i} `);
   const log = withNewer(begunWith(page("1", false, "x ", "y ")), page("2", false, ...many));
-  expect([log.lines.length, log.lines[0]!.text, log.older, log.first.count]).toEqual([MOST_LINES, "0 ", false, 0]);
+  expect([log.lines.length, log.lines[0]!.text, log.base, log.older, log.first.count]).toEqual([MOST_LINES, "0 ", 2, false, 0]);
+  const long = withNewer(log, page("3", false, "z".repeat(MOST_CHARS + 1)));
+  expect(long.lines).toHaveLength(1); // one line stays, however long
+  expect(withOlder({ ...long, begin: "1" }, page("0", true, "a")).older).toBe(false);
 });

@@ -47,7 +47,7 @@ export function App() {
   }, [state]);
   useEffect(() => {
     const onKey = (event: KeyboardEvent) => {
-      const typing = event.target instanceof HTMLInputElement;
+      const typing = event.target instanceof Element && event.target.matches("input, textarea, select");
       if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
       if (event.key === "?") help.value = true;
       const search = document.querySelector<HTMLInputElement>("input[type=search]");
