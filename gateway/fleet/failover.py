@@ -124,8 +124,8 @@ class Failover:
         self._unsure = False
 
     def _step(self, group: asyncio.TaskGroup) -> None:
-        for robot, (desired, _units) in list(self._units.items()):
-            if self._book.desired.get(robot) is not desired:
+        for robot in self._able:
+            if self._book.desired.get(robot) is not self._units.get(robot, (None,))[0]:
                 self._offer(robot)
         if self._unsure:
             return

@@ -1,0 +1,168 @@
+"""Failover on a real store: which node is whose unit, who gets a lease, and that nobody has it twice."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.domain.robot import Robot
+from gateway.errors import RobotOfflineError
+from gateway.fleet.failover import Failover, can_run
+from gateway.fleet.twin_feature import Twins
+from gateway.fleet.twin_plan import Edit
+from gateway.fleet.twins import Editor
+from gateway.store import RobotWrite, Store
+from metaros._proto import link_pb2
+from metaros.clock import ManualClock
+from tests.gateway.fleet.twin_rig import twins_on
+from tests.support.waiting import wait_until_async
+
+ADMIN = Editor(name="ada", code=True)
+WAITS = {"state": "stopped", "why": "no lease", "quarantined": False}
+ROW = {"allowed": "beat", "migratable": True}
+
+
+class Fleet:
+    """Robots that answer each frame with their clock, unless they are silent; and what each was told last."""
+
+    def __init__(self) -> None:
+        self.clock = ManualClock()
+        self.told: dict[str, dict[str, int]] = {}
+        self.silent: set[str] = set()
+        self.twins: Twins
+        self.failover: Failover
+
+    def send(self, robot: str, frame: link_pb2.GatewayFrame) -> None:
+        if frame.WhichOneof("frame") != "node_leases":
+            return
+        if robot in self.silent:
+            raise RobotOfflineError(f"robot {robot} has no link now")
+        if frame.node_leases.since_ns:
+            self.told[robot] = {one.node: one.epoch for one in frame.node_leases.leases}
+        self.failover.on_answer(robot, round(self.clock.monotonic_s() * 1e9) + 1)
+
+    async def robot(self, store: Store, name: str, **labels: str) -> None:
+        store.submit(RobotWrite(Robot(name, labels=labels), 1))
+        await store.flush()
+        self.failover.on_online(name, True)
+        self.reports(name)
+
+    def reports(self, name: str, **nodes: Any) -> None:
+        known = {"map": WAITS, **nodes}
+        report = link_pb2.TwinReport(state="applied", reported=json.dumps({"nodes": known}).encode())
+        self.twins.on_report(name, report)
+
+    async def until(self, holders: dict[str, dict[str, int]]) -> None:
+        """Time goes by until these robots have these nodes, under these epochs."""
+
+        def so() -> bool:
+            self.clock.advance(0.1)
+            held = {robot: leases for robot, leases in self.told.items() if leases and robot not in self.silent}
+            assert sum("map" in leases for leases in held.values()) <= 1
+            return held == holders
+
+        await wait_until_async(so)
+
+    async def template(self, name: str, selector: str, row: dict[str, Any], *, priority: int = 0) -> None:
+        await self.twins.templates.put(
+            name, selector=selector, document={"nodes": {"map": row}}, priority=priority, editor=ADMIN, dry_run=False
+        )
+
+
+@pytest.fixture
+async def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[tuple[Fleet, Store]]:
+    monkeypatch.setattr("gateway.fleet.failover.STEP_S", 0.01)
+    fleet = Fleet()
+    async with twins_on("", tmp_path, fleet.send, lambda robot: {}) as (store, twins):
+        fleet.twins = twins
+        fleet.failover = Failover(store, twins, fleet.send, clock=fleet.clock)
+        running = asyncio.create_task(fleet.failover.run())
+        try:
+            yield fleet, store
+        finally:
+            running.cancel()
+            await asyncio.gather(running, return_exceptions=True)
+
+
+async def test_it_moves_when_its_robot_is_lost_and_stays_when_that_is_back(fleet: tuple[Fleet, Store]) -> None:
+    here, store = fleet
+    await here.robot(store, "r1")
+    await here.robot(store, "r2")
+    await here.template("all", "", ROW)
+    await here.until({"r1": {"map": 1}})
+    assert here.failover.holder_of("r2", "map") == "r1"
+    here.failover.on_online("r1", False)
+    here.silent.add("r1")
+    await here.until({"r2": {"map": 2}})
+    here.silent.clear()
+    here.told.pop("r1")
+    await here.robot(store, "r1")
+    end_s = here.clock.monotonic_s() + 20
+    await here.until({"r2": {"map": 2}})
+    await wait_until_async(lambda: here.clock.advance(0.1) or here.clock.monotonic_s() > end_s)
+    await here.until({"r2": {"map": 2}})
+    assert here.failover.holder_of("r1", "map") == "r2"
+
+
+async def test_a_quarantined_node_moves_once_and_not_in_a_circle(fleet: tuple[Fleet, Store]) -> None:
+    here, store = fleet
+    await here.robot(store, "r1")
+    await here.robot(store, "r2")
+    await here.template("all", "", ROW)
+    await here.until({"r1": {"map": 1}})
+    here.reports("r1", map={"state": "quarantined", "quarantined": True})
+    await here.until({"r2": {"map": 2}})
+    here.reports("r1")
+    here.reports("r2", map={"state": "quarantined", "quarantined": True})
+    end_s = here.clock.monotonic_s() + 20
+    await wait_until_async(lambda: here.clock.advance(0.1) or here.clock.monotonic_s() > end_s)
+    await here.until({"r2": {"map": 2}})
+
+
+async def test_a_template_over_a_template_makes_no_second_unit(fleet: tuple[Fleet, Store]) -> None:
+    here, store = fleet
+    await here.robot(store, "r1", kind="arm")
+    await here.robot(store, "r2")
+    await here.template("base", "", ROW)
+    await here.template("over", "robot=r1", {"nice": 5, "migratable": True}, priority=5)
+    await here.until({"r1": {"map": 1}})
+    lease = here.failover.lease_of("r2", "map")
+    assert lease is not None
+    assert (lease.unit.scope, lease.robot) == ("base", "r1")
+
+
+async def test_a_robots_own_node_is_its_own(fleet: tuple[Fleet, Store]) -> None:
+    here, store = fleet
+    for name in ("r1", "r2"):
+        await here.robot(store, name)
+        await here.twins.desk.edit(name, Edit(patch={"nodes": {"own": ROW}}), ADMIN, dry_run=False)
+        here.reports(name, own=WAITS)
+    await here.until({"r1": {"own": 1}, "r2": {"own": 1}})
+    await here.twins.desk.edit("r1", Edit(patch={"nodes": {"own": {"run": False}}}), ADMIN, dry_run=False)
+    here.told.pop("r1")
+    await here.until({"r2": {"own": 1}})
+    assert here.failover.holder_of("r1", "own") is None
+
+
+@pytest.mark.parametrize(
+    ("row", "able"),
+    [
+        (WAITS, True),
+        ({"state": "running", "pid": 7}, True),
+        ({"state": "waiting", "last_exit": "exit code 1"}, True),  # its supervisor starts it again
+        ({"state": "stopped", "why": "by hand"}, False),
+        ({"state": "waiting", "why": "the supervisor has not taken it yet"}, False),
+        ({"state": "quarantined", "quarantined": True}, False),
+        ({"state": "refused", "last_exit": "no such bundle"}, False),
+        ({"state": "fetching"}, False),
+        (None, False),
+        ("running", False),
+    ],
+)
+def test_where_it_could_run(row: object, able: bool) -> None:
+    assert can_run(row) is able
