@@ -21,8 +21,8 @@ Why = Annotated[str, typer.Option("--reason", metavar="TEXT", help="Why, for the
 def add_templates(app: typer.Typer) -> None:
     """Add `template` to the noun `twin`."""
     noun = typer.Typer(no_args_is_help=True, help="Parts of documents for all robots that a selector names.")
-    for name, command in (("list", _list), ("show", _show), ("set", _set), ("remove", _remove)):
-        noun.command(name)(command)
+    for command in (_list, _show, _set, _remove, _history, _revert):
+        noun.command(command.__name__.removeprefix("_"))(command)
     app.add_typer(noun, name="template")
 
 
@@ -87,6 +87,44 @@ def _remove(
     query = {"dry_run": dry_run, "reason": reason}
     path = f"/api/v1/templates/{path_part(name)}"
     show_changes(Output(output), send(open_gateway(gateway), "DELETE", path, {}, query=query))
+
+
+def _history(
+    name: Name,
+    limit: Annotated[int, typer.Option("--limit", "-n", min=1, max=100, metavar="COUNT", help="The newest.")] = 20,
+    gateway: GatewayOption = "",
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Who changed it, when and why, also when it is gone; the newest first."""
+    from gateway.cli_twin import show_lines
+
+    out = Output(output)
+    path = f"/api/v1/templates/{path_part(name)}/history"
+    found = open_gateway(gateway).get(path, limit=limit)["entries"]
+    if out.json:
+        out.objects(found)
+        return
+    for item in found:
+        what = "removed" if item["removed"] else f"for {item['selector'] or 'every robot'}, priority {item['priority']}"
+        who, why = inert(item["author"]), inert(item["reason"])
+        out.line(f"{item['revision']}  {item['at'][:19]}Z  {who}  {what}  {why}".rstrip())
+        show_lines(out, item["changes"], indent="    ")
+
+
+def _revert(
+    name: Name,
+    revision: Annotated[int, typer.Argument(min=1, metavar="REVISION", help="Of `metaros twin template history`.")],
+    dry_run: Only = False,
+    reason: Why = "",
+    gateway: GatewayOption = "",
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Put the template of an earlier revision in its place, also one that is gone."""
+    from gateway.cli_twin import send, show_changes
+
+    query = {"dry_run": dry_run, "reason": reason}
+    path = f"/api/v1/templates/{path_part(name)}/revert"
+    show_changes(Output(output), send(open_gateway(gateway), "POST", path, {"revision": revision}, query=query))
 
 
 def _row(item: dict[str, Any]) -> tuple[str, ...]:

@@ -17,7 +17,17 @@ from metaros.errors import ConfigError, UsageError
 from metaros.inert import inert
 from metaros.twin import ABSENT, Change, read
 
-__all__ = ["Confirm", "DryRun", "Reason", "read_document", "register", "send", "show_change", "show_changes"]
+__all__ = [
+    "Confirm",
+    "DryRun",
+    "Reason",
+    "read_document",
+    "register",
+    "send",
+    "show_change",
+    "show_changes",
+    "show_lines",
+]
 
 Robot = Annotated[str, typer.Argument(metavar="ROBOT", help="The robot's id.")]
 SomeRobot = Annotated[str, typer.Argument(metavar="[ROBOT]", help="One robot; or leave it out and give -l.")]
@@ -137,7 +147,7 @@ def _diff(
     if out.json:
         out.objects(found["behind"])
         return
-    _lines(out, found["behind"])
+    show_lines(out, found["behind"])
     if not found["behind"]:
         out.note("it lives by what is desired" if found["in_step"] else "what it lives by is not kept here")
 
@@ -157,7 +167,7 @@ def _history(
     for item in found:
         who, why = inert(item["author"]), inert(item["reason"])
         out.line(f"{item['revision']}.{item['edition']}  {item['at'][:19]}Z  {who}  {why}")
-        _lines(out, item["changes"], indent="    ")
+        show_lines(out, item["changes"], indent="    ")
 
 
 def _revert(
@@ -218,7 +228,7 @@ def show_change(out: Output, changed: dict[str, Any]) -> None:
     if out.json:
         out.objects(changed)
         return
-    _lines(out, changed["changes"] or changed["own_changes"])
+    show_lines(out, changed["changes"] or changed["own_changes"])
     if changed["more"]:
         out.note(f"and {changed['more']} more")
     would = "would be" if changed["dry_run"] else "is" if changed["changed"] else "stays"
@@ -233,12 +243,13 @@ def show_changes(out: Output, changed: dict[str, Any]) -> None:
     for item in changed["results"]:
         if item["changed"]:
             out.line(f"{item['robot']}  revision {item['revision']}")
-            _lines(out, item["changes"] or item["own_changes"], indent="    ")
+            show_lines(out, item["changes"] or item["own_changes"], indent="    ")
     would = "would change" if changed["dry_run"] else "changed"
     out.note(f"{would}: {counted(changed['changed'], 'robot')} of {changed['robots']}")
 
 
-def _lines(out: Output, changes: list[dict[str, Any]], *, indent: str = "") -> None:
+def show_lines(out: Output, changes: list[dict[str, Any]], *, indent: str = "") -> None:
+    """Changes, one a line."""
     colours = {"+": "32", "-": "31", "~": "33"}
     for item in changes:
         change = Change(item["path"], item.get("old", ABSENT), item.get("new", ABSENT))

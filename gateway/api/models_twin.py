@@ -11,6 +11,7 @@ __all__ = [
     "Revert",
     "Template",
     "TemplateChange",
+    "TemplateHistory",
     "TemplateList",
     "TemplateRequest",
     "Twin",
@@ -130,7 +131,7 @@ class TwinHistory(BaseModel):
 
 
 class Revert(BaseModel):
-    """Which revision's own document the robot gets back; 0: an empty one."""
+    """Which revision to go back to: of a robot's own document, where 0 is an empty one, or of a template."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -166,6 +167,19 @@ class Template(BaseModel):
     at: str
     reason: str
     document: Document
+
+
+class TemplateEntry(Template):
+    """One change of a template; `changes` of its document are those against the entry before."""
+
+    removed: bool
+    changes: list[Change]
+
+
+class TemplateHistory(BaseModel):
+    """The newest first."""
+
+    entries: list[TemplateEntry]
 
 
 class TemplateList(BaseModel):

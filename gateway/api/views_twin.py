@@ -8,13 +8,21 @@ from typing import Any
 import orjson
 
 from gateway.api.views import rfc3339
-from gateway.domain.twin import Template, TwinEntry
+from gateway.domain.twin import Template, TemplateEntry, TwinEntry
 from gateway.fleet.twin_book import reported_values
 from gateway.fleet.twin_plan import Outcome
 from gateway.fleet.twins import TwinState
 from metaros.twin import Change, diff, read
 
-__all__ = ["brief_view", "entry_views", "outcome_view", "outcomes_view", "template_view", "twin_view"]
+__all__ = [
+    "brief_view",
+    "entry_views",
+    "outcome_view",
+    "outcomes_view",
+    "template_entry_views",
+    "template_view",
+    "twin_view",
+]
 
 SHOWN_CHANGES = 100  # of one robot in one answer
 SHOWN_ROBOTS = 10_000
@@ -133,6 +141,19 @@ def template_view(item: Template) -> dict[str, Any]:
         "reason": item.reason,
         "document": dict(item.document),
     }
+
+
+def template_entry_views(entries: Sequence[TemplateEntry], *, limit: int) -> list[dict[str, Any]]:
+    """The newest `limit` of a template's history; each against the one before it, the first of all against nothing."""
+    before = [*(entry.document for entry in entries[1:]), {}]
+    return [
+        {
+            **template_view(entry.template),
+            "removed": entry.removed,
+            "changes": _shown(diff(dict(old), dict(entry.document))),
+        }
+        for entry, old in zip(entries[:limit], before, strict=False)
+    ]
 
 
 def _shown(changes: Sequence[Change]) -> list[dict[str, Any]]:

@@ -16,6 +16,7 @@ __all__ = [
     "Desired",
     "Reported",
     "Template",
+    "TemplateEntry",
     "TwinEntry",
     "changes_code",
     "effective",
@@ -45,6 +46,19 @@ class Template:
     def mark(self) -> str:
         """The template as it is now, in one word."""
         return f"{self.name}@{self.revision}"
+
+
+@dataclass(frozen=True, slots=True)
+class TemplateEntry:
+    """One change of a template: what it was from then on, or, `removed`, until then. Author, time, reason: of it."""
+
+    template: Template
+    removed: bool = False
+
+    @property
+    def document(self) -> Mapping[str, Any]:
+        """What it gave robots from then on."""
+        return {} if self.removed else self.template.document
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-from gateway.domain.errors import TwinChangedError, UnknownTemplateError
+from gateway.domain.errors import TwinChangedError, UnknownRevisionError, UnknownTemplateError
 from gateway.domain.selector import Selector
-from gateway.domain.twin import Template, is_template_name
+from gateway.domain.twin import Template, TemplateEntry, is_template_name
 from gateway.errors import InvalidRequestError
 from gateway.fleet.twin_book import TwinBook
 from gateway.fleet.twin_courier import TwinCourier
@@ -15,7 +16,7 @@ from gateway.fleet.twin_plan import Author, Edit, Outcome, Plan, refusal
 from gateway.fleet.twins import Editor, require_no_code
 from gateway.store import Store
 from gateway.store.engine import StoreEngine
-from gateway.store.templates import read_templates, remove_template, write_template
+from gateway.store.templates import read_template_history, read_templates, remove_template, write_template
 from gateway.store.twins import next_change, write_twins
 from metaros.clock import Clock
 from metaros.twin import parse_part
@@ -89,7 +90,7 @@ class TemplateDesk:
             plan.templates[name] = item
             return item
 
-        return await self._change(change, write_template, editor, f"template {name}", dry_run=dry_run)
+        return await self._change(change, editor, f"template {name}", dry_run=dry_run)
 
     async def remove(
         self, name: str, *, editor: Editor, expected: int | None = None, dry_run: bool
@@ -102,18 +103,53 @@ class TemplateDesk:
             _check_expected(plan.templates[name], name, expected)
             return plan.templates.pop(name)
 
-        def store(engine: StoreEngine, item: Template) -> None:
-            remove_template(engine, item.name)
+        return await self._change(change, editor, f"template {name} removed", removes=True, dry_run=dry_run)
 
-        return await self._change(change, store, editor, f"template {name} removed", dry_run=dry_run)
+    async def history(self, name: str, *, limit: int) -> list[TemplateEntry]:
+        """The template's changes, the newest first; UnknownTemplateError where there is none, and was none."""
+
+        def job(engine: StoreEngine) -> list[TemplateEntry]:
+            with engine.transaction(write=False):
+                return read_template_history(engine, name, limit=limit)
+
+        found = await self._store.read(job)
+        if not found:
+            raise UnknownTemplateError(f"there is no template {name[:64]!r}")
+        return found
+
+    async def revert(
+        self, name: str, revision: int, *, editor: Editor, expected: int | None = None, dry_run: bool
+    ) -> tuple[Template, list[Outcome]]:
+        """The template as it was at an earlier revision, also of one that is gone; as `put`.
+
+        UnknownRevisionError where that is not kept.
+        """
+
+        def job(engine: StoreEngine) -> list[TemplateEntry]:
+            with engine.transaction(write=False):
+                return read_template_history(engine, name, limit=1, revision=revision)
+
+        found = await self._store.read(job)
+        if not found:
+            raise UnknownRevisionError(f"revision {revision} of template {name[:64]!r} is not kept, or never was")
+        old = found[0].template
+        return await self.put(
+            name,
+            selector=old.selector.text,
+            document=old.document,
+            priority=old.priority,
+            editor=editor,
+            expected=expected,
+            dry_run=dry_run,
+        )
 
     async def _change(
         self,
         change: Callable[[Plan, int], Template],
-        store: Callable[[StoreEngine, Template], None],
         editor: Editor,
         said: str,
         *,
+        removes: bool = False,
         dry_run: bool,
     ) -> tuple[Template, list[Outcome]]:
         reason = f"{said}: {editor.reason}" if editor.reason else said
@@ -137,8 +173,13 @@ class TemplateDesk:
                 return planned(engine, 0)
 
         def job(engine: StoreEngine) -> tuple[Template, list[Outcome]]:
-            item, outcomes = planned(engine, next_change(engine, templates=True))
-            store(engine, item)
+            number = next_change(engine, templates=True)
+            item, outcomes = planned(engine, number)
+            if removes:
+                signed = replace(item, revision=number, author=author.name, at_ns=author.at_ns, reason=editor.reason)
+                remove_template(engine, signed)
+            else:
+                write_template(engine, item)
             write_twins(engine, [one.after for one in outcomes])
             return item, outcomes
 

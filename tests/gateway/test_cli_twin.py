@@ -75,5 +75,13 @@ async def test_show_patch_diff_history_revert(tmp_path: Path, monkeypatch: pytes
         assert "would change: 1 robot" in await cli("twin", "template", "remove", "cams", "--dry-run")
         await cli("twin", "template", "remove", "cams")
         assert json.loads(await cli("twin", "template", "list", "-o", "json")) == []
+        told = await cli("twin", "template", "history", "cams")
+        assert "removed" in told
+        assert "+ /topics" in told
+        made = json.loads(await cli("twin", "template", "history", "cams", "-o", "json"))[-1]["revision"]
+        assert "would change: 1 robot" in await cli("twin", "template", "revert", "cams", str(made), "--dry-run")
+        await cli("twin", "template", "revert", "cams", str(made))
+        assert "site=lab" in await cli("twin", "template", "list")
+        await cli("twin", "template", "remove", "cams")
         with pytest.raises(MetarosError, match="say a robot and a patch"):
             await cli("twin", "patch", "{}")

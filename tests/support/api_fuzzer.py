@@ -41,6 +41,7 @@ RULES = {
     "GET /api/v1/twins": "the grammar of selectors",
     "PATCH /api/v1/twins": "a selector, and a part of a twin's document",
     "PUT /api/v1/templates/{name}": "the same, and a name",
+    "POST /api/v1/templates/{name}/revert": "what is a whole document with the robots' own of now",
     "DELETE /api/v1/templates/{name}": "what is left of robots' documents has to be whole",
     "POST /api/v1/updates/bundles": "a bundle's zip file, and a group's name",
     "POST /api/v1/updates/metadata": "documents that are signed",

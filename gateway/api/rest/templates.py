@@ -13,10 +13,10 @@ from gateway.api import models_twin as models
 from gateway.api.allow import allow, require_all
 from gateway.api.audited import note
 from gateway.api.problem import JsonResponse
-from gateway.api.rest.bodies import body_document, read_body
-from gateway.api.rest.twin import PRECONDITIONS, DryRun, Reason, Window, editor_of
+from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.rest.twin import PRECONDITIONS, Count, DryRun, Reason, Window, editor_of
 from gateway.api.services import services_of
-from gateway.api.views_twin import outcomes_view, template_view
+from gateway.api.views_twin import outcomes_view, template_entry_views, template_view
 from gateway.domain.twin import Template
 from gateway.errors import InvalidRequestError
 from gateway.fleet.twin_plan import Outcome
@@ -81,6 +81,39 @@ async def delete_template(
     item, outcomes = await services_of(request).twins.templates.remove(
         name,
         editor=editor_of(request, reason=reason, window=confirm_within_s),
+        expected=_expected(request),
+        dry_run=dry_run,
+    )
+    return await _answer(request, item, outcomes, dry_run=dry_run)
+
+
+@router.get(
+    "/{name}/history",
+    dependencies=[allow("twin.read")],
+    responses={200: {"model": models.TemplateHistory}, **PROBLEMS},
+)
+async def get_template_history(request: Request, name: str, limit: Count = 20) -> Response:
+    """Who changed a template, when and why, also of one that is gone; the newest first."""
+    entries = await services_of(request).twins.templates.history(name, limit=limit + 1)
+    return JsonResponse({"entries": await asyncio.to_thread(template_entry_views, entries, limit=limit)})
+
+
+@router.post(
+    "/{name}/revert",
+    dependencies=[allow("templates.write")],
+    responses={200: {"model": models.TemplateChange}, **PRECONDITIONS},
+    openapi_extra=body_document(models.Revert),
+)
+async def revert_template(
+    request: Request, name: str, dry_run: DryRun = False, reason: Reason = "", confirm_within_s: Window = None
+) -> Response:
+    """The template as it was at an earlier revision, also of one that is gone; with what becomes of each robot."""
+    require_all(request, "templates")
+    body = await read_body(request, models.Revert)
+    item, outcomes = await services_of(request).twins.templates.revert(
+        name,
+        body.revision,
+        editor=editor_of(request, reason=reason or f"back to revision {body.revision}", window=confirm_within_s),
         expected=_expected(request),
         dry_run=dry_run,
     )

@@ -28,6 +28,7 @@ from metaros.twin import json_schema, read
 __all__ = [
     "ANY_OBJECT",
     "PRECONDITIONS",
+    "Count",
     "DryRun",
     "Reason",
     "Select",

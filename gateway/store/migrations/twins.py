@@ -11,7 +11,8 @@ __all__ = ["TWINS"]
 
 # twin_changes.templates: the newest change of any template. twins.own, twins.document: hashes in twin_documents, the
 # robot's own part and the whole that it gets. twins.templates, labels: JSON. twins.confirm_ms: the confirm window.
-# twin_reports: the last TwinReport of each robot.
+# twin_reports: the last TwinReport of each robot. template_history.revision is the change that it was; a removed
+# template has a row, too, with what it was.
 TWINS = """
     CREATE TABLE twin_changes (
         id {integer} PRIMARY KEY,
@@ -57,6 +58,18 @@ TWINS = """
         at_ns {integer} NOT NULL,
         reason TEXT NOT NULL
     );
+    CREATE TABLE template_history (
+        revision {integer} PRIMARY KEY,
+        name TEXT NOT NULL,
+        removed {integer} NOT NULL,
+        priority {integer} NOT NULL,
+        selector TEXT NOT NULL,
+        document {blob} NOT NULL,
+        author TEXT NOT NULL,
+        at_ns {integer} NOT NULL,
+        reason TEXT NOT NULL
+    );
+    CREATE INDEX template_history_name ON template_history (name, revision);
     CREATE TABLE twin_reports (
         robot TEXT PRIMARY KEY,
         at_ns {integer} NOT NULL,

@@ -94,6 +94,7 @@ async def test_what_runs_is_an_admins_and_templates_are_of_who_sees_all(tmp_path
             assert (await viewer.patch("/api/v1/twins?selector=", json={})).status_code == 403
             assert (await scoped.put("/api/v1/templates/t", json=template)).status_code == 403
             assert (await scoped.delete("/api/v1/templates/t")).status_code == 403
+            assert (await scoped.post("/api/v1/templates/t/revert", json={"revision": 1})).status_code == 403
             assert (await scoped.get(path)).status_code == 404
             assert (await scoped.get("/api/v1/twins")).json() == {"twins": []}
             reached = (await scoped.patch("/api/v1/twins?selector=", json={"budget": {"bytes_per_s": 1234}})).json()
@@ -129,5 +130,16 @@ async def test_templates_labels_and_many_robots(tmp_path: Path) -> None:
             gone = await http.delete("/api/v1/templates/lab", headers={"If-Match": etag})
             assert [item["robot"] for item in gone.json()["results"]] == ["a1"]
             assert (await http.get("/api/v1/templates/lab")).json()["code"] == "unknown_template"
+            entries = (await http.get("/api/v1/templates/lab/history")).json()["entries"]
+            assert [item["removed"] for item in entries] == [True, False]
+            assert [item["changes"][0]["verb"] for item in entries] == ["remove", "add"]
+            assert (await http.get("/api/v1/templates/lab/history?limit=1")).json()["entries"] == entries[:1]
+            back = await http.post("/api/v1/templates/lab/revert", json={"revision": entries[1]["revision"]})
+            assert [item["robot"] for item in back.json()["results"]] == ["a1"]
+            shown = (await http.get("/api/v1/templates/lab")).json()
+            assert {key: shown[key] for key in template} == template
+            never = await http.post("/api/v1/templates/lab/revert", json={"revision": 1 << 40})
+            assert (never.status_code, never.json()["code"]) == (404, "unknown_revision")
+            assert (await http.get("/api/v1/templates/never/history")).json()["code"] == "unknown_template"
             wrong = await http.put("/api/v1/templates/lab", json={**template, "document": {"budget": {"x": 1}}})
             assert (wrong.status_code, wrong.json()["code"]) == (400, "twin_invalid")

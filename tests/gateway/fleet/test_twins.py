@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from gateway.errors import ForbiddenError, UnknownRobotError
 from gateway.fleet.twin_plan import Edit
 from gateway.fleet.twins import Editor
 from gateway.store import RobotWrite
+from gateway.store import templates as templates_module
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS
 from metaros.twin import TwinError
@@ -180,6 +182,30 @@ async def test_templates_reach_whom_they_name_and_the_own_document_wins(rig: Rig
     assert b"9.0" in (await rig.twins.desk.state("a1")).desired.document
     with pytest.raises(SelectorError):
         await template(rig, "bad", "site==", {})
+
+
+async def test_a_template_goes_back_even_when_it_is_gone_and_the_oldest_changes_go(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(templates_module, "LIMITS", replace(LIMITS, template_history=4))
+    await rig.robot("r1")
+    for rate in (1000, 2000):
+        await template(rig, "all", "", {"budget": {"bytes_per_s": rate}}, priority=rate // 1000)
+    await rig.twins.templates.remove("all", editor=ADMIN, dry_run=False)
+    entries = await rig.twins.templates.history("all", limit=10)
+    assert [(item.removed, item.template.priority) for item in entries] == [(True, 2), (False, 2), (False, 1)]
+    first = entries[-1].template.revision
+    tried, _ = await rig.twins.templates.revert("all", first, editor=ADMIN, dry_run=True)
+    assert await rig.twins.templates.all() == []
+    made, outcomes = await rig.twins.templates.revert("all", first, editor=ADMIN, dry_run=False)
+    assert (made.priority, made.document, made.selector) == (tried.priority, tried.document, tried.selector)
+    assert [item.after.document for item in outcomes] == [b'{"budget":{"bytes_per_s":1000}}']
+    await template(rig, "other", "", {})
+    assert len(await rig.twins.templates.history("all", limit=10)) == 3  # the first of them made room
+    with pytest.raises(UnknownRevisionError):
+        await rig.twins.templates.revert("all", first, editor=ADMIN, dry_run=False)
+    with pytest.raises(UnknownRevisionError):
+        await rig.twins.templates.revert("other", made.revision, editor=ADMIN, dry_run=False)
 
 
 async def test_a_template_that_would_break_a_robot_changes_none(rig: Rig) -> None:

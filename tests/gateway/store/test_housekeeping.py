@@ -249,6 +249,7 @@ def test_the_tables_of_both_are_the_same(tmp_path: Path, engine: StoreEngine) ->
         "sessions",
         "sign_in_links",
         "streams",
+        "template_history",
         "templates",
         "twin_changes",
         "twin_documents",
