@@ -216,6 +216,38 @@ def test_somebody_elses_change_is_not_overwritten(served: RealGateway, open_page
     assert robot.document["topics"]["camera/**"]["rate_hz"] == 1.5
 
 
+def test_what_templates_say_is_marked_changed_here_and_taken_away(
+    served: RealGateway, open_page: OpenPage, robot: LivingRobot
+) -> None:
+    document = {"topics": {"scan": {"class": "live", "rate_hz": 5.0}, "imu": {"class": "bulk"}}}
+    template = {"selector": f"robot={robot.name}", "document": document}
+    served.ask("PUT", "/templates/lab", template)
+    served.ask("PUT", f"/robots/{robot.name}/twin", {"topics": {"own": {"class": "live"}}})
+    page = opened(served, open_page, robot.name)
+    standing(page, "in_step", 2)
+    expect(page.locator("[data-standing]")).to_contain_text("lab@1")
+    expect(page.locator("[data-key='topics.scan.rate_hz']")).to_contain_text("template")
+    expect(page.locator("[data-key='topics.own.class']")).not_to_contain_text("template")
+    page.get_by_role("button", name="Edit", exact=True).click()
+    scan = page.locator("[data-row=scan]")
+    scan.get_by_role("button", name="rate_hz: 5.0").click()
+    page.locator("[data-field='topics.scan.rate_hz'] input").fill("1.0")
+    page.get_by_role("button", name="Take imu away").click()
+    expect(page.locator("[data-row=imu]")).to_contain_text("taken away here")
+    page.get_by_role("button", name="Take own away").click()
+    expect(page.locator("[data-row=own]")).to_have_count(0)
+    page.get_by_role("button", name="Show what would change").click()
+    plan = page.locator("[data-plan]")
+    expect(plan.locator(".change-remove")).to_have_count(2)
+    expect(plan.locator(".change-change")).to_contain_text("1.0")
+    page.get_by_role("button", name=f"Apply to {robot.name}").click()
+    standing(page, "in_step", 3)
+    assert robot.document == {"topics": {"scan": {"class": "live", "rate_hz": 1.0}}}
+    own = served.ask("GET", f"/robots/{robot.name}/twin")["own"]
+    assert own == {"topics": {"scan": {"rate_hz": 1.0}, "imu": None}}
+    served.ask("DELETE", "/templates/lab")
+
+
 def test_a_draft_outlives_a_look_at_another_tab(served: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
     served.ask("PUT", f"/robots/{robot.name}/twin", ARM)
     page = opened(served, open_page, robot.name)

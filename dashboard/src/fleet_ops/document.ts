@@ -72,6 +72,12 @@ export function unfolded({ path, verb, old, new: now }: Change): Change[] {
   return leaves(verb === "add" ? now : old, pathOf(path)).map((leaf) => ({ path: pointerOf(leaf.path), verb, [verb === "add" ? "new" : "old"]: leaf.value }));
 }
 
+/** What templates say, as far as the own document leaves it to them. */
+export function given(desired: JsonObject, own: JsonObject): JsonObject {
+  const left = leaves(desired).filter(({ path }) => at(own, path) === undefined);
+  return left.reduce((found, { path, value }) => put(found, path, value), {} as JsonObject);
+}
+
 /** The document before these changes. */
 export function undone(document: JsonObject, changes: readonly Change[]): JsonObject {
   return changes.reduce((found, { path, verb, old }) => put(found, pathOf(path), verb === "add" ? undefined : old), document);

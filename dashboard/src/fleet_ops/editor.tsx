@@ -5,7 +5,7 @@ import { useEffect, useId, useRef } from "preact/hooks";
 import { useAsked } from "../admin/use_list";
 import { Refusal } from "../admin/modal";
 import { twinApi, type Twin } from "../api/twin";
-import { rebased, type Path } from "./document";
+import { given, rebased, type Path } from "./document";
 import { begun, documentOf, drafted, draftProblem, textOfDocument, type Draft } from "./draft";
 import { Review } from "./review";
 import { sectionsOf } from "./schema";
@@ -65,7 +65,7 @@ export function Editor({ twin, draft, onApplied }: EditorProps) {
           <TwinForm
             sections={sectionsOf(schema.value.value)}
             draft={current.document}
-            desired={twin.desired}
+            given={given(twin.desired, current.base)}
             onChange={(document) => (draft.value = { ...draft.value!, document })}
             onInvalid={onInvalid}
           />

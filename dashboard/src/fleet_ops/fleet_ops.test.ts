@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import type { Twin } from "../api/twin";
 import { compare } from "./compare";
-import { patchBetween, put, rebased, undone, unfolded, type Change } from "./document";
+import { given, patchBetween, put, rebased, undone, unfolded, type Change } from "./document";
 import { Exact, readJson, same, writeJson, type JsonObject } from "./json";
 import { sectionsOf } from "./schema";
 import { left, standingOf, trialOf } from "./standing";
@@ -42,6 +42,12 @@ test("names that every object of JavaScript has are names like others", () => {
   expect(put(none, ["nodes", "constructor", "nice"], 5)).toEqual(json('{"nodes":{"constructor":{"nice":5}}}'));
   expect(writeJson(put(none, ["nodes", "__proto__"], json('{"nice":1}')))).toBe('{"nodes":{"__proto__":{"nice":1}}}');
   expect(writeJson(patchBetween(json("{}"), json('{"__proto__":1,"toString":2}')))).toBe('{"__proto__":1,"toString":2}');
+});
+
+test("what templates say is what is desired and not one's own", () => {
+  const desired = json('{"topics":{"scan":{"class":"live","rate_hz":5.0}},"lifecycle":{"/a":"active","/b":"active"}}');
+  expect(given(desired, json('{"topics":{"scan":{"rate_hz":5.0}},"lifecycle":{"/b":"active"}}'))).toEqual(json('{"topics":{"scan":{"class":"live"}},"lifecycle":{"/a":"active"}}'));
+  expect(given(desired, desired)).toEqual({});
 });
 
 test("a patch says only what differs; a draft is carried over to what somebody else made meanwhile", () => {

@@ -8,11 +8,11 @@ import { ValueField } from "./value_field";
 
 const NAME = /^[A-Za-z_][A-Za-z0-9_.]{0,255}$/;
 
-export function ParameterRows({ path, draft, desired, onChange, onInvalid }: FormProps & { path: Path }) {
+export function ParameterRows({ path, draft, given, onChange, onInvalid }: FormProps & { path: Path }) {
   const name = useSignal("");
   const own = at(draft, path);
-  const given = at(desired, path);
-  const names = [...new Set([...Object.keys(isObject(own) ? own : {}), ...Object.keys(isObject(given) ? given : {})])].sort();
+  const templated = at(given, path);
+  const names = [...new Set([...Object.keys(isObject(own) ? own : {}), ...Object.keys(isObject(templated) ? templated : {})])].sort();
   const add = () => {
     const typed = name.value.trim();
     if (!NAME.test(typed) || names.includes(typed)) return;
@@ -30,7 +30,7 @@ export function ParameterRows({ path, draft, desired, onChange, onInvalid }: For
             <ValueField
               label={one}
               field={{ type: "any" }}
-              value={mine ?? at(desired, here)}
+              value={mine ?? at(given, here)}
               onChange={(value) => {
                 onInvalid(here, value === undefined);
                 if (value !== undefined) onChange(put(draft, here, value));

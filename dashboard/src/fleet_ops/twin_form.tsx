@@ -17,8 +17,8 @@ const CODE_KEYS: ReadonlySet<string> = new Set(["bundle", "version", "allowed", 
 export interface FormProps {
   /** The robot's own document, as it is being edited. */
   draft: JsonObject;
-  /** What templates and the own document give together now. */
-  desired: JsonObject;
+  /** What templates say, as far as the own document leaves it to them. */
+  given: JsonObject;
   onChange: (draft: JsonObject) => void;
   /** A field holds what is no value, or does so no more. */
   onInvalid: (path: Path, invalid: boolean) => void;
@@ -33,10 +33,10 @@ export function TwinForm({ sections, ...form }: FormProps & { sections: readonly
 }
 
 function Section({ spec, ...form }: FormProps & { spec: SectionSpec }) {
-  const { draft, desired } = form;
+  const { draft } = form;
   const { section, name } = spec;
   const own = at(draft, [section]);
-  const given = at(desired, [section]);
+  const given = at(form.given, [section]);
   const rows = name === null ? [] : [...new Set([...Object.keys(isObject(own) ? own : {}), ...Object.keys(isObject(given) ? given : {})])].sort();
   const used = name === null ? own !== undefined : rows.length > 0;
   return (
@@ -65,12 +65,12 @@ function Row({ spec, row, ...form }: FormProps & { spec: SectionSpec; row: strin
         <h4 class="mono">{row}</h4>
         {own === undefined ? <span class="from-template">template</span> : own === null && <span class="chip">taken away here</span>}
         <span class="form-acts">
-          {own !== null && <button type="button" class="button" title="The robot does without it, whatever templates say" aria-label={`Take ${row} away`} onClick={() => onChange(put(draft, path, isObject(own) && at(form.desired, path) !== undefined ? null : undefined))}>Take away</button>}
+          {own !== null && <button type="button" class="button" title={at(form.given, path) === undefined ? "The robot does without it" : "The robot does without it, whatever templates say"} aria-label={`Take ${row} away`} onClick={() => onChange(put(draft, path, at(form.given, path) === undefined ? undefined : null))}>Take away</button>}
           {own === null && <button type="button" class="button" onClick={() => onChange(put(draft, path, undefined))}>As before</button>}
         </span>
       </header>
       {own !== null && (field?.type === "choice" ? (
-        <ValueField label={row} hideLabel field={field} value={own ?? at(form.desired, path)} onChange={(value) => onChange(put(draft, path, value))} />
+        <ValueField label={row} hideLabel field={field} value={own ?? at(form.given, path)} onChange={(value) => onChange(put(draft, path, value))} />
       ) : field?.type === "parameters" ? (
         <ParameterRows path={path} {...form} />
       ) : (
@@ -82,14 +82,14 @@ function Row({ spec, row, ...form }: FormProps & { spec: SectionSpec; row: strin
 
 /** The keys that are set here, those that come from templates, and a list of what else there is. */
 function Keys({ spec, path, ...form }: FormProps & { spec: SectionSpec; path: Path }) {
-  const { draft, desired, onChange, onInvalid } = form;
+  const { draft, onChange, onInvalid } = form;
   const id = useId();
   const all = spec.keys ?? [];
   const set = all.filter(({ key }) => at(draft, [...path, key]) !== undefined);
-  const given = all.filter(({ key }) => at(draft, [...path, key]) === undefined && at(desired, [...path, key]) !== undefined);
-  const rest = all.filter((one) => !set.includes(one) && !given.includes(one));
+  const templated = all.filter(({ key }) => at(draft, [...path, key]) === undefined && at(form.given, [...path, key]) !== undefined);
+  const rest = all.filter((one) => !set.includes(one) && !templated.includes(one));
   const locked = (key: string) => (CODE_KEYS.has(key) && spec.section === "nodes") || spec.section === "agent" ? !can("nodes.code") : false;
-  const start = (one: KeySpec) => onChange(put(draft, [...path, one.key], at(desired, [...path, one.key]) ?? one.fallback ?? firstValue(one)));
+  const start = (one: KeySpec) => onChange(put(draft, [...path, one.key], at(form.given, [...path, one.key]) ?? one.fallback ?? firstValue(one)));
   return (
     <>
       <div class="form-keys">
@@ -119,9 +119,9 @@ function Keys({ spec, path, ...form }: FormProps & { spec: SectionSpec; path: Pa
         })}
       </div>
       <div class="form-more">
-        {given.map((one) => (
+        {templated.map((one) => (
           <button key={one.key} type="button" class="chip chip-given" title={`${one.meaning}; from a template. Set it here instead`} disabled={locked(one.key)} onClick={() => start(one)}>
-            {one.key}: {shown(at(desired, [...path, one.key]))} <span class="from-template">template</span>
+            {one.key}: {shown(at(form.given, [...path, one.key]))} <span class="from-template">template</span>
           </button>
         ))}
         {rest.length > 0 && (

@@ -140,7 +140,7 @@ function DocumentField({ document, text, invalid, problem }: DocumentProps) {
           <textarea id={id} class="text mono json" rows={Math.min(30, Math.max(8, text.value.split("\n").length + 1))} spellcheck={false} autoCapitalize="none" aria-invalid={problem !== ""} value={text.value} onInput={(event) => (text.value = event.currentTarget.value)} />
         </div>
       ) : schema.value.value === null ? <p class="hint">Asking the gateway for the form…</p> : (
-        <TwinForm sections={sectionsOf(schema.value.value)} draft={document.value} desired={{}} onChange={(changed) => (document.value = changed)} onInvalid={(path, bad) => note(path.join("."), bad)} />
+        <TwinForm sections={sectionsOf(schema.value.value)} draft={document.value} given={{}} onChange={(changed) => (document.value = changed)} onInvalid={(path, bad) => note(path.join("."), bad)} />
       )}
     </div>
   );
