@@ -54,6 +54,10 @@ class CommandRows:
         """One command."""
         return await self._read(lambda engine: table.get_command(engine, command_id))
 
+    async def states(self, command_ids: Sequence[str]) -> dict[str, str]:
+        """The states of these commands; without those that are gone."""
+        return await self._read(lambda engine: table.command_states(engine, command_ids))
+
     async def newest(self, **filters: Any) -> list[Command]:
         """The newest, newest first."""
         return await self._read(lambda engine: table.list_commands(engine, **filters))

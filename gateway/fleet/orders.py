@@ -40,6 +40,7 @@ from gateway.fleet.delivery import Delivery
 from gateway.fleet.desk import MAX_TIMEOUT_S, FleetDesk
 from gateway.fleet.kinds import build, kind_of, read_result
 from gateway.fleet.robots import FindRobot, SendFrame
+from gateway.fleet.watching import Watchers
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
@@ -48,7 +49,6 @@ __all__ = ["Noted", "Order", "OrderDesk"]
 
 log = logging.getLogger(__name__)
 
-POLL_S = 0.5  # another gateway may have changed what is waited for
 NOTES = 4096  # of older doors that wait for the store; further ones leave no row
 NOTE_S = 0.2
 KEY_CHARS = 200
@@ -107,7 +107,7 @@ class OrderDesk:
         self._find = find
         self._clock = clock
         self._limits = limits
-        self._watched: dict[str, asyncio.Event] = {}
+        self._watchers = Watchers(self._rows)
         self._notes: deque[Command] = deque(maxlen=NOTES)
         self._noted = asyncio.Event()
         self.delivery = Delivery(
@@ -188,20 +188,17 @@ class OrderDesk:
     async def watch(self, command_id: str) -> AsyncIterator[Command]:
         """The command as it is, then at each change, until it is over."""
         told = ""
-        while True:
-            event = self._watched.setdefault(command_id, asyncio.Event())
-            command = await self.get(command_id)
-            if command.state != told:
-                told = command.state
-                yield command
-            if command.over:
-                self._watched.pop(command_id, None)
-                return
-            try:
-                async with asyncio.timeout(POLL_S):
-                    await event.wait()
-            except TimeoutError:
-                self._watched.pop(command_id, None)
+        with self._watchers.watching(command_id) as watched:
+            while True:
+                event = watched.event  # from before the look: no change comes between
+                command = await self.get(command_id)
+                watched.saw(command.state)
+                if command.state != told:
+                    told = command.state
+                    yield command
+                if command.over:
+                    return
+                await event.wait()
 
     @contextmanager
     def noted(self, order: Order, principal: Principal) -> Iterator[Noted]:
@@ -232,6 +229,7 @@ class OrderDesk:
         async with asyncio.TaskGroup() as group:
             group.create_task(self.delivery.run())
             group.create_task(self._write_notes())
+            group.create_task(self._watchers.run())
 
     async def close(self) -> None:
         """Write what is noted, if the store takes it, and stop."""
@@ -355,8 +353,7 @@ class OrderDesk:
                 self._notes.popleft()
 
     def _changed(self, command_id: str) -> None:
-        if (event := self._watched.pop(command_id, None)) is not None:
-            event.set()
+        self._watchers.changed(command_id)
 
 
 def _failure(error: RobotError | RequestError) -> dict[str, Any]:

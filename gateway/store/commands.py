@@ -12,12 +12,13 @@ from typing import Any
 from gateway.domain.command import OPEN, Command
 from gateway.domain.errors import IdempotencyConflictError
 from gateway.errors import TooManyError, UnknownRobotError
-from gateway.store.engine import Row, StoreEngine, placeholders
+from gateway.store.engine import Row, StoreEngine, placeholders, slices
 from metaros.limits import LIMITS
 
 __all__ = [
     "add_command",
     "change_command",
+    "command_states",
     "get_command",
     "list_commands",
     "open_commands",
@@ -70,6 +71,15 @@ def get_command(engine: StoreEngine, command_id: str) -> Command | None:
     """One command."""
     rows = engine.fetch(f"{_SELECT} WHERE command = ?", command_id)
     return _command(rows[0]) if rows else None
+
+
+def command_states(engine: StoreEngine, command_ids: Sequence[str]) -> dict[str, str]:
+    """The states of these commands; without those that are gone."""
+    found: dict[str, str] = {}
+    for some in slices(command_ids):
+        sql = f"SELECT command, state FROM commands WHERE command IN ({placeholders(len(some))})"
+        found |= {row[0]: row[1] for row in engine.fetch(sql, *some)}
+    return found
 
 
 def list_commands(
