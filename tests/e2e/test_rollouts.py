@@ -31,9 +31,9 @@ class Fleet:
     def __init__(self, gateway: RealGateway, folder: Path, defects: Defects) -> None:
         self.gateway, self.folder, self.defects = gateway, folder, defects
 
-    def publish(self, version: str, *, defect: bool = False) -> None:
-        """Sign a version of the agent and bring it to the gateway."""
-        release = signed_release(self.folder, version, {MARK: b"on some robots"} if defect else None)
+    def publish(self, version: str, *, defect: bool = False, node: str = "") -> None:
+        """Sign a version of the agent, or of a node, and bring it to the gateway."""
+        release = signed_release(self.folder, version, {MARK: b"on some robots"} if defect else None, node=node)
         headers = {**bearer(self.gateway.admin), "content-type": "application/zip"}
         url = f"{self.gateway.url}/api/v1/updates/bundles"
         answer = httpx.post(url, content=release.content, headers=headers, timeout=60, trust_env=False)
@@ -140,6 +140,26 @@ def test_a_rollout_halts_by_itself_and_is_mended(fleet: Fleet, open_page: OpenPa
     save(page, "rollouts-done")
     page.get_by_role("link", name="Rollouts", exact=True).last.click()
     expect(page.locator("[data-rollout][data-state=done]")).to_have_count(1)
+
+
+def test_a_nodes_version_is_for_the_node_that_runs_it(fleet: Fleet, open_page: OpenPage) -> None:
+    fleet.publish("1.2.0", node="lidar-node")
+    row = {"bundle": "lidar-node", "version": "1.0.0"}
+    fleet.gateway.ask("PUT", "/templates/nodes", {"selector": "robot=sim_1", "document": {"nodes": {"lidar": row}}})
+    page = page_of(fleet, open_page)
+    page.get_by_role("button", name="Start a rollout…").click()
+    dialog = page.get_by_role("dialog")
+    expect(dialog).to_contain_text("Templates run it as lidar.")
+    dialog.get_by_label("Node", exact=True).fill("lidar")
+    dialog.get_by_label("Robots", exact=True).fill("robot=sim_1")
+    dialog.get_by_role("button", name="Dry run").click()
+    expect(dialog.get_by_label("Dry run").locator("h3")).to_have_text("lidar 1.2.0 to 1 robot in 1 wave")
+    dialog.get_by_role("button", name="Start for 1 robot").click()
+    expect(page.locator("h1")).to_have_text("lidar 1.2.0")
+    expect(page.locator(".rollout-plan")).to_contain_text("lidar-node 1.2.0 as node lidar")
+    expect(page.locator("[data-member=sim_1]")).to_have_attribute("data-member-state", "updating")
+    twin = fleet.gateway.ask("GET", "/robots/sim_1/twin")
+    assert twin["own"] == {"nodes": {"lidar": {"version": "1.2.0"}}}
 
 
 def test_it_is_paused_resumed_and_ended_with_reasons(fleet: Fleet, open_page: OpenPage) -> None:

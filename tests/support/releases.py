@@ -1,4 +1,4 @@
-"""Versions of the agent as people sign and publish them, for tests: a folder with keys, and what goes to a gateway."""
+"""Versions as people sign and publish them, for tests: a folder with keys, and what goes to a gateway."""
 
 from __future__ import annotations
 
@@ -28,10 +28,13 @@ def start_signing(folder: Path, online_keys: dict[str, Any]) -> None:
     offline.init_root(folder, online_keys, passphrase, now_ns=SystemClock().wall_ns())
 
 
-def signed_release(folder: Path, version: str, members: Mapping[str, bytes] | None = None) -> Release:
-    """A version of the agent, signed; `members` lie in its bundle beside the wheel."""
+def signed_release(
+    folder: Path, version: str, members: Mapping[str, bytes] | None = None, *, node: str = ""
+) -> Release:
+    """A version of the agent, or of a node's bundle, signed; `members` lie in it beside the wheel."""
     made = {WHEEL: version.encode(), **(members or {})}
-    bundle = make_bundle(folder / "made", name="metaros", kind="agent", version=version, members=made)
+    name, kind = (node, "node") if node else ("metaros", "agent")
+    bundle = make_bundle(folder / "made", name=name, kind=kind, version=version, members=made)
     path = offline.add(folder, bundle)
     offline.sign_role(folder, "targets", passphrase, now_ns=SystemClock().wall_ns())
     found = offline.release(folder)

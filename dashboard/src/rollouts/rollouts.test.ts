@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import type { Bundle, Member, MemberState } from "../api/rollouts";
 import { orderOf } from "./plan";
-import { allowedOf, foundAmong, isReady, labelsOf, newestFirst, partsOf, partsText, robotsText, settled, thingOf, wavesOf, withTerm, worstFirst } from "./words";
+import { allowedOf, foundAmong, isReady, labelsOf, newestFirst, nodesOf, partsOf, partsText, robotsText, settled, thingOf, wavesOf, withTerm, worstFirst } from "./words";
 
 const member = (robot: string, state: MemberState, reason = ""): Member => ({ robot, state, wave: 1, since: "2026-11-21T12:00:00Z", reason });
 const bundle = (name: string, version: string, changes: Partial<Bundle> = {}): Bundle => ({
@@ -64,6 +64,11 @@ test("an order is what was typed, with the agent's or a node's name", () => {
   expect(orderOf(plan, bundle("lidar-node", "1.2.0"))).toEqual({ ...common, node: "lidar-node", bundle: "lidar-node" });
   expect(orderOf({ ...plan, node: "lidar" }, bundle("lidar-node", "1.2.0"))).toEqual({ ...common, node: "lidar", bundle: "lidar-node" });
   expect(orderOf({ ...plan, node: "lidar" }, bundle("metaros", "1.2.0", { kind: "agent" }))).toEqual({ ...common, node: "", bundle: "" });
+});
+
+test("nodes are found by their bundle", () => {
+  const nodes = { lidar: { bundle: "lidar-node" }, camera: { bundle: "camera-node" }, own: { command: ["x"] }, odd: null };
+  expect(nodesOf([{ document: { nodes } }, { document: { nodes: { back: { bundle: "lidar-node" } } } }, { document: {} }], "lidar-node")).toEqual(["back", "lidar"]);
 });
 
 test("names and counts read well", () => {

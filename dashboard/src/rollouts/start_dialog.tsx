@@ -1,17 +1,18 @@
 /** Starting a rollout: what, which robots, in which waves; a dry run first, and only what it showed can be started. */
 
 import { useSignal, type Signal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useId, useRef } from "preact/hooks";
 import { Choice } from "../admin/choice";
 import { TextField } from "../admin/fields";
 import { Modal, Refusal, useAttempt } from "../admin/modal";
 import { useAsked } from "../admin/use_list";
 import { rolloutsApi, type Bundle, type RolloutDetail } from "../api/rollouts";
+import { templatesApi } from "../api/templates";
 import { Link } from "../ui/parts";
 import { FIRST, orderOf, type Plan } from "./plan";
 import { SelectorField } from "./selector_field";
 import { WaveRows } from "./wave_bars";
-import { CARE, isReady, newestFirst, robotsText, thingOf } from "./words";
+import { CARE, isReady, newestFirst, nodesOf, robotsText, thingOf } from "./words";
 
 const NEVER_MS = 3_600_000;
 
@@ -68,20 +69,26 @@ interface PlanProps {
 }
 
 function WhatFields({ plan, bundles, bundle }: PlanProps & { bundles: Bundle[]; bundle: Bundle | undefined }) {
+  const id = useId();
   const set = (change: Partial<Plan>) => (plan.value = { ...plan.value, ...change });
   return (
     <>
-      <label class="field">
-        <span>Version</span>
-        <select value={bundle?.path} onChange={(event) => set({ path: event.currentTarget.value, node: "" })}>
+      <div class="field">
+        <span><label for={id}>Version</label></span>
+        <select id={id} value={bundle?.path} onChange={(event) => set({ path: event.currentTarget.value, node: "" })}>
           {bundles.map(({ path, kind, name, version }) => <option key={path} value={path}>{kind === "agent" ? `agent ${version}` : `${name} ${version}`}</option>)}
         </select>
-      </label>
-      {bundle?.kind === "node" && (
-        <TextField label="Node" mono placeholder={bundle.name} hint="The node's name in the robots' twins; empty: as the bundle." value={plan.value.node} onInput={(node) => set({ node })} />
-      )}
+      </div>
+      {bundle?.kind === "node" && <NodeField key={bundle.name} bundle={bundle.name} value={plan.value.node} onInput={(node) => set({ node })} />}
     </>
   );
+}
+
+function NodeField({ bundle, value, onInput }: { bundle: string; value: string; onInput: (node: string) => void }) {
+  const templates = useAsked(templatesApi.list, NEVER_MS);
+  const known = nodesOf(templates.value.value ?? [], bundle);
+  const hint = known.length > 0 ? `Templates run it as ${known.join(", ")}. Empty: as the bundle.` : "The node's name in the robots' twins. Empty: as the bundle.";
+  return <TextField label="Node" mono placeholder={bundle} hint={hint} options={known} value={value} onInput={onInput} />;
 }
 
 function HowFields({ plan }: PlanProps) {

@@ -2,6 +2,8 @@
 
 import type { Bundle, Member, MemberState, Rollout, RolloutState, Wave } from "../api/rollouts";
 import type { Tone } from "../admin/badge";
+import type { Template } from "../api/templates";
+import { isObject } from "../fleet_ops/json";
 
 export const STATE_TONES: Record<RolloutState, Tone> = { running: "good", paused: "warn", halted: "bad", done: "good", aborted: "off" };
 export const STATE_WORDS: Record<RolloutState, string> = {
@@ -104,4 +106,12 @@ export function labelsOf(robots: { labels: Record<string, string> }[], most: num
     for (const [name, value] of Object.entries(labels)) found.set(`${name}=${value}`, (found.get(`${name}=${value}`) ?? 0) + 1);
   }
   return [...found].map(([term, count]) => ({ term, robots: count })).sort((a, b) => b.robots - a.robots || a.term.localeCompare(b.term)).slice(0, most);
+}
+
+/** The nodes that templates run from a bundle. */
+export function nodesOf(templates: Pick<Template, "document">[], bundle: string): string[] {
+  const found = templates.flatMap(({ document: { nodes } }) =>
+    isObject(nodes) ? Object.keys(nodes).filter((name) => isObject(nodes[name]) && nodes[name].bundle === bundle) : [],
+  );
+  return [...new Set(found)].sort();
 }

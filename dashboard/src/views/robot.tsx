@@ -69,8 +69,8 @@ export function RobotPage({ id }: { id: string }) {
   }, [id]);
 
   useEffect(() => {
-    document.querySelector(".tabs [aria-current]")?.scrollIntoView({ block: "nearest", inline: "nearest" }); // a phone does not show all of them
-  }, [place.value.params.get("tab"), robot === undefined]);
+    document.querySelector(".tabs [aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" }); // a phone does not show all of them
+  }, [place.value.params.get("tab"), robot === undefined, topics.value === null]);
 
   if (!robot) return <Unknown id={id} loading={robots.value === null} />;
   const asked = place.value.params.get("tab");
