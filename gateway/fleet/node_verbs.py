@@ -56,6 +56,17 @@ class Deed:
         return link_pb2.Command(node_verb=verb)
 
     @property
+    def lasts(self) -> bool:
+        """Whether the twin can say it, too: said twice it is the same."""
+        return self.verb in LASTING
+
+    def order(self, robot: str) -> Order:
+        """As the history of commands has it."""
+        asked: dict[str, Any] = {"node": self.node, "verb": self.verb}
+        asked |= {"signal": self.signal} if self.verb == "signal" else {}
+        return Order(robot=robot, kind="node_verb", request=asked, timeout_s=LIMITS.node_verb_s)
+
+    @property
     def edit(self) -> Edit:
         """What `start` and `stop` change of the twin."""
         return Edit(patch={"nodes": {self.node: {"run": self.verb == "start"}}})
@@ -148,7 +159,7 @@ class NodeVerbs:
         dry_run: bool,
         late: bool = False,
     ) -> Result:
-        lasting = deed.verb in LASTING and node.desired is not None
+        lasting = deed.lasts and node.desired is not None
         result = Result(robot=node.robot, deed=deed, dry_run=dry_run, outcome="done", edited=edited)
         error: MetarosError | None = None
         if not node.online:
@@ -167,11 +178,8 @@ class NodeVerbs:
 
     async def _tell(self, robot: str, deed: Deed, actor: Actor, *, fresh: bool) -> None:
         """Have the robot do it now, and keep that among its commands. `fresh`: the twin it needs is on its way."""
-        asked: dict[str, Any] = {"node": deed.node, "verb": deed.verb}
-        asked |= {"signal": deed.signal} if deed.verb == "signal" else {}
-        order = Order(robot=robot, kind="node_verb", request=asked, timeout_s=LIMITS.node_verb_s)
         until_s = self._clock.monotonic_s() + LIMITS.node_fresh_s
-        with self._orders.noted(order, actor.principal):
+        with self._orders.noted(deed.order(robot), actor.principal):
             while True:
                 try:
                     await self._commands.run(robot, deed.wire, timeout_s=LIMITS.node_verb_s)
@@ -187,4 +195,4 @@ class NodeVerbs:
 
 def _edits(node: NodeState, deed: Deed) -> bool:
     """Whether the twin says otherwise until now."""
-    return deed.verb in LASTING and node.desired is not None and node.desired.run != (deed.verb == "start")
+    return deed.lasts and node.desired is not None and node.desired.run != (deed.verb == "start")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncGenerator, AsyncIterator, Mapping, Sequence
 from contextlib import aclosing
+from dataclasses import replace
 from itertools import islice
 from typing import Annotated, Any, Literal
 
@@ -20,6 +21,7 @@ from gateway.api.models_twin import TwinChange, TwinsChange
 from gateway.api.problem import JsonResponse, error_code
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.downloads import DownloadResponse
+from gateway.api.rest.once import carried_once, key_of
 from gateway.api.rest.twin import (
     ANY_OBJECT,
     PRECONDITIONS,
@@ -37,7 +39,7 @@ from gateway.api.views_nodes import crash_view, log_view, node_view, nodes_view,
 from gateway.api.views_twin import outcomes_view
 from gateway.domain.selector import Selector
 from gateway.fleet.node_logs import LogPage
-from gateway.fleet.node_verbs import Actor, Deed
+from gateway.fleet.node_verbs import Actor, Deed, Result
 from gateway.fleet.nodes import NodeDesk, RobotNodes
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
@@ -249,11 +251,18 @@ async def crashes(request: Request, robot_id: str, node: str) -> Response:
 async def act(
     request: Request, robot_id: str, node: str, verb: Verb, dry_run: DryRun = False, reason: Reason = ""
 ) -> Response:
-    """A verb for one node. What `start` and `stop` say lasts: a robot that is offline does it when it is back."""
+    """A verb for one node. What `start` and `stop` say lasts: a robot that is offline does it when it is back.
+
+    With the header `Idempotency-Key` the same request of another verb is carried out once.
+    """
     body = await read_body(request, models.VerbForOne)
     deed = Deed(node=node, verb=verb, signal=body.signal)
-    actor = actor_of(request, reason or verb)
-    result = await services_of(request).nodes.verbs.act(robot_id, deed, actor, dry_run=dry_run)
+    nodes, actor, key = services_of(request).nodes, actor_of(request, reason or verb), key_of(request)
+    if key is not None and not deed.lasts and not dry_run:
+        (await nodes.desk.of_robot(robot_id)).get(node)
+        await carried_once(request, replace(deed.order(robot_id), idempotency=key))
+        return JsonResponse(result_view(Result(robot=robot_id, deed=deed, dry_run=False, outcome="done", told=True)))
+    result = await nodes.verbs.act(robot_id, deed, actor, dry_run=dry_run)
     note(request, detail=f"{'dry run: ' if dry_run else ''}{result.outcome}")
     if result.outcome == "failed" and result.error is not None:
         raise result.error

@@ -88,6 +88,20 @@ async def test_a_start_waits_for_the_row_that_lets_the_node_run(tmp_path: Path) 
             assert (failed.status_code, failed.json()["code"]) == (502, "supervisor")
 
 
+async def test_a_restart_under_a_key_is_done_once(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, client(ready, key=ADMIN_KEY) as http:
+        path, key = "/api/v1/robots/a1/nodes/lidar", {"Idempotency-Key": "morning"}
+        async with robot(ready, "a1") as one:
+            await http.put(path, json=ROW)
+            first, again = [(await http.post(path + "/restart", json={}, headers=key)).json() for _ in range(2)]
+            assert first == again
+            assert (first["outcome"], first["told"], one.verbs) == ("done", True, [("lidar", "restart", 0)])
+            other = await http.post(path + "/signal", json={"signal": 1}, headers=key)
+            assert (other.status_code, other.json()["code"]) == (409, "idempotency_conflict")
+            unknown = await http.post("/api/v1/robots/a1/nodes/x/restart", json={}, headers=key)
+            assert unknown.json()["code"] == "unknown_node"
+
+
 async def test_a_group_is_changed_together_and_told_one_by_one(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready, key=ADMIN_KEY) as http:
         async with robot(ready, "a1") as one, robot(ready, "a2") as two, robot(ready, "b1") as other:
