@@ -186,7 +186,7 @@ class Limits:
     supervisor_requests: int = 16  # of one of them at a time
     safe_stop_s: float = 20.0  # for what brings a robot to rest
     node_lease_s: float = 3600.0  # the longest lease of a migratable node that a robot believes
-    node_lease_valid_s: float = 5.0  # that a gateway gives
+    node_lease_valid_s: float = 6.0  # that a gateway gives
     node_lease_margin_s: float = 1.0  # from its end to the next robot's: what two clocks may run apart meanwhile
     node_lease_answer_s: float = 2.0  # a robot that was silent for so long is given no node
     node_shunned_s: float = 600.0  # so long a node rather goes elsewhere than to a robot where it was quarantined
