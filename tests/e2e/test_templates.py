@@ -93,6 +93,28 @@ def test_one_is_made_changed_and_deleted(gateway: RealGateway, open_page: OpenPa
     wait_until(lambda: not robot.document.get("topics"))
 
 
+def test_its_history_leads_back(gateway: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
+    for bytes_per_s in (9000, 70_000):
+        body = {"selector": "site=lab", "document": {"budget": {"bytes_per_s": bytes_per_s}}}
+        gateway.ask("PUT", f"/templates/uplink?reason=to+{bytes_per_s}", body)
+    page = opened(gateway, open_page)
+    page.get_by_role("button", name="History of uplink").click()
+    dialog = page.get_by_role("dialog")
+    entries = dialog.locator("[data-entry]")
+    expect(entries).to_have_count(2)
+    expect(entries.first).to_contain_text("to 70000")
+    expect(entries.first.get_by_role("button", name="Go back")).to_have_count(0)
+    entries.last.locator("summary").click()
+    entries.last.get_by_role("button", name="Go back to this…").click()
+    expect(entries.last.get_by_label("What would change")).to_contain_text("arm_1 would change")
+    save(page, "templates-history")
+    wait_until(lambda: robot.document.get("budget") == {"bytes_per_s": 70_000})
+    entries.last.get_by_role("button", name="Go back to it for 1 robot").click()
+    expect(dialog).to_have_count(0)
+    wait_until(lambda: robot.document["budget"] == {"bytes_per_s": 9000})
+    expect(page.locator("[data-template=uplink]")).to_contain_text("back to revision")
+
+
 def test_who_was_overtaken_is_told(gateway: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
     gateway.ask("PUT", "/templates/camera-rate", {"selector": "site=lab", "document": {}})
     page = opened(gateway, open_page)

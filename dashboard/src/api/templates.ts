@@ -2,6 +2,7 @@
 
 import type { JsonObject, Numeric } from "../fleet_ops/json";
 import { askExact, sendExact } from "./exact";
+import type { Change } from "../fleet_ops/document";
 import type { TwinChange } from "./twin";
 
 export interface Template {
@@ -13,6 +14,13 @@ export interface Template {
   at: string;
   reason: string;
   document: JsonObject;
+}
+
+/** A template as it was after one of its changes. */
+export interface TemplateEntry extends Template {
+  /** It was deleted then. */
+  removed: boolean;
+  changes: Change[];
 }
 
 /** What one does, or would do, to the robots that it reaches. */
@@ -32,11 +40,11 @@ export interface TemplateOptions {
   seen: number;
 }
 
-function place(name: string, { dryRun, reason, confirmWithinS }: TemplateOptions): string {
+function place(name: string, { dryRun, reason, confirmWithinS }: TemplateOptions, below = ""): string {
   const query = new URLSearchParams({ confirm_within_s: String(confirmWithinS) });
   if (dryRun) query.set("dry_run", "true");
   if (reason) query.set("reason", reason);
-  return `/templates/${encodeURIComponent(name)}?${query}`;
+  return `/templates/${encodeURIComponent(name)}${below}?${query}`;
 }
 
 const seenHeader = ({ seen }: TemplateOptions) => ({ "if-match": `"${seen}"` });
@@ -45,5 +53,8 @@ export const templatesApi = {
   list: async () => (await askExact<{ templates: Template[] }>("/templates")).templates,
   put: (name: string, body: { selector: string; priority: number; document: JsonObject }, options: TemplateOptions) =>
     sendExact<TemplateChange>("PUT", place(name, options), body, seenHeader(options)),
+  history: async (name: string, limit: number) => (await askExact<{ entries: TemplateEntry[] }>(`/templates/${encodeURIComponent(name)}/history?limit=${limit}`)).entries,
+  revert: (name: string, revision: number, options: TemplateOptions) =>
+    sendExact<TemplateChange>("POST", place(name, options, "/revert"), { revision }, seenHeader(options)),
   remove: (name: string, options: TemplateOptions) => sendExact<TemplateChange>("DELETE", place(name, options), {}, seenHeader(options)),
 };

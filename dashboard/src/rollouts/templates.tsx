@@ -11,6 +11,7 @@ import { ageText, now } from "../live/age";
 import { NotYours } from "./not_yours";
 import { TemplateDrop } from "./template_drop";
 import { TemplateEditor } from "./template_editor";
+import { TemplateHistory } from "./template_history";
 
 const EVERY_MS = 5000;
 
@@ -19,6 +20,7 @@ export function TemplatesPart() {
   /** Null: nothing is edited. A template without a name is a new one. */
   const edited = useSignal<Template | "new" | null>(null);
   const dropped = useSignal<Template | null>(null);
+  const past = useSignal<Template | null>(null);
   const all = asked.value.value;
   const done = async () => {
     edited.value = null;
@@ -45,16 +47,24 @@ export function TemplatesPart() {
       {all === null ? <p class="quiet">Asking the gateway…</p> : all.length === 0 ? <Nothing /> : (
         <ol class="templates">
           {all.map((one) => (
-            <TemplateCard key={one.name} one={one} onEdit={() => (edited.value = one)} onDrop={() => (dropped.value = one)} />
+            <TemplateCard key={one.name} one={one} onEdit={() => (edited.value = one)} onDrop={() => (dropped.value = one)} onPast={() => (past.value = one)} />
           ))}
         </ol>
       )}
+      {past.value && <TemplateHistory one={past.value} onClose={() => (past.value = null)} onDone={asked.refresh} />}
       {dropped.value && <TemplateDrop one={dropped.value} onClose={() => (dropped.value = null)} onDone={asked.refresh} />}
     </>
   );
 }
 
-function TemplateCard({ one, onEdit, onDrop }: { one: Template; onEdit: () => void; onDrop: () => void }) {
+interface CardProps {
+  one: Template;
+  onEdit: () => void;
+  onDrop: () => void;
+  onPast: () => void;
+}
+
+function TemplateCard({ one, onEdit, onDrop, onPast }: CardProps) {
   return (
     <li class="rollout template" data-template={one.name}>
       <div class="rollout-head">
@@ -71,12 +81,11 @@ function TemplateCard({ one, onEdit, onDrop }: { one: Template; onEdit: () => vo
         <summary>{contentsOf(one)}</summary>
         <pre tabIndex={0}>{textOfDocument(one.document)}</pre>
       </details>
-      {can("templates.write") && (
-        <p class="template-acts">
-          <button type="button" class="button" aria-label={`Edit ${one.name}`} onClick={onEdit}>Edit…</button>
-          <button type="button" class="button" aria-label={`Delete ${one.name}`} onClick={onDrop}>Delete…</button>
-        </p>
-      )}
+      <p class="template-acts">
+        {can("templates.write") && <button type="button" class="button" aria-label={`Edit ${one.name}`} onClick={onEdit}>Edit…</button>}
+        <button type="button" class="button" aria-label={`History of ${one.name}`} onClick={onPast}>History…</button>
+        {can("templates.write") && <button type="button" class="button" aria-label={`Delete ${one.name}`} onClick={onDrop}>Delete…</button>}
+      </p>
     </li>
   );
 }
