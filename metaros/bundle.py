@@ -43,8 +43,9 @@ _VERSION = re.compile(r"(?:0|[1-9]\d{0,8})(?:\.(?:0|[1-9]\d{0,8})){1,3}")
 _PYTHON = re.compile(r"(?:(?:>=|<|==)3\.\d{1,3})(?:,(?:>=|<|==)3\.\d{1,3})*")
 _ENTRY = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
 _HW = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+_IMAGE = re.compile(r"files/(?:[A-Za-z0-9_.+@-]+/)*[A-Za-z0-9_.+@-]+\.tar")
 _MEMBER = re.compile(r"(?:bundle\.toml|wheels/[A-Za-z0-9_.+!-]+\.whl|files/(?:[A-Za-z0-9_.+@-]+/)*[A-Za-z0-9_.+@-]+)")
-_KEYS = {"format", "name", "kind", "version", "min_version", "hw", "python", "entry", "command"}
+_KEYS = {"format", "name", "kind", "version", "min_version", "hw", "python", "entry", "command", "image"}
 
 
 class BundleError(MetarosError):
@@ -65,6 +66,7 @@ class Manifest:
     python: str = ""
     entry: str = ""
     command: tuple[str, ...] = ()
+    image: str = ""  # a container's, as a tar file of the bundle: what an engine has saved
 
     @property
     def path(self) -> str:
@@ -115,7 +117,7 @@ def parse_manifest(document: Mapping[str, Any]) -> Manifest:
         raise BundleError(f"bundle.toml: {unknown[0][:40]!r} is not known")
     if document.get("format", 1) != 1:
         raise BundleError("bundle.toml: format is not 1, which is all that is known here")
-    texts = {key: _text(document, key) for key in ("name", "kind", "version", "min_version", "python", "entry")}
+    texts = {key: _text(document, key) for key in sorted(_KEYS - {"format", "hw", "command"})}
     lists = {key: _texts(document, key) for key in ("hw", "command")}
     kind = texts["kind"]
     if kind not in ("node", "agent"):
@@ -125,7 +127,7 @@ def parse_manifest(document: Mapping[str, Any]) -> Manifest:
         raise BundleError(f"bundle.toml: the agent's bundles, and no others, have the name {AGENT}")
     if texts["min_version"] and version_key(texts["min_version"]) > version_key(texts["version"]):
         raise BundleError("bundle.toml: min_version is above version: the bundle would forbid itself")
-    for key, pattern in (("python", _PYTHON), ("entry", _ENTRY)):
+    for key, pattern in (("python", _PYTHON), ("entry", _ENTRY), ("image", _IMAGE)):
         if texts[key] and pattern.fullmatch(texts[key]) is None:
             raise BundleError(f"bundle.toml: {key} {texts[key][:60]!r} does not fit")
     if any(_HW.fullmatch(word) is None for word in lists["hw"]):
@@ -140,6 +142,7 @@ def parse_manifest(document: Mapping[str, Any]) -> Manifest:
         python=texts["python"],
         entry=texts["entry"],
         command=lists["command"],
+        image=texts["image"],
     )
 
 
@@ -251,11 +254,13 @@ def _manifest(archive: zipfile.ZipFile) -> Manifest:
 def _check_content(manifest: Manifest, names: set[str]) -> None:
     wheels = any(name.startswith("wheels/") and name.endswith(".whl") for name in names)
     if manifest.kind == "agent":
-        if manifest.entry or manifest.command or not wheels:
-            raise BundleError("the agent's bundle has wheels, and neither entry nor command")
+        if manifest.entry or manifest.command or manifest.image or not wheels:
+            raise BundleError("the agent's bundle has wheels, and neither entry nor command nor image")
         return
-    if bool(manifest.entry) == bool(manifest.command):
-        raise BundleError("bundle.toml: say either entry or command")
+    if [bool(manifest.entry), bool(manifest.command), bool(manifest.image)].count(True) != 1:
+        raise BundleError("bundle.toml: say one of entry, command and image")
+    if manifest.image and manifest.image not in names:
+        raise BundleError(f"bundle.toml: image: there is no {manifest.image[:80]!r} in the bundle")
     if manifest.entry and not wheels:
         raise BundleError("bundle.toml: an entry needs a wheel under wheels/")
     if manifest.command and manifest.command[0] not in names:

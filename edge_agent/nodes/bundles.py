@@ -22,7 +22,15 @@ class Bundle(Protocol):
 
     @property
     def argv(self) -> tuple[str, ...]:
-        """Its program and arguments."""
+        """Its program and arguments; none of a container."""
+
+    @property
+    def engine(self) -> str:
+        """The program that runs its image, where it is a container."""
+
+    @property
+    def image(self) -> str:
+        """Of a container: what its engine knows it by."""
 
 
 class Bundles(Protocol):

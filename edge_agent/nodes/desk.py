@@ -195,7 +195,11 @@ class NodeDesk:
                     rows[name] = self._rows[name]
                 continue
             version = self._trial(node).choose(node.version) if node.bundle else ""
-            row = row_of(node, self._settings, self._place, bundle)
+            try:
+                row = row_of(node, self._settings, self._place, bundle)
+            except NodeRefusedError as error:  # only its bundle says what it is
+                self._problems[name] = (error.code, str(error)[:300])
+                continue
             rows[name] = replace(row, version=version)
         self._rows = {
             name: replace(row, after=tuple(one for one in row.after if one in rows)) for name, row in rows.items()

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from edge_agent.nodes.allowed import NodeSettings
 from edge_agent.nodes.bundles import Bundle
+from edge_agent.nodes.container import check_container, run_argv, take_away_argv
 from edge_agent.nodes.errors import NodeRefusedError
 from metaros.supervise.policy import Restart
 from metaros.supervise.table_file import Row
@@ -81,6 +82,7 @@ def row_of(node: NodeWanted, settings: NodeSettings, place: Place, bundle: Bundl
         after=node.after,
         run=node.run,
         migratable=node.migratable,
+        clean_up=take_away_argv(node, bundle) if bundle is not None and bundle.image else (),
         safe_stop=tuple(_safe_stop(settings, place)) if node.critical else (),
         own_guard=ours,
         heartbeat_s=HEARTBEAT_S,
@@ -116,6 +118,9 @@ def _program(node: NodeWanted, settings: NodeSettings, place: Place, bundle: Bun
     if node.bundle:
         if bundle is None:
             raise NodeRefusedError(f"{node.name}: bundle {node.bundle} {node.version} is not here")
+        if bundle.image:
+            check_container(node)
+            return run_argv(node, bundle, place.env.items()), {}, str(bundle.folder), False, False
         return bundle.argv, {}, str(bundle.folder), False, bundle.argv[1:2] == ("-I",)
     entry = settings.allowed[node.allowed]
     if entry.command:

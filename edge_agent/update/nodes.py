@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from edge_agent.update.container import find_engine, forget_image, load_image
 from edge_agent.update.daemon import in_daemon
 from edge_agent.update.environment import make_environment
 from edge_agent.update.errors import SlotError, UpdateOffError
@@ -28,12 +29,16 @@ FACTS = "bundle.json"
 
 @dataclass(frozen=True, slots=True)
 class NodeBundle:
-    """A bundle on the disk. `argv` runs it: with the environment's Python, or the command of the bundle itself."""
+    """A bundle on the disk. `argv` runs it: with the environment's Python, or the command of the bundle itself. A
+    container has none: `engine` runs `image`.
+    """
 
     name: str
     version: str
     folder: Path
     argv: tuple[str, ...]
+    engine: str = ""
+    image: str = ""
 
 
 class NodeBundles:
@@ -60,10 +65,12 @@ class NodeBundles:
             source.floor.check(name, version)
         if read_table(folder / COMPLETE).get("version") != version:
             return None
-        argv = read_table(folder / FACTS).get("argv")
+        facts = read_table(folder / FACTS)
+        argv = facts.get("argv")
         if not isinstance(argv, list) or not all(isinstance(word, str) for word in argv):
             return None
-        return NodeBundle(name, version, folder, tuple(argv))
+        engine, image = (str(facts.get(key, "")) for key in ("engine", "image"))
+        return NodeBundle(name, version, folder, tuple(argv), engine, image)
 
     async def get(self, name: str, version: str) -> NodeBundle:
         """The bundle, fetched where it is not here yet.
@@ -86,9 +93,11 @@ class NodeBundles:
                 return found
             _empty(folder)
             manifest = source.unpack(fetched, folder, kind="node", name=name, version=version)
+            engine = find_engine() if manifest.image else ""
+            image = load_image(engine, folder / manifest.image) if engine else ""
             if manifest.entry:
                 make_environment(folder)
-            _describe(folder, manifest)
+            _describe(folder, manifest, engine=engine, image=image)
             replace_table(folder / COMPLETE, {"version": version, "min_version": manifest.min_version})
         ready = self.ready(name, version)
         if ready is None:
@@ -112,7 +121,10 @@ class NodeBundles:
         for _, path in here:
             what = (path.parent.name, path.name)
             if what not in wanted and spare > 0:
+                facts = read_table(path / FACTS)
                 remove_file(path / COMPLETE)
+                if isinstance(facts.get("image"), str) and facts["image"] and isinstance(facts.get("engine"), str):
+                    forget_image(facts["engine"], facts["image"])
                 shutil.rmtree(path, ignore_errors=True)
                 gone.append(what)
                 spare -= 1
@@ -134,23 +146,26 @@ def _empty(folder: Path) -> None:
         raise SlotError(f"cannot empty {folder}: {error.strerror or error}") from error
 
 
-def _describe(folder: Path, manifest: Manifest) -> None:
+def _describe(folder: Path, manifest: Manifest, *, engine: str, image: str) -> None:
     """`bundle.json`, and everything before it on the disk."""
+    argv: list[str] = []
     if manifest.entry:
         module, _, function = manifest.entry.partition(":")
         code = f"import sys; from {module} import {function}; sys.exit({function}())"
         argv = [str(python_of(folder)), "-I", "-c", code]
-    else:
+    elif manifest.command:
         argv = [str(folder / manifest.command[0]), *manifest.command[1:]]
     facts = {
         "name": manifest.name,
         "version": manifest.version,
-        "kind": "python" if manifest.entry else "command",
+        "kind": "python" if manifest.entry else "container" if image else "command",
         "entry": manifest.entry,
         "command": list(manifest.command),
         "wheels": "wheels/",
         "python": str(python_of(folder).relative_to(folder)) if manifest.entry else "",
         "argv": argv,
+        "engine": engine,
+        "image": image,
     }
     try:
         if manifest.command:

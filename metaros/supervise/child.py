@@ -43,6 +43,7 @@ class Child:
         self.asked = ""  # why we end it ourselves, to start it again
         self.hung = ""  # why we kill it
         self.blocked_by: list[str] = []
+        self.cleaned = False  # what a supervisor before this one may have left of it is gone
 
     @property
     def running(self) -> bool:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from metaros.supervise import groups, guard
+from metaros.supervise.clean_up import clean_up
 from metaros.supervise.heartbeats import ENVIRONMENT as HEARTBEAT
 from metaros.supervise.logs import RotatingLog
 from metaros.supervise.output import follow
@@ -39,6 +40,7 @@ class Launch:
     policy: RestartPolicy = field(default_factory=RestartPolicy)
     log_bytes: int = 4 * 1024 * 1024
     log_stamped: bool = False  # each line with its time and place: what `log_reader` pages through
+    clean_up: tuple[str, ...] = ()  # run before the first start and after each end
     after: tuple[str, ...] = ()  # it starts when these are ready
     rest_for_one: bool = False  # it is started again when one of these was
     heartbeat_s: float = 0.0  # how often its nodes say that they live; 0: they are not asked
@@ -64,6 +66,8 @@ class Process:
     ) -> None:
         self.launch = launch
         self._warden = warden
+        self._reaped = False  # its number may be another's
+        self._cleaning: asyncio.Task[None] | None = None
         self._env = {**_inherited(), **launch.env, **(env or {}), guard.PARENT: str(os.getpid())}
         self._spare = spare
         self.log = RotatingLog(
@@ -76,7 +80,7 @@ class Process:
         self._ended: asyncio.Future[Exit] = self._loop.create_future()
         self._popen = self._spawn()
         if warden is not None:
-            warden.began(self.pid)
+            warden.began(self.pid, launch.clean_up)
         assert self._popen.stdout is not None
         self._output = follow(self._loop, self._popen.stdout, self.log.write)
         self._watch_death()
@@ -88,7 +92,7 @@ class Process:
 
     @property
     def running(self) -> bool:
-        """False once its death was seen."""
+        """False once its death was seen, and what it left was taken away."""
         return not self._ended.done()
 
     async def wait(self) -> Exit:
@@ -97,27 +101,32 @@ class Process:
 
     def ask_to_end(self) -> None:
         """SIGINT (Windows: Ctrl-Break) to all of its group that is left."""
-        groups.ask_to_end(self._popen)
+        if not self._reaped:
+            groups.ask_to_end(self._popen)
 
     def terminate(self) -> None:
         """SIGTERM (Windows: Ctrl-Break) to all of its group that is left."""
-        groups.terminate(self._popen)
+        if not self._reaped:
+            groups.terminate(self._popen)
 
     def send(self, number: int) -> None:
         """A signal to all of its group; on Windows those that it has, to the process."""
-        groups.send(self._popen, number)
+        if not self._reaped:
+            groups.send(self._popen, number)
 
     def set_nice(self, nice: int) -> None:
         """Its share of the processor from now on."""
-        groups.set_nice(self._popen, nice)
+        if not self._reaped:
+            groups.set_nice(self._popen, nice)
 
     def kill(self) -> None:
         """End its whole group at once."""
-        groups.kill(self._popen)
+        if not self._reaped:
+            groups.kill(self._popen)
 
     def kill_if_running(self) -> None:
         """The same, unless its death was seen: its number may be another's by then."""
-        if self.running:
+        if not self._reaped:
             self.kill()
 
     def _spawn(self) -> subprocess.Popen[bytes]:
@@ -161,11 +170,23 @@ class Process:
         self.kill()  # what it left in its group
         if self._warden is not None:
             self._warden.ended(self.pid)
+        self._reaped = True
         returncode = self._popen.wait()  # it is dead: this only reaps it, and only now may its number be used again
         self._output.finish()
         self.log.close()
+        exit_ = Exit.from_returncode(returncode)
+        if self.launch.clean_up:
+            self._cleaning = self._loop.create_task(self._clean_up(exit_))
+        else:
+            self._end(exit_)
+
+    async def _clean_up(self, exit_: Exit) -> None:
+        await clean_up(self.launch.clean_up)
+        self._end(exit_)
+
+    def _end(self, exit_: Exit) -> None:
         if not self._ended.done():
-            self._ended.set_result(Exit.from_returncode(returncode))
+            self._ended.set_result(exit_)
 
 
 def _inherited() -> dict[str, str]:

@@ -340,6 +340,7 @@ class NodeService:
             env={**row.env, **fencing},
             cwd=Path(row.cwd) if row.cwd else self.directory,
             policy=row.policy,
+            clean_up=row.clean_up,
             after=row.after,
             rest_for_one=row.rest_for_one,
             heartbeat_s=row.heartbeat_s,

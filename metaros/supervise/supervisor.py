@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from metaros.clock import Clock
 from metaros.errors import ConfigError, UnavailableError
 from metaros.supervise.child import Child, ProcessStatus
+from metaros.supervise.clean_up import clean_up
 from metaros.supervise.events import Event, EventKind
 from metaros.supervise.heartbeats import ENVIRONMENT, HeartbeatPort, Pulse
 from metaros.supervise.policy import Exit, History, Quarantine, RestartAt, Stop, decide
@@ -217,6 +218,9 @@ class Supervisor:
     async def _keep(self, child: Child) -> None:
         while True:
             await self._wait_for_others(child)
+            if child.launch.clean_up and not child.cleaned:
+                await clean_up(child.launch.clean_up)
+                child.cleaned = True
             if not self._may_run(child.launch.name):
                 child.state = "stopped"
                 return

@@ -58,6 +58,7 @@ class Row:
     run: bool = True
     migratable: bool = False  # it runs only while its lease holds
     safe_stop: tuple[str, ...] = ()  # run where it is critical and keeps dying
+    clean_up: tuple[str, ...] = ()  # run before the first start and after each end: what it leaves beside its group
     own_guard: bool = False
     heartbeat_s: float = 0.0
     stop_grace_s: float = 5.0
@@ -207,7 +208,7 @@ def _value(found: object, name: str, key: str) -> object:
     match key:
         case "env":
             return _environment(found, name)
-        case "after" | "safe_stop":
+        case "after" | "safe_stop" | "clean_up":
             return _texts(found, name, key)
         case "cwd" | "version":
             if not isinstance(found, str) or "\0" in found or len(found) > 4096:

@@ -43,6 +43,8 @@ ALLOWED = [
 class OneBundle:
     folder: Path
     argv: tuple[str, ...]
+    engine: str = ""
+    image: str = ""
 
 
 class FakeFetchError(MetarosError):
@@ -65,6 +67,8 @@ class FakeBundles:
         code = CRASH if version == "2.0" else SLEEP
         folder = self.folder / name / version
         folder.mkdir(parents=True, exist_ok=True)
+        if name == "box" and version in self.here:
+            return OneBundle(folder, (), "/bin/podman", "sha256:1")
         return OneBundle(folder, (sys.executable, "-S", "-c", code)) if version in self.here else None
 
     async def get(self, name: str, version: str) -> OneBundle:
@@ -278,6 +282,14 @@ async def test_the_old_version_serves_on_while_another_agent_fetches_the_new_one
     assert rig.node("a")["pid"] == pid
     rig.bundles.away.set()
     await rig.until("a", state="running", version="4.0")
+
+
+async def test_a_container_that_may_not_run_is_one_nodes_problem(rig: Rig) -> None:
+    await rig.desk.set_nodes({"a": {"bundle": "box", "version": "5.0", "migratable": True}, "c": {"allowed": "sleep"}})
+    await rig.until("c", state="running")
+    await rig.until("a", state="refused")
+    assert rig.node("a")["update"]["code"] == "node_not_allowed"
+    assert "cannot be migratable" in rig.node("a")["update"]["message"]
 
 
 async def test_a_broken_version_goes_back_by_itself_and_is_told(rig: Rig) -> None:
