@@ -362,20 +362,15 @@ class Links:
         self._submit(live, write)
 
     def _store_gap(self, live: _Live, event: GapDeclared) -> None:
-        live.record.count_gap(event.stream_id, event.gap)
-        log.warning(
-            "robot %s lost %d samples of stream %d (%s)",
-            live.record.robot.id,
-            event.gap.count,
-            event.stream_id,
-            event.gap.reason,
-        )
+        robot_id, gap = live.record.robot.id, event.gap
+        live.record.count_gap(event.stream_id, gap)
+        log.warning("robot %s lost %d samples of stream %d (%s)", robot_id, gap.count, event.stream_id, gap.reason)
         write = StreamWrite(
-            robot=live.record.robot.id,
+            robot=robot_id,
             stream_id=event.stream_id,
             epoch=event.epoch,
-            seq=event.gap.to_seq,
-            gap=event.gap,
+            seq=gap.to_seq,
+            gap=gap,
             base=self._base(live, event.stream_id, event.epoch),
         )
         self._submit(live, write)
