@@ -25,6 +25,7 @@ pytestmark = [
 ]
 SLEEP = "import signal; print('up', flush=True); signal.sigwait([signal.SIGINT])"
 NODES = ("a", "b")
+SILENT_S = 3.0  # the 60 s without a packet are in test_node_survival.py
 
 
 @pytest.fixture
@@ -63,8 +64,7 @@ def robot(stack: Stack) -> Program:
     return agent
 
 
-@pytest.mark.parametrize("cut_s", [3.0, pytest.param(60.0, marks=pytest.mark.timeout(400))])
-def test_pids_survive_agent_gateway_and_link(stack: Stack, cut_s: float) -> None:
+def test_pids_survive_agent_gateway_and_link(stack: Stack) -> None:
     stack.router()
     gateway = stack.gateway()
     agent = robot(stack)
@@ -74,8 +74,8 @@ def test_pids_survive_agent_gateway_and_link(stack: Stack, cut_s: float) -> None
     wait_until(lambda: "r1" in stack.online())
     assert pids(stack) == before
     gateway.process.send_signal(signal.SIGSTOP)  # the link is there and says nothing
-    healed_s = time.monotonic() + cut_s
-    wait_until(lambda: time.monotonic() > healed_s, timeout_s=2 * cut_s, every_s=0.2)
+    healed_s = time.monotonic() + SILENT_S
+    wait_until(lambda: time.monotonic() > healed_s, timeout_s=20 * SILENT_S, every_s=0.2)
     gateway.process.send_signal(signal.SIGCONT)
     gateway.kill()
     stack.restart(gateway)
