@@ -129,6 +129,7 @@ class Limits:
     twin_values_bytes: int = 64 * MIB  # what all robots reported last, in a gateway's memory; the store has the rest
     twins_told_per_s: float = 400.0  # robots that a gateway tells what they are to be
     templates: int = 256  # of twins
+    twin_page_bytes: int = 4 * MIB  # of documents in one answer of a history; one entry may be larger
     template_history: int = 512  # changes of templates that the gateway keeps, of all of them together
     twin_originals_bytes: int = 1 * MIB  # what nodes had before the twin changed it, on the robot's disk
     recording_window_bytes: int = 1 * MIB  # pieces sent past what the gateway has told to be on its disk

@@ -125,9 +125,10 @@ class TwinEntry(BaseModel):
 
 
 class TwinHistory(BaseModel):
-    """The newest first."""
+    """The newest first; `more` older ones had no room in this answer."""
 
     entries: list[TwinEntry]
+    more: int
 
 
 class Revert(BaseModel):
@@ -177,9 +178,10 @@ class TemplateEntry(Template):
 
 
 class TemplateHistory(BaseModel):
-    """The newest first."""
+    """The newest first; `more` older ones had no room in this answer."""
 
     entries: list[TemplateEntry]
+    more: int
 
 
 class TemplateList(BaseModel):

@@ -12,14 +12,15 @@ from gateway.domain.twin import Template, TemplateEntry, TwinEntry
 from gateway.fleet.twin_book import reported_values
 from gateway.fleet.twin_plan import Outcome
 from gateway.fleet.twins import TwinState
-from metaros.twin import Change, diff, read
+from metaros.limits import LIMITS
+from metaros.twin import Change, canonical, diff, read
 
 __all__ = [
     "brief_view",
-    "entry_views",
+    "history_view",
     "outcome_view",
     "outcomes_view",
-    "template_entry_views",
+    "template_history_view",
     "template_view",
     "twin_view",
 ]
@@ -111,10 +112,11 @@ def outcomes_view(items: Sequence[Outcome], *, dry_run: bool) -> dict[str, Any]:
     return {"dry_run": dry_run, "robots": len(items), "changed": changed, "results": results}
 
 
-def entry_views(entries: Sequence[TwinEntry], *, limit: int) -> list[dict[str, Any]]:
+def history_view(entries: Sequence[TwinEntry], *, limit: int) -> dict[str, Any]:
     """The newest `limit` of a robot's history; each against the one before it, the first of all against nothing."""
     before = [*(entry.document for entry in entries[1:]), b"{}"]
-    return [
+    shown = _page([len(entry.own) + len(entry.document) for entry in entries[:limit]])
+    views = [
         {
             "revision": entry.revision,
             "edition": entry.edition,
@@ -125,8 +127,9 @@ def entry_views(entries: Sequence[TwinEntry], *, limit: int) -> list[dict[str, A
             "own": orjson.loads(entry.own),
             "desired": orjson.loads(entry.document),
         }
-        for entry, old in zip(entries[:limit], before, strict=False)
+        for entry, old in zip(entries[:shown], before, strict=False)
     ]
+    return {"entries": views, "more": len(entries[:limit]) - shown}
 
 
 def template_view(item: Template) -> dict[str, Any]:
@@ -143,17 +146,30 @@ def template_view(item: Template) -> dict[str, Any]:
     }
 
 
-def template_entry_views(entries: Sequence[TemplateEntry], *, limit: int) -> list[dict[str, Any]]:
+def template_history_view(entries: Sequence[TemplateEntry], *, limit: int) -> dict[str, Any]:
     """The newest `limit` of a template's history; each against the one before it, the first of all against nothing."""
     before = [*(entry.document for entry in entries[1:]), {}]
-    return [
+    shown = _page([len(canonical(dict(entry.template.document))) for entry in entries[:limit]])
+    views = [
         {
             **template_view(entry.template),
             "removed": entry.removed,
             "changes": _shown(diff(dict(old), dict(entry.document))),
         }
-        for entry, old in zip(entries[:limit], before, strict=False)
+        for entry, old in zip(entries[:shown], before, strict=False)
     ]
+    return {"entries": views, "more": len(entries[:limit]) - shown}
+
+
+def _page(sizes: Sequence[int]) -> int:
+    """How many of so large entries go into one answer; one at the least."""
+    total, count = 0, 0
+    for size in sizes:
+        total += size
+        if count and total > LIMITS.twin_page_bytes:
+            break
+        count += 1
+    return count
 
 
 def _shown(changes: Sequence[Change]) -> list[dict[str, Any]]:

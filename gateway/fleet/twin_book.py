@@ -98,7 +98,7 @@ class TwinBook:
             at_ns=wall_ns,
             revision=frame.revision,
             applied=frame.applied,
-            state=frame.state if frame.state in STATES else "applied",
+            state=frame.state if frame.state in STATES else "applying",  # a newer agent's word: not known to be done
             code=_plain(frame.code, 64),
             message=_plain(frame.message, TEXT_CHARS),
             sha256=frame.sha256[:32],

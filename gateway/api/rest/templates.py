@@ -16,7 +16,7 @@ from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.twin import PRECONDITIONS, Count, DryRun, Reason, Window, editor_of
 from gateway.api.services import services_of
-from gateway.api.views_twin import outcomes_view, template_entry_views, template_view
+from gateway.api.views_twin import outcomes_view, template_history_view, template_view
 from gateway.domain.twin import Template
 from gateway.errors import InvalidRequestError
 from gateway.fleet.twin_plan import Outcome
@@ -95,7 +95,7 @@ async def delete_template(
 async def get_template_history(request: Request, name: str, limit: Count = 20) -> Response:
     """Who changed a template, when and why, also of one that is gone; the newest first."""
     entries = await services_of(request).twins.templates.history(name, limit=limit + 1)
-    return JsonResponse({"entries": await asyncio.to_thread(template_entry_views, entries, limit=limit)})
+    return JsonResponse(await asyncio.to_thread(template_history_view, entries, limit=limit))
 
 
 @router.post(

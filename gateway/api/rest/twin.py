@@ -17,7 +17,7 @@ from gateway.api.models_identity import Nothing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.services import services_of
-from gateway.api.views_twin import brief_view, entry_views, outcome_view, outcomes_view, twin_view
+from gateway.api.views_twin import brief_view, history_view, outcome_view, outcomes_view, twin_view
 from gateway.domain.selector import Selector
 from gateway.errors import InvalidRequestError
 from gateway.fleet.twin_plan import Edit, Outcome
@@ -111,7 +111,7 @@ async def patch_twin(
 async def get_history(request: Request, robot_id: str, limit: Count = 20) -> Response:
     """Who changed what, when and why; the newest first, at most 100 are kept."""
     entries = await services_of(request).twins.desk.history(robot_id, limit=limit + 1)
-    return JsonResponse({"entries": await asyncio.to_thread(entry_views, entries, limit=limit)})
+    return JsonResponse(await asyncio.to_thread(history_view, entries, limit=limit))
 
 
 @router.post(

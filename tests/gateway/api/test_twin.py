@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import pytest
+
+from gateway.api import views_twin
 from gateway.domain.principal import Role
 from metaros._proto import link_pb2
+from metaros.limits import LIMITS
 from metaros.twin import digest
 from tests.gateway.harness import CONTROL, RING, ScriptedAgent, client, running_gateway
 
@@ -50,7 +55,7 @@ async def test_a_robot_is_sent_what_is_desired_and_confirmed(tmp_path: Path) -> 
         assert (await http.get("/api/v1/twins", params={"selector": "robot!=sim_1"})).json() == {"twins": []}
 
 
-async def test_edits_are_checked_tried_and_taken_back(tmp_path: Path) -> None:
+async def test_edits_are_checked_tried_and_taken_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async with running_gateway(tmp_path) as ready, client(ready, key=ADMIN_KEY) as http, ScriptedAgent(ready):
         path = "/api/v1/robots/sim_1/twin"
         bad = await http.patch(path, json={"nodes": {"lidar": {"nise": 1}}})
@@ -70,7 +75,9 @@ async def test_edits_are_checked_tried_and_taken_back(tmp_path: Path) -> None:
         assert [item["revision"] for item in entries] == [2, 1]
         assert entries[0]["changes"] == [{"path": "/nodes", "verb": "remove", "old": LIDAR["nodes"]}]
         assert entries[1]["changes"] == [{"path": "/nodes", "verb": "add", "new": LIDAR["nodes"]}]
-        assert (await http.get(path + "/history?limit=1")).json()["entries"] == entries[:1]
+        assert (await http.get(path + "/history?limit=1")).json() == {"entries": entries[:1], "more": 0}
+        monkeypatch.setattr(views_twin, "LIMITS", replace(LIMITS, twin_page_bytes=1))
+        assert (await http.get(path + "/history")).json() == {"entries": entries[:1], "more": 1}
         assert (await http.post(path + "/revert", json={"revision": 1})).json()["revision"] == 3
         assert (await http.get(path)).json()["own"] == LIDAR
         gone = await http.post(path + "/revert", json={"revision": 99})

@@ -308,6 +308,8 @@ async def test_a_lying_robot_harms_only_itself(rig: Rig) -> None:
     ]
     for frame in hostile:
         rig.twins.on_report("r1", frame)
+        if frame.state.startswith("nonsense"):  # nobody knows that it is done
+            assert rig.twins.book.reported["r1"].state == "applying"
     assert rig.twins.desk.reported_of("r1") == {}
     await rig.twins.book.save()
     await patch(rig, "r1", LIDAR)
