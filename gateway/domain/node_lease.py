@@ -94,7 +94,6 @@ class NodeLeases:
         self._stamps: dict[str, _Stamp] = {}
         self._first_s: dict[Unit, float] = {}  # units without a row: since when we have looked for one
         self._shunned: dict[tuple[Unit, str], float] = {}
-        self._wanted: dict[Unit, str] = {}
         self._under_way: frozenset[Unit] = frozenset()
 
     # -- what is heard ---------------------------------------------------------------------------------------------
@@ -105,7 +104,6 @@ class NodeLeases:
             self._offers[unit].pop(robot, None)
             if not self._offers[unit]:
                 del self._offers[unit]
-                self._wanted.pop(unit, None)
         if units:
             self._units[robot] = units
         for unit, able in units.items():
@@ -133,10 +131,6 @@ class NodeLeases:
         self._known = known
         self._under_way = frozenset()
 
-    def want(self, unit: Unit, robot: str) -> None:
-        """Somebody wishes that the unit moved there."""
-        self._wanted[unit] = robot
-
     # -- what comes of it ------------------------------------------------------------------------------------------
 
     @property
@@ -148,10 +142,6 @@ class NodeLeases:
         """Who may have it now."""
         known = self._known.get(unit)
         return known.held if known is not None and now_s < known.until_s else None
-
-    def can_take(self, unit: Unit, robot: str, *, now_s: float) -> bool:
-        """Whether the unit could run on a robot that answers."""
-        return self._answers(robot, now_s) and self._offers.get(unit, {}).get(robot, False)
 
     def plan(self, *, now_s: float, wall_ns: int) -> list[Step]:
         """The leases that may begin or go on now, in the order of their units."""
@@ -185,7 +175,6 @@ class NodeLeases:
             self._first_s.pop(unit, None)
             if step.before is None or step.before.epoch != step.after.epoch:
                 self._shunned.pop((unit, robot), None)
-                self._wanted.pop(unit, None)
 
     def frame(self, robot: str) -> tuple[int, list[Held]]:
         """What to tell a robot: all that it holds, and the moment of its clock from which that counts. 0 is a question
@@ -205,6 +194,10 @@ class NodeLeases:
         stamp = self._stamps.get(robot)
         return stamp is not None and now_s - stamp.heard_s < self._terms.answer_s
 
+    def _can_take(self, unit: Unit, robot: str, now_s: float) -> bool:
+        """Whether the unit could run on a robot that answers."""
+        return self._answers(robot, now_s) and self._offers[unit].get(robot, False)
+
     def _is_over(self, unit: Unit, known: _Known | None, now_s: float) -> bool:
         """Whether nobody can have it any more. One without a row may have run under another template until now."""
         first_s = self._first_s.setdefault(unit, now_s) if known is None else now_s
@@ -219,18 +212,12 @@ class NodeLeases:
             return False
         if not self._answers(robot, now_s):
             return False
-        wanted = self._wanted.get(unit)
-        if offers[robot] and (unit, robot) not in self._shunned and wanted is None:
-            known.released = False
-            return True
-        others = [one for one in offers if one != robot and self.can_take(unit, one, now_s=now_s)]
-        if wanted not in others:
-            self._wanted.pop(unit, None)
-        grief = not offers[robot] or (unit, robot) in self._shunned
-        flees = grief and any((unit, one) not in self._shunned for one in others)
-        if flees:
+        well = offers[robot] and (unit, robot) not in self._shunned
+        known.released = not well and any(
+            (unit, one) not in self._shunned and self._can_take(unit, one, now_s) for one in offers if one != robot
+        )
+        if known.released:
             self._shunned.setdefault((unit, robot), now_s + self._terms.shunned_s)
-        known.released = flees or wanted in others
         return not known.released
 
     def _renewal(self, known: _Known) -> Step | None:
@@ -249,11 +236,10 @@ class NodeLeases:
 
     def _move(self, unit: Unit, known: _Known | None, load: Counter[str], *, now_s: float, wall_ns: int) -> Step | None:
         """To the robot that is able, was not shunned, holds least, and comes first by its name."""
-        wanted = self._wanted.get(unit)
-        able = [robot for robot in self._offers[unit] if self.can_take(unit, robot, now_s=now_s)]
+        able = [robot for robot in self._offers[unit] if self._can_take(unit, robot, now_s)]
         if not able:
             return None
-        robot = min(able, key=lambda one: (one != wanted, (unit, one) in self._shunned, load[one], one))
+        robot = min(able, key=lambda one: ((unit, one) in self._shunned, load[one], one))
         load[robot] += 1
         before = known.held if known is not None else None
         epoch = before.epoch + 1 if before is not None else 1

@@ -273,10 +273,6 @@ class Failover(RuleBasedStateMachine):
             if robot.link is not None and robot.link.gateway.links.get(name) is robot.link:
                 robot.link.gateway.leases.offer(name, dict(robot.able))
 
-    @rule(name=robot, number=which)
-    def moves(self, name: str, number: int) -> None:
-        self.gateway(number).leases.want(UNITS[0], name)
-
     @rule(
         seconds=st.integers(1, 9),
         cut=st.sets(robot, max_size=2),
