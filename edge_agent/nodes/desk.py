@@ -242,7 +242,10 @@ class NodeDesk:
         wanted = [(node, self._trial(node)) for node in (self._wanted or {}).values() if node.bundle]
         keep = {(node.bundle, version) for node, trial in wanted for version in (node.version, trial.good) if version}
         keep |= {(Path(row.cwd).parent.name, row.version) for row in self._rows.values() if row.version}
-        await asyncio.to_thread(self._bundles.collect, keep)
+        try:
+            await asyncio.to_thread(self._bundles.collect, keep)
+        except OSError as error:
+            LOG.warning("bundles that nobody wants stay: %s", error)
 
     async def _judge(self) -> None:
         """New versions of bundles: good, or back to the last good one."""
