@@ -112,6 +112,8 @@ test("why something is not offered", () => {
   expect(whyNot("drive")).toBe("Operators may drive.");
   become({ ...ADA, role: "viewer", permissions: [] });
   expect(whyNot("drive")).toBe("Operators may drive; ada is a viewer.");
+  become({ ...session.value!, role: "operator" });
+  expect(whyNot("start rollouts", "Admins")).toBe("Admins may start rollouts; ada is an operator.");
 });
 
 test("a socket that is refused or shown out asks who looks; one that is only lost does not", async () => {

@@ -78,9 +78,9 @@ async function ask(asked: number): Promise<void> {
   if (found && asked === generation) become(found);
 }
 
-/** Why something is not offered: "Operators may drive." */
-export function whyNot(what: string): string {
+/** Why something is not offered: "Operators may drive." `least` are those who may. */
+export function whyNot(what: string, least: "Operators" | "Admins" = "Operators"): string {
   const who = session.value;
-  if (!who || who.kind === "anonymous") return `Operators may ${what}.`;
-  return `Operators may ${what}; ${who.name} is ${who.role === "admin" ? "an" : "a"} ${who.role}.`;
+  if (!who || who.kind === "anonymous") return `${least} may ${what}.`;
+  return `${least} may ${what}; ${who.name} is ${who.role === "viewer" ? "a" : "an"} ${who.role}.`;
 }

@@ -9,9 +9,8 @@ import { rolloutsApi, type Rollout, type RolloutDetail } from "../api/rollouts";
 import { can } from "../api/session";
 import { ageText, now } from "../live/age";
 import { duration } from "../ui/format";
-import { Link } from "../ui/parts";
+import { Link, MayNot } from "../ui/parts";
 import { MemberTable } from "./members";
-import { NotYours } from "./not_yours";
 import { ResumeDialog } from "./resume_dialog";
 import { WaveLegend, WaveRows } from "./wave_bars";
 import { isOpen, robotsText, settled, STATE_TONES, STATE_WORDS, thingOf } from "./words";
@@ -77,7 +76,7 @@ function Actions({ one, refresh }: { one: RolloutDetail; refresh: () => Promise<
   const question = useSignal<Question | null>(null);
   const resuming = useSignal(false);
   if (!isOpen(one)) return null;
-  if (!can("rollouts.manage")) return <NotYours what="steer rollouts" />;
+  if (!can("rollouts.manage")) return <MayNot what="steer rollouts" least="Admins" />;
   return (
     <span class="rollout-actions">
       {one.state === "running" ? (

@@ -7,9 +7,8 @@ import { useAsked } from "../admin/use_list";
 import { rolloutsApi, type Rollout } from "../api/rollouts";
 import { can } from "../api/session";
 import { ageText, now } from "../live/age";
-import { Link } from "../ui/parts";
+import { Link, MayNot } from "../ui/parts";
 import { go } from "../ui/url";
-import { NotYours } from "./not_yours";
 import { StartDialog } from "./start_dialog";
 import { WaveLegend, WaveStrip } from "./wave_bars";
 import { isOpen, robotsText, STATE_TONES, STATE_WORDS, thingOf } from "./words";
@@ -27,7 +26,7 @@ export function RolloutList() {
         {all !== null && all.length > 0 ? <WaveLegend /> : <span />}
         {can("rollouts.manage") ? (
           <button type="button" class="button button-solid" onClick={() => (starting.value = true)}>Start a rollout…</button>
-        ) : <NotYours what="start rollouts" />}
+        ) : <MayNot what="start rollouts" least="Admins" />}
       </div>
       <Refusal text={asked.problem.value} />
       {all === null ? <p class="quiet">Asking the gateway…</p> : all.length === 0 ? <Nothing /> : (

@@ -8,7 +8,7 @@ import { can } from "../api/session";
 import { textOfDocument } from "../fleet_ops/draft";
 import { isObject } from "../fleet_ops/json";
 import { ageText, now } from "../live/age";
-import { NotYours } from "./not_yours";
+import { MayNot } from "../ui/parts";
 import { TemplateDrop } from "./template_drop";
 import { TemplateEditor } from "./template_editor";
 import { TemplateHistory } from "./template_history";
@@ -30,7 +30,7 @@ export function TemplatesPart() {
     <>
       <div class="rollouts-head">
         <p class="hint">Laid over each other from the first to the last; a robot's own document lies on top of them.</p>
-        {!can("templates.write") ? <NotYours what="change templates" /> : edited.value === null && (
+        {!can("templates.write") ? <MayNot what="change templates" least="Admins" /> : edited.value === null && (
           <button type="button" class="button button-solid" onClick={() => (edited.value = "new")}>New template…</button>
         )}
       </div>

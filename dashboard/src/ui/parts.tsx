@@ -47,10 +47,10 @@ export function Link(props: { href: string; class?: string; current?: boolean; c
 }
 
 /** In the place of what the person may not do: who may, and the way to become one of them. */
-export function MayNot({ what }: { what: string }) {
+export function MayNot({ what, least }: { what: string; least?: "Admins" }) {
   return (
     <p class="may-not" data-may-not={what}>
-      {whyNot(what)} {!signedIn.value && <Link href={`/signin?back=${encodeURIComponent(here())}`}>Sign in</Link>}
+      {whyNot(what, least)} {!signedIn.value && <Link href={`/signin?back=${encodeURIComponent(here())}`}>Sign in</Link>}
     </p>
   );
 }
