@@ -68,7 +68,7 @@ def test_what_operators_do_comes_to_operators_alone(gateway: FakeGateway, open_p
     expect(page.locator(".pad")).to_be_visible()
     (pad,) = (size for name, size in fetched.items() if name.startswith("teleop-"))
     assert sum(fetched.values()) - pad <= BUDGET_BYTES, fetched
-    others = ("admin", "commands", "link", "past", "recordings", "rollouts", "sign_in")
+    others = ("admin", "commands", "config", "link", "nodes", "past", "recordings", "rollouts", "sign_in")
     assert not [name for name in fetched if name.startswith(others)]
 
 
@@ -81,4 +81,15 @@ def test_other_pages_are_within_the_budget(gateway: FakeGateway, open_page: Open
     fetched = watch(page)
     page.goto(gateway.url + path)
     expect(page.locator("h1").first).to_be_visible()
+    assert 20_000 < sum(fetched.values()) <= BUDGET_BYTES, fetched
+
+
+@pytest.mark.parametrize("tab", ["nodes", "config"])
+def test_a_tab_that_is_opened_first_is_within_the_budget(gateway: FakeGateway, open_page: OpenPage, tab: str) -> None:
+    gateway.account = account(Role.VIEWER)
+    page = open_page("about:blank")
+    fetched = watch(page)
+    with page.expect_response(lambda answer: f"/{tab}-" in answer.url and answer.url.endswith(".js")):
+        page.goto(f"{gateway.url}/robots/sim_1?tab={tab}")
+    page.wait_for_load_state("networkidle")
     assert 20_000 < sum(fetched.values()) <= BUDGET_BYTES, fetched

@@ -15,6 +15,8 @@ import { Card, MayNot } from "../ui/parts";
 import { relativeTopic } from "../ui/format";
 import { place, setParam } from "../ui/url";
 
+export { TimeBar } from "../panels/time_bar"; // over these cards alone: it comes with them
+
 const TeleopCard = lazy(async () => (await import("../panels/teleop")).TeleopCard);
 const PastPlots = lazy(async () => (await import("../panels/past_plots")).PastPlots);
 

@@ -9,7 +9,6 @@ import type { Robot, SeriesInfo, Topic } from "../api/types";
 import { moment } from "../history/moment";
 import { ageText, now } from "../live/age";
 import { concerns, health, robots } from "../live/fleet";
-import { TimeBar } from "../panels/time_bar";
 import { SEALED_CDR } from "../seal/encoding";
 import { Unlock } from "../seal/lock";
 import { useLive } from "../ui/context";
@@ -17,8 +16,9 @@ import { bytes, bytesPerSecond, fixed, integer } from "../ui/format";
 import { Link, StateBadge } from "../ui/parts";
 import { place, setParam } from "../ui/url";
 import { lazy } from "./lazy";
-import { LiveTab } from "./live";
 
+const LiveTab = lazy(async () => (await import("./live")).LiveTab);
+const TimeBar = lazy(async () => (await import("./live")).TimeBar, null);
 const LinkTab = lazy(async () => (await import("./link")).LinkTab);
 const TopicsTab = lazy(async () => (await import("./topics")).TopicsTab);
 const NodesTab = lazy(async () => (await import("../fleet_ops/nodes")).NodesTab);
