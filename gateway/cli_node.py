@@ -305,6 +305,7 @@ def _lines(out: Output, lines: Sequence[Mapping[str, Any]]) -> None:
 def _row(node: Mapping[str, Any]) -> tuple[str, ...]:
     said = node["reported"] or {}
     notes = [f"{item['what']}: {item['why']}" for item in node["differs"]]
+    notes += [f"{node['holder']} runs it"] if node["wanted"] == "standby" else []
     state = node["state"] if node["online"] else f"{node['state']} (offline)"
     since = (said.get("since") or "")[5:16].replace("T", " ")
     pid = said.get("pid")
