@@ -42,6 +42,9 @@ def test_a_group_has_paths_of_its_own() -> None:
             target_path("agent", "metaros", "2.0.0", group=group)
 
 
+IMAGE = 'format = 1\nname = "lidar-node"\nkind = "node"\nversion = "1.0.0"\nimage = "files/a.tar"\n'
+
+
 @pytest.mark.parametrize(
     ("said", "message"),
     [
@@ -58,6 +61,7 @@ def test_a_group_has_paths_of_its_own() -> None:
         ({"extra": 'image = "files/image.tar"\n', "members": {"files/image.tar": b""}}, "one of entry"),
         ({"extra": 'command = ["files/run"]\nimage = "files/image.tar"\n', "members": {}}, "one of entry"),
         ({"extra": 'image = "docker.io/lidar"\n'}, "image"),
+        ({"manifest": IMAGE}, "no 'files/a.tar' in the bundle"),
         ({"kind": "agent", "name": "metaros", "extra": 'image = "files/image.tar"\n'}, "nor image"),
         ({"members": {}}, "wheel"),
         ({"name": "metaros"}, "the agent's bundles"),

@@ -32,10 +32,12 @@ from metaros.twin import TwinError
 from tests.support.waiting import wait_until_async
 
 SLEEP = "import signal; print('up', flush=True); signal.sigwait([signal.SIGINT])"
+MARK = "import os, sys; open(sys.argv[1], 'w').write(os.environ['METAROS_NODE'])"
 CRASH = "import sys; sys.exit('broken')"
 ALLOWED = [
     {"name": "sleep", "command": [sys.executable, "-S", "-c", SLEEP], "args": True},
     {"name": "crash", "command": [sys.executable, "-S", "-c", CRASH]},
+    {"name": "wrong", "command": [sys.executable, "-S", "-c", "raise SystemExit(78)"]},
 ]
 
 
@@ -101,7 +103,12 @@ class Rig:
     def make(self) -> NodeDesk:
         return NodeDesk(
             Ledger(self.directory),
-            settings=NodeSettings(allowed=allowed_entries(ALLOWED, "test"), health_s=0.5, trial_s=60.0),
+            settings=NodeSettings(
+                allowed=allowed_entries(ALLOWED, "test"),
+                health_s=0.5,
+                trial_s=60.0,
+                safe_stop=(sys.executable, "-c", MARK, str(self.directory / "rest")),
+            ),
             place=Place(namespace="/", zenoh_port=1),
             clock=SystemClock(),
             bundles=self.bundles,
@@ -244,6 +251,13 @@ async def test_crashes_are_seen(rig: Rig) -> None:
     reports = json.loads(await rig.link.actions["node_verb"](verb, 30.0))["crashes"]
     assert (reports[0]["reason"], reports[0]["lines"]) == ("exit code 1: broken", ["broken"])
     assert [report["at_ns"] for report in reports] == sorted(report["at_ns"] for report in reports)
+
+
+async def test_the_robots_own_settings_say_how_it_comes_to_rest(rig: Rig) -> None:
+    await rig.desk.set_nodes({"arm": {"allowed": "wrong", "critical": True}, "lamp": {"allowed": "wrong"}})
+    await rig.until("arm", state="ended", safe_stop="done")
+    assert (rig.directory / "rest").read_text() == "arm"
+    assert "safe_stop" not in await rig.until("lamp", state="ended")
 
 
 def test_reports_that_are_too_long_lose_the_oldest() -> None:
