@@ -5,9 +5,9 @@ Answers are written by `views.py` and orjson without passing through these; a te
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from metaros.limits import LIMITS
 
@@ -28,6 +28,11 @@ __all__ = [
     "Uplink",
     "UplinkRequest",
 ]
+
+
+def whole(value: Any) -> Any:
+    """JSON knows one kind of number: 5.0 is the integer 5."""
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 class _Model(BaseModel):
@@ -262,7 +267,7 @@ class Uplink(_Model):
 class UplinkRequest(_Model):
     """Another limit; null is none."""
 
-    bytes_per_s: int | None = Field(ge=LIMITS.uplink_least_bytes_per_s, le=1 << 40)
+    bytes_per_s: Annotated[int | None, BeforeValidator(whole)] = Field(ge=LIMITS.uplink_least_bytes_per_s, le=1 << 40)
 
 
 class PublishRequest(_Model):

@@ -26,7 +26,7 @@ async def until(condition: Callable[[], Awaitable[bool]], *, timeout_s: float = 
 
 async def test_a_budget_goes_to_the_agent_and_shows_at_once(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
-        for asked, told in ((125_000, 125_000), (None, 0)):
+        for asked, told in ((125_000, 125_000), (64_000.0, 64_000), (None, 0)):
             asking = asyncio.create_task(http.put(UPLINK, json={"bytes_per_s": asked}))
             command = (await agent.next("command", CONTROL)).command
             assert command.set_uplink.bytes_per_s == told
@@ -47,7 +47,10 @@ async def test_an_agent_that_refuses_is_heard(tmp_path: Path) -> None:
         assert (await http.get(UPLINK)).json()["bytes_per_s"] is None
 
 
-@pytest.mark.parametrize("body", [{}, {"bytes_per_s": 0}, {"bytes_per_s": 999}, {"bytes_per_s": "x"}, {"bytes": 5000}])
+@pytest.mark.parametrize(
+    "body",
+    [{}, {"bytes_per_s": 0}, {"bytes_per_s": 999}, {"bytes_per_s": "5000"}, {"bytes_per_s": True}, {"bytes": 5000}],
+)
 async def test_a_budget_that_cannot_be_is_refused(tmp_path: Path, body: dict[str, object]) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready):
         answer = await http.put(UPLINK, json=body)
