@@ -134,6 +134,7 @@ class Agent:
         self.ros = RosNodes(f"/{name}", **{node: {} for node in NODES})
         self.supervisor, self.updates = Supervisor(), Updates()
         self.boots, self.lives = 1, 0
+        self.restarting = asyncio.Lock()
         self.wire: Wire | None = None
         self.online = False  # its link is whole, as the gateway sees it
         self._held = False  # the gateway has a link of it, dead or alive
@@ -348,9 +349,10 @@ class World:
         if kind == "cut":
             agent.cut()
         elif kind in ("kill", "reboot"):
-            await agent.kill()
-            agent.boots += kind == "reboot"
-            agent.start()
+            async with agent.restarting:
+                await agent.kill()
+                agent.boots += kind == "reboot"
+                agent.start()
         elif kind == "node":
             agent.restart_node(self.rng.choice(NODES))
         elif kind == "disk":
