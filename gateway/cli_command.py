@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from gateway.cli_http import GatewayClient, GatewayOption, open_gateway, path_part
+from gateway.cli_pairs import pairs
 from gateway.errors import GatewayError
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, counted
@@ -70,7 +71,11 @@ def _send(
     if bool(robot) == bool(selector):
         raise UsageError("say --robot ID, or -l TERMS for each robot that they name")
     out, client = Output(output), open_gateway(gateway)
-    body: dict[str, Any] = {"kind": kind, "request": _request(fields or []), "timeout_s": timeout}
+    body: dict[str, Any] = {
+        "kind": kind,
+        "request": pairs(fields or [], shape="FIELD=VALUE", example="bytes_per_s=50000"),
+        "timeout_s": timeout,
+    }
     if durable:
         body |= {"durable": True, "expires_s": _seconds(expires)}
     # The named robot by a selector too: so a dry run is the gateway's word, with one path for all.
@@ -157,20 +162,6 @@ def _row(item: Mapping[str, Any]) -> Sequence[object]:
     moment = f"{item['issued'][5:10]} {item['issued'][11:19]}"
     short = note if len(note) <= 60 else f"{note[:59]}…"
     return item["id"], item["robot"], item["kind"], item["state"], moment, inert(item["issued_by"]), inert(short)
-
-
-def _request(fields: Sequence[str]) -> dict[str, Any]:
-    """FIELD=VALUE as a request; UsageError names what is none."""
-    found: dict[str, Any] = {}
-    for text in fields:
-        name, sign, value = text.partition("=")
-        if not (sign and name):
-            raise UsageError(f"{text}: not FIELD=VALUE, as bytes_per_s=50000")
-        try:
-            found[name] = json.loads(value)
-        except ValueError:
-            found[name] = value
-    return found
 
 
 def _seconds(text: str) -> float:

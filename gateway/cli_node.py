@@ -14,6 +14,7 @@ import typer
 
 from gateway.cli_http import Answer, GatewayClient, GatewayOption, open_gateway, path_part
 from gateway.cli_node_values import add_values
+from gateway.cli_pairs import pairs
 from gateway.cli_twin import Confirm, DryRun, Reason, read_document, send, show_change, show_changes
 from gateway.errors import GatewayError
 from metaros.cli.options import Format, FormatOption
@@ -163,7 +164,7 @@ def _set(
     _one_of(robot, selector)
     out, http = Output(output), open_gateway(gateway)
     query = {"dry_run": dry_run, "reason": reason, "confirm_within_s": confirm_s}
-    patch = pairs(fields)
+    patch = pairs(fields, shape="KEY=VALUE", example="nice=5")
     if robot:
         show_change(out, send(http, "PATCH", _path(robot, node), patch, query=query))
     else:
@@ -269,20 +270,6 @@ def _crashes(node: NodeName, robot: OneRobot, gateway: GatewayOption = "", outpu
             out.line(f"    {inert(line)}")
     if not found:
         out.note("it has not crashed, as far as the robot remembers")
-
-
-def pairs(fields: Sequence[str]) -> dict[str, Any]:
-    """KEY=VALUE as an object; values as JSON, else as text."""
-    found: dict[str, Any] = {}
-    for text in fields:
-        name, sign, value = text.partition("=")
-        if not (sign and name):
-            raise UsageError(f"{text}: not KEY=VALUE, as nice=5")
-        try:
-            found[name] = json.loads(value)
-        except ValueError:
-            found[name] = value
-    return found
 
 
 def _one_of(robot: str, selector: str) -> None:

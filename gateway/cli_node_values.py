@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from gateway.cli_http import GatewayOption, open_gateway, path_part
+from gateway.cli_pairs import pairs
 from gateway.cli_twin import DryRun, Reason, send
 from gateway.errors import GatewayError
 from metaros.cli.options import Format, FormatOption
@@ -87,7 +88,7 @@ def _set(
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Set some, each for itself. Ends with 1 where one was refused."""
-    values = dict(_pair(text) for text in fields)
+    values = pairs(fields, shape="NAME=VALUE", example="rate_hz=10")
     query = {"ros_name": ros_name, "dry_run": dry_run, "reason": reason}
     path, body = _path(robot, node, "parameters"), {"parameters": values, "keep": keep}
     found, out = send(open_gateway(gateway), "PATCH", path, body, query=query), Output(output)
@@ -151,16 +152,6 @@ def _change(
 
 def _of(found: dict[str, Any]) -> list[dict[str, Any]]:
     return list(found["parameters"])
-
-
-def _pair(text: str) -> tuple[str, Any]:
-    name, sign, value = text.partition("=")
-    if not (sign and name):
-        raise UsageError(f"{text}: not NAME=VALUE, as rate_hz=10")
-    try:
-        return name, json.loads(value)
-    except ValueError:
-        return name, value
 
 
 def _shown(value: Any) -> str:
