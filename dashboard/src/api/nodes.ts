@@ -20,6 +20,8 @@ export interface NodeReport {
   nice: number | null;
   quarantined: boolean;
   crashes: number;
+  /** Of a critical node: how the safe stop goes that its death asked for; "" for none. */
+  safe_stop: "" | "under way" | "done" | "failed";
   update: { state: string; version: string; code: string; message: string } | null;
 }
 

@@ -41,6 +41,7 @@ export function reasonsOf({ differs, reported, state, wanted }: Node): string[] 
   if (update && !["healthy", "idle"].includes(update.state) && !differs.some(({ what }) => what === "version")) {
     said.push(`version ${update.version}: ${update.state.replaceAll("_", " ")}${update.message ? `, ${update.message}` : ""}`);
   }
+  if (reported?.safe_stop) said.push(`safe stop of the robot: ${reported.safe_stop}`);
   return [...new Set(said.filter(Boolean))];
 }
 

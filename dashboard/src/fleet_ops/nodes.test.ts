@@ -4,7 +4,7 @@ import { begunWith, MOST_CHARS, MOST_LINES, olderFrom, withNewer, withOlder } fr
 import { cut, levelOf, programOf, reasonsOf, resultWords, toneOf, verbsOf } from "./node_words";
 
 const row = (changes: Partial<NodeRow> = {}): NodeRow => ({ bundle: "", version: "", allowed: "lidar", command: [], restart: "always", critical: false, nice: 0, migratable: false, run: true, ...changes });
-const report = (changes: Partial<NodeReport> = {}): NodeReport => ({ state: "running", why: "", pid: 7, restarts: 0, since: null, last_exit: "", version: "", waits_for: [], lease_id: "", nice: 0, quarantined: false, crashes: 0, update: null, ...changes });
+const report = (changes: Partial<NodeReport> = {}): NodeReport => ({ state: "running", why: "", pid: 7, restarts: 0, since: null, last_exit: "", version: "", waits_for: [], lease_id: "", nice: 0, quarantined: false, crashes: 0, safe_stop: "", update: null, ...changes });
 const node = (changes: Partial<Node> = {}): Node => ({ robot: "r1", name: "lidar", ros_name: "/r1/lidar", online: true, state: "running", wanted: "running", in_step: true, differs: [], in_own: true, desired: row(), reported: report(), reported_at: null, holder: null, ...changes });
 
 test.each([
@@ -36,6 +36,7 @@ test("reasons are said once, updates where nothing else speaks of them", () => {
   expect(reasonsOf(node({ differs: [version, version], reported: report({ update }) }))).toEqual(["2.0 was rolled back"]);
   expect(reasonsOf(node({ reported: report({ update }) }))).toEqual(["version 2.0: rolled back, 3 exits"]);
   expect(reasonsOf(node({ state: "stopped", wanted: "stopped", reported: report({ why: "not to run" }) }))).toEqual([]);
+  expect(reasonsOf(node({ reported: report({ safe_stop: "failed" }) }))).toEqual(["safe stop of the robot: failed"]);
   expect(reasonsOf(node({ state: "ended", reported: report({ last_exit: "exit code 0" }) }))).toEqual(["exit code 0"]);
 });
 
