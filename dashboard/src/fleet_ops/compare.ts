@@ -103,7 +103,7 @@ function observed(path: Path, values: JsonObject, namespace: string, wanted: Jso
 const seen = (value: Json | undefined, why = ""): Seen | null => (value === undefined ? null : { value, why });
 
 /** A node's name in full, as the robot reports it. */
-export const fullName = (name: string, namespace: string) =>
+const fullName = (name: string, namespace: string) =>
   name.startsWith("/") ? name : `${namespace.replace(/\/$/, "")}/${name}`;
 
 /** Values as they are read: text without quotes, everything else as JSON. */

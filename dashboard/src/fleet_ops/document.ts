@@ -8,7 +8,7 @@ export type Path = readonly string[];
 export const pathOf = (pointer: string): string[] =>
   pointer.split("/").slice(1).map((part) => part.replaceAll("~1", "/").replaceAll("~0", "~"));
 
-export const pointerOf = (path: Path) => path.map((part) => `/${part.replaceAll("~", "~0").replaceAll("/", "~1")}`).join("");
+const pointerOf = (path: Path) => path.map((part) => `/${part.replaceAll("~", "~0").replaceAll("/", "~1")}`).join("");
 
 export function at(document: Json | undefined, path: Path): Json | undefined {
   let found: Json | undefined = document;

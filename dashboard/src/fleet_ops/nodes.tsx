@@ -1,8 +1,7 @@
 /** The Nodes tab: every node of the robot as it is and as it is to be, what can be done with it, and one looked at closely. */
 
 import { useSignal } from "@preact/signals";
-import { Refusal, useAttempt } from "../admin/modal";
-import { Confirm, type Question } from "../admin/modal";
+import { Confirm, Refusal, useAttempt, type Question } from "../admin/modal";
 import { useAsked } from "../admin/use_list";
 import { nodesApi, type Node, type NodeVerb } from "../api/nodes";
 import { can } from "../api/session";
