@@ -19,7 +19,9 @@ from gateway.fleet.twins import Editor
 from gateway.store import RobotWrite, Store
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
+from metaros.limits import LIMITS
 from tests.gateway.fleet.twin_rig import twins_on
+from tests.support.postgres import PostgresServer
 from tests.support.waiting import wait_until_async
 
 ADMIN = Editor(name="ada", code=True)
@@ -57,11 +59,11 @@ class Fleet:
         report = link_pb2.TwinReport(state="applied", reported=json.dumps({"nodes": known}).encode())
         self.twins.on_report(name, report)
 
-    async def until(self, holders: dict[str, dict[str, int]]) -> None:
+    async def until(self, holders: dict[str, dict[str, int]], *, pace_s: float = 0.1) -> None:
         """Time goes by until these robots have these nodes, under these epochs."""
 
         def so() -> bool:
-            self.clock.advance(0.1)
+            self.clock.advance(pace_s)
             held = {robot: leases for robot, leases in self.told.items() if leases and robot not in self.silent}
             assert sum("map" in leases for leases in held.values()) <= 1
             return held == holders
@@ -107,6 +109,42 @@ async def test_it_moves_when_its_robot_is_lost_and_stays_when_that_is_back(fleet
     await wait_until_async(lambda: here.clock.advance(0.1) or here.clock.monotonic_s() > end_s)
     await here.until({"r2": {"map": 2}})
     assert here.failover.holder_of("r1", "map") == "r2"
+
+
+@pytest.mark.slow
+async def test_two_gateways_of_one_store_and_one_of_them_dies(
+    postgres: PostgresServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gateway.fleet.failover.STEP_S", 0.01)
+    monkeypatch.setattr("gateway.fleet.failover.LOOK_S", 0.2)
+    url, here, there = postgres.schema(), Fleet(), Fleet()
+    there.clock, there.told = here.clock, here.told
+    async with (
+        twins_on(url, tmp_path / "a", here.send, lambda robot: {}) as (store, here.twins),
+        twins_on(url, tmp_path / "b", there.send, lambda robot: {}) as (other, there.twins),
+    ):
+        here.failover = Failover(store, here.twins, here.send, clock=here.clock)
+        there.failover = Failover(other, there.twins, there.send, clock=here.clock)
+        works = [asyncio.create_task(one.failover.run()) for one in (here, there)]
+        try:
+            await here.robot(store, "r1")
+            store.submit(RobotWrite(Robot("r2"), 1))
+            await store.flush()
+            await here.template("all", "", ROW)
+            await here.until({"r1": {"map": 1}})
+            await there.robot(other, "r2")
+            end_s = here.clock.monotonic_s() + 20  # the other gateway sees that it goes on
+            await wait_until_async(lambda: here.clock.advance(0.02) or here.clock.monotonic_s() > end_s)
+            assert [robot for robot, leases in here.told.items() if leases] == ["r1"]
+            works[0].cancel()
+            here.told.pop("r1")  # by its own clock it ends; nobody renews it
+            died_s = here.clock.monotonic_s()
+            await there.until({"r2": {"map": 2}}, pace_s=0.02)
+            assert here.clock.monotonic_s() - died_s > LIMITS.node_lease_valid_s
+        finally:
+            for work in works:
+                work.cancel()
+            await asyncio.gather(*works, return_exceptions=True)
 
 
 async def test_a_quarantined_node_moves_once_and_not_in_a_circle(fleet: tuple[Fleet, Store]) -> None:
