@@ -120,5 +120,6 @@ class TwinDesk:
         except Exception as error:
             LOG.exception("revision %d of the twin", revision)
             return self._confirm.failed("twin_failed", f"{type(error).__name__}: {error}")
-        LOG.info("the robot lives by revision %d of its twin%s", revision, ", on trial" if trial else "")
+        if revision:  # before anybody wrote a twin there is nothing to tell
+            LOG.info("the robot lives by revision %d of its twin%s", revision, ", on trial" if trial else "")
         return self._confirm.lived()
