@@ -193,8 +193,8 @@ class Limits:
     node_shunned_s: float = 600.0  # so long a node rather goes elsewhere than to a robot where it was quarantined
     node_verb_s: float = 20.0  # in which a robot does what is asked of a node: a stop in good order takes its time
     node_fresh_s: float = 5.0  # for which a start waits until the robot has the row that lets the node run
-    node_verbs_at_once: int = 64  # robots of a group that are told at a time
-    node_verbs_s: float = 30.0  # after which no further robot of a group is told
+    group_at_once: int = 64  # robots of a group that are told at a time: verbs for nodes, commands
+    group_s: float = 30.0  # after which no further robot of a group is told
     node_call_s: float = 10.0  # for a node's own services of parameters and lifecycle
     node_log_page_bytes: int = 64 * KIB  # of a log, where nobody says
     node_tails: int = 64  # of logs that a gateway follows at a time

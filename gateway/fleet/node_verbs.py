@@ -138,7 +138,7 @@ class NodeVerbs:
     async def _at_robots(
         self, nodes: Sequence[NodeState], deed: Deed, actor: Actor, edited: dict[str, Outcome], *, dry_run: bool
     ) -> list[Result]:
-        turns, until_s = asyncio.Semaphore(LIMITS.node_verbs_at_once), self._clock.monotonic_s() + LIMITS.node_verbs_s
+        turns, until_s = asyncio.Semaphore(LIMITS.group_at_once), self._clock.monotonic_s() + LIMITS.group_s
 
         async def one(node: NodeState) -> Result:
             async with turns:
@@ -165,7 +165,7 @@ class NodeVerbs:
         if not node.online:
             error = RobotOfflineError(f"robot {node.robot} has no link now")
         elif late:
-            error = TooManyError(f"robot {node.robot}'s turn did not come within {LIMITS.node_verbs_s:g} s")
+            error = TooManyError(f"robot {node.robot}'s turn did not come within {LIMITS.group_s:g} s")
         elif not dry_run:
             try:
                 await self._tell(node.robot, deed, actor, fresh=edited is not None)

@@ -186,8 +186,7 @@ class TemplateDesk:
         if dry_run:
             return await self._store.read(trial)
         item, outcomes = await self._store.run(job)
-        await self._book.refresh()
-        self._courier.tell([one.after.robot for one in outcomes])
+        await self._courier.refresh()
         return item, outcomes
 
 

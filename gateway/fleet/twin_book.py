@@ -38,7 +38,7 @@ class TwinBook:
         self.reported: dict[str, Reported] = {}
         self.templates: dict[str, Template] = {}
         self._change = 0
-        self._templates_change = -1
+        self.templates_change = -1  # the change that `templates` is the outcome of
         self._unsaved: dict[str, Reported] = {}
         self._values: dict[str, bytes] = {}  # of `reported`, the oldest first
         self._values_bytes = self._unsaved_bytes = 0
@@ -71,12 +71,12 @@ class TwinBook:
                     change,
                     templates,
                     changed,
-                    read_templates(engine) if templates > self._templates_change else None,
+                    read_templates(engine) if templates > self.templates_change else None,
                 )
 
         change, templates_change, changed, templates = await self._store.read(job)
-        if templates is not None and templates_change > self._templates_change:
-            self.templates, self._templates_change = templates, templates_change
+        if templates is not None and templates_change > self.templates_change:
+            self.templates, self.templates_change = templates, templates_change
         learnt = self.learn(changed)
         self._change = max(self._change, change)
         return learnt

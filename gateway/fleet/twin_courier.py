@@ -100,6 +100,15 @@ class TwinCourier:
                 self._due[robot] = None
                 self._stirred.set()
 
+    async def refresh(self) -> None:
+        """Learn what was stored, here or at other gateways, and tell robots. StoreError when it cannot be read."""
+        known = self._book.templates_change
+        self.tell(await self._book.refresh())
+        if self._book.templates_change != known:  # a robot that nobody knew as they changed is named by them, too
+            unlike = [robot for robot in self._here if self._unlike(robot, self._book.desired.get(robot))]
+            self._unsettled.update(dict.fromkeys(unlike))
+            self._stirred.set()
+
     async def run(self) -> None:
         """Send, settle, look at what others changed, store reports; until cancelled."""
         async with asyncio.TaskGroup() as group:
@@ -142,7 +151,7 @@ class TwinCourier:
             await asyncio.sleep(LOOK_S)
             try:
                 if self._store.shared:
-                    self.tell(await self._book.refresh())
+                    await self.refresh()
                 await self._book.save()
                 if self._unsettled:
                     self._stirred.set()
@@ -161,7 +170,7 @@ class TwinCourier:
         heard = {robot: self._book.reported[robot] for robot in robots}
         author = Author(name="gateway", at_ns=self._clock.wall_ns(), reason="labels, templates or the store changed")
 
-        def job(engine: StoreEngine) -> list[Desired]:
+        def job(engine: StoreEngine) -> tuple[list[str], list[Desired]]:
             change = next_change(engine)
             plan = Plan(engine, robots, self._book.heard(robots))
             known = [robot for robot in robots if robot in plan.said]
@@ -172,16 +181,17 @@ class TwinCourier:
 
             after = [item.after for item in plan.outcomes(known, edit, author, change=change) if item.changed]
             write_twins(engine, after)
-            return [*after, *(plan.twins[robot] for robot in known if robot in plan.twins)]
+            return known, [*after, *(plan.twins[robot] for robot in known if robot in plan.twins)]
 
         try:
-            found = await self._store.run(job)
+            known, found = await self._store.run(job)
         except StoreError:
             return  # they stay unsettled; the next look tries again
-        for robot in robots:
-            self._unsettled.pop(robot, None)
+        for robot in robots:  # one that the store does not know yet waits for the next look
+            if robot in known or robot not in self._here:
+                self._unsettled.pop(robot, None)
         self.tell(self._book.learn(found))
-        if self._unsettled:
+        if len(robots) == SETTLED_AT_ONCE:
             self._stirred.set()
 
     def _unlike(self, robot: str, desired: Desired | None) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Annotated, Any
 
 import orjson
@@ -21,7 +22,7 @@ from gateway.domain import command as domain
 from gateway.domain.errors import UnknownCommandError
 from gateway.domain.principal import Principal
 from gateway.domain.selector import Selector
-from gateway.errors import ForbiddenError, StoreError
+from gateway.errors import ForbiddenError, StoreError, TooManyError
 from gateway.fleet.kinds import kind_of
 from gateway.fleet.orders import Order
 from gateway.identity.permissions import permission
@@ -74,19 +75,35 @@ async def send_fleet_command(request: Request) -> Response:
     check_kind(body.kind, principal)
     robots = named(services, principal, body.selector)
     note(request, detail=f"{body.kind} to {len(robots)} robots: {body.selector[:100]}")
-    found: list[domain.Command] = []
-    refused: dict[str, dict[str, str]] = {}
     key = request.headers.get("idempotency-key")
-    for robot in [] if body.dry_run else robots:
-        order = _order(robot, body, None if key is None else f"{key} {robot}")
-        try:
-            services.rates.take("robot", robot)
-            found.append(await services.orders.send(order, principal))
-        except StoreError:
-            raise
-        except MetarosError as error:
-            refused[robot] = {"code": error_code(error), "message": str(error)}
-    return JsonResponse({"commands": [command_view(item) for item in found], "refused": refused, "robots": robots})
+    turns, until_s = asyncio.Semaphore(LIMITS.group_at_once), services.clock.monotonic_s() + LIMITS.group_s
+
+    async def one(robot: str) -> domain.Command | MetarosError:
+        async with turns:
+            try:
+                if not body.durable and services.clock.monotonic_s() >= until_s:
+                    raise TooManyError(f"robot {robot}'s turn did not come within {LIMITS.group_s:g} s")
+                services.rates.take("robot", robot)
+                order = _order(robot, body, None if key is None else f"{key} {robot}")
+                return await services.orders.send(order, principal)
+            except StoreError:
+                raise
+            except MetarosError as error:
+                return error
+
+    asked = [] if body.dry_run else robots
+    answers = dict(zip(asked, await asyncio.gather(*map(one, asked)), strict=True))
+    return JsonResponse(
+        {
+            "commands": [command_view(item) for item in answers.values() if isinstance(item, domain.Command)],
+            "refused": {
+                robot: {"code": error_code(item), "message": str(item)}
+                for robot, item in answers.items()
+                if isinstance(item, MetarosError)
+            },
+            "robots": robots,
+        }
+    )
 
 
 @router.get(

@@ -232,6 +232,17 @@ async def test_labels_of_a_hello_bring_templates(rig: Rig) -> None:
     assert rig.twins.labels_of("r1") == {"site": "lab"}
 
 
+async def test_a_template_names_robots_that_the_store_learns_of_later(rig: Rig) -> None:
+    """A robot's first report and a template may cross: neither comes a second time."""
+    rig.fleet.add("new")
+    robot = rig.link("new")
+    _, outcomes = await template(rig, "everyone", "", LIDAR)
+    assert outcomes == []
+    rig.store.submit(RobotWrite(Robot("new"), 1))
+    await rig.work(lambda: robot.applied > 0)
+    assert robot.document == b'{"nodes":{"lidar":{"allowed":"lidar"}}}'
+
+
 async def test_many_at_once_or_none(rig: Rig) -> None:
     for number in range(5):
         await rig.robot(f"r{number}", site="lab" if number < 3 else "hall")
