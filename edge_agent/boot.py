@@ -16,12 +16,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from edge_agent.state_dir import default_state_dir, take_lock
+from edge_agent.state_dir import default_state_dir
 from edge_agent.update.environment import BASE_PYTHON, BASE_SITE, base_places
 from edge_agent.update.handover import AGAIN, LOADED
 from edge_agent.update.slots import BASE, Current, Slots, python_of
 from metaros.clock import Clock, SystemClock
 from metaros.errors import ConfigError
+from metaros.file_lock import take_lock
 from metaros.limits import LIMITS
 from metaros.signals import StopEvent, stop_signals
 from metaros.supervise import guard

@@ -140,7 +140,7 @@ def directories(name: str | None, state_dir: Path | None) -> list[Path]:
 def read(directory: Path) -> list[Report]:
     """The report of a directory with an outbox, if it is one. A held lock means that an agent runs out of our sight."""
     from edge_agent.report import held_report
-    from edge_agent.state_dir import take_lock
+    from metaros.file_lock import take_lock
 
     if not (directory / "outbox").is_dir():
         return []

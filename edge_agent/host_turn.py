@@ -12,7 +12,8 @@ import contextlib
 from collections.abc import AsyncIterator
 from pathlib import Path
 
-from metaros.cli.instance import runtime_dir, try_lock
+from metaros.cli.instance import runtime_dir
+from metaros.file_lock import take_lock
 
 __all__ = ["host_turn", "turn_path"]
 
@@ -29,6 +30,6 @@ def turn_path(*, zenoh_port: int, domain: int, namespace: str) -> Path:
 async def host_turn(path: Path, *, retry_s: float = RETRY_S) -> AsyncIterator[None]:
     """Wait for the turn, and hold it."""
     with path.open("a") as file:
-        while not try_lock(file):  # noqa: ASYNC110 - another process holds it: nothing tells when it ends
+        while not take_lock(file.fileno()):  # noqa: ASYNC110 - another process holds it: nothing tells when it ends
             await asyncio.sleep(retry_s)
         yield

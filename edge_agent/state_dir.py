@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Final
 
 from edge_agent.errors import DiskError
 from metaros.errors import ConfigError
+from metaros.file_lock import take_lock
 
 __all__ = ["default_state_dir", "locked"]
 
@@ -68,21 +68,3 @@ def holder(descriptor: int) -> str:
         return os.read(descriptor, 32).decode(errors="replace").strip()
     except OSError:
         return ""
-
-
-def take_lock(descriptor: int) -> bool:
-    """Lock an open file for this process; False when another has it."""
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            os.lseek(descriptor, 1 << 20, os.SEEK_SET)  # behind the number, so that others can read it
-            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
-            os.lseek(descriptor, 0, os.SEEK_SET)
-        else:
-            import fcntl
-
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True

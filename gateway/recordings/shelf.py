@@ -6,12 +6,10 @@ gateway that dies in between leaves nothing behind that housekeeping would not f
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import io
 import secrets
 import threading
-from collections.abc import AsyncIterator
 from pathlib import Path
 
 from gateway.domain.recording import STORED, Recording
@@ -27,7 +25,6 @@ from metaros.clock import Clock
 __all__ = ["Shelf"]
 
 KIND = "recording"
-REFRESH_S = 60.0
 
 
 class _File(io.FileIO):
@@ -68,7 +65,7 @@ class Shelf:
         name = f"recordings/{recording_id.lower()}-{secrets.token_hex(4)}.mcap"
         await self._rows.run(lambda engine: ledger.announce(engine, name, kind=KIND, now_ns=self._clock.wall_ns()))
         try:
-            async with self._refreshed(name):
+            async with ledger.refreshed(self._rows.run, name, self._clock):
                 await self._on_thread(self._put, name, path, size_bytes, sha256)
             return await self._rows.run(lambda engine: self._stored(engine, recording_id, name, size_bytes, sha256))
         except Exception:
@@ -106,19 +103,3 @@ class Shelf:
         if removed is not None and removed.object is not None:
             ledger.doom(engine, removed.object, now_ns=self._clock.wall_ns())
         return removed
-
-    @contextlib.asynccontextmanager
-    async def _refreshed(self, name: str) -> AsyncIterator[None]:
-        """Keep the ledger's lease of a long upload."""
-
-        async def refresh() -> None:
-            while True:
-                await asyncio.sleep(REFRESH_S)
-                await self._rows.run(lambda engine: ledger.refresh(engine, name, now_ns=self._clock.wall_ns()))
-
-        task = asyncio.create_task(refresh())
-        try:
-            yield
-        finally:
-            task.cancel()
-            await asyncio.gather(task, return_exceptions=True)

@@ -4,22 +4,36 @@ A row is 'uploading' from before the upload starts; 'stored' by the transaction 
 object; 'doomed' by the transaction that takes the reference away. The object is deleted after that, and the row last.
 So whatever stops the gateway, and wherever, no object is left that nobody knows of.
 
-All functions but `sweep_objects` are called inside the caller's writing transaction.
+All functions but `sweep_objects` and `refreshed` are called inside the caller's writing transaction.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
 from typing import Protocol, TypeVar
 
 from gateway.errors import StoreError
 from gateway.objects import ObjectStore
 from gateway.store.engine import StoreEngine
+from metaros.clock import Clock
 
-__all__ = ["LEASE_S", "Transact", "announce", "doom", "in_transaction", "refresh", "stored", "sweep_objects"]
+__all__ = [
+    "LEASE_S",
+    "Transact",
+    "announce",
+    "doom",
+    "in_transaction",
+    "refresh",
+    "refreshed",
+    "stored",
+    "sweep_objects",
+]
 
 Result = TypeVar("Result")
 LEASE_S = 600.0  # an upload that was not refreshed for so long has no uploader any more
+REFRESH_S = 60.0
 SWEEP_OBJECTS = 256  # of one sweep
 
 
@@ -56,6 +70,25 @@ def refresh(engine: StoreEngine, name: str, now_ns: int) -> None:
         StoreError: somebody has given it up meanwhile; stop.
     """
     _change(engine, "UPDATE objects SET since_ns = ? WHERE name = ? AND state = 'uploading'", now_ns, name)
+
+
+@asynccontextmanager
+async def refreshed(
+    run: Callable[[Callable[[StoreEngine], None]], Awaitable[None]], name: str, clock: Clock
+) -> AsyncIterator[None]:
+    """Keep the lease of a long upload while the block runs; `run` runs a job inside a writing transaction."""
+
+    async def keep() -> None:
+        while True:
+            await asyncio.sleep(REFRESH_S)
+            await run(lambda engine: refresh(engine, name, now_ns=clock.wall_ns()))
+
+    task = asyncio.create_task(keep())
+    try:
+        yield
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
 
 
 def stored(engine: StoreEngine, name: str, *, size_bytes: int, sha256: str, now_ns: int) -> None:

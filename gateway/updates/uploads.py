@@ -24,7 +24,6 @@ __all__ = ["BundleShelf"]
 
 KIND = "bundle"
 PIECE_BYTES = 1 << 20
-REFRESH_S = 60.0
 
 
 @dataclass(slots=True)
@@ -118,7 +117,7 @@ class BundleShelf:
         )
         await self._store.run(lambda engine: ledger.announce(engine, name, kind=KIND, now_ns=self._clock.wall_ns()))
         try:
-            async with self._refreshed(name):
+            async with ledger.refreshed(self._store.run, name, self._clock):
                 await asyncio.to_thread(
                     self._objects.put, name, file.path, size_bytes=file.size_bytes, sha256=file.sha256
                 )
@@ -152,19 +151,3 @@ class BundleShelf:
         found = bundle_at(engine, bundle.path)
         if found is None or found.object != bundle.object:
             ledger.doom(engine, bundle.object, now_ns=self._clock.wall_ns())
-
-    @contextlib.asynccontextmanager
-    async def _refreshed(self, name: str) -> AsyncIterator[None]:
-        """Keep the ledger's lease of a long upload."""
-
-        async def refresh() -> None:
-            while True:
-                await asyncio.sleep(REFRESH_S)
-                await self._store.run(lambda engine: ledger.refresh(engine, name, now_ns=self._clock.wall_ns()))
-
-        task = asyncio.create_task(refresh())
-        try:
-            yield
-        finally:
-            task.cancel()
-            await asyncio.gather(task, return_exceptions=True)

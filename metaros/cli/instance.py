@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import IO
 
 from metaros.errors import ConfigError
+from metaros.file_lock import take_lock
 
 __all__ = [
     "DataDir",
@@ -30,7 +31,6 @@ __all__ = [
     "open_data_dir",
     "running_instances",
     "runtime_dir",
-    "try_lock",
 ]
 
 
@@ -85,22 +85,6 @@ def data_root() -> Path:
         return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "metaros"
 
 
-def try_lock(file: IO[str]) -> bool:
-    """Take the file's lock without waiting."""
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
-
-
 @contextmanager
 def claim_lock() -> Iterator[None]:
     """Held while ports and names are chosen and claimed; waits for another instance that is choosing."""
@@ -130,7 +114,7 @@ class StateFile:
         self._path = runtime_dir() / f"up-{os.getpid()}.json"
         self._lock_path = self._path.with_suffix(".lock")
         self._lock = self._lock_path.open("a")
-        if not try_lock(self._lock):
+        if not take_lock(self._lock.fileno()):
             self._lock.close()
             raise ConfigError(f"{self._lock_path} is locked by another process")
 
@@ -166,7 +150,7 @@ def running_instances() -> list[Instance]:
 def _held(lock_path: Path) -> bool:
     try:
         with lock_path.open("r+") as file:
-            return not try_lock(file)
+            return not take_lock(file.fileno())
     except OSError:
         return False
 
@@ -208,7 +192,7 @@ def _lock_dir(path: Path) -> DataDir | None:
         file = (path / "lock").open("a")
     except OSError as error:
         raise ConfigError(f"cannot use the data directory {path}: {error.strerror}") from error
-    if try_lock(file):
+    if take_lock(file.fileno()):
         return DataDir(path, file)
     file.close()
     return None

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import logging
 import os
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from logging.handlers import RotatingFileHandler
@@ -15,6 +14,7 @@ from typing import Final
 
 from metaros.clock import Clock, SystemClock, boot_s, system_rng
 from metaros.errors import ConfigError
+from metaros.file_lock import take_lock
 from metaros.signals import on_stop
 from metaros.supervise.control import Control
 from metaros.supervise.door import Door
@@ -80,7 +80,7 @@ def only_one(directory: Path) -> Iterator[None]:
     except OSError as error:
         raise ConfigError(f"cannot use {directory}: {error.strerror}") from None
     with file:
-        if not _lock(file.fileno()):
+        if not take_lock(file.fileno()):
             raise ConfigError(f"another supervisor (process {running_pid(directory)}) runs in {directory}")
         with contextlib.suppress(OSError):
             file.truncate(0)
@@ -93,7 +93,7 @@ def running_pid(directory: Path) -> int | None:
     """The process of the supervisor of a directory; None where none runs, 0 where it cannot be told."""
     try:
         with (directory / LOCK).open("r+") as file:
-            if _lock(file.fileno()):
+            if take_lock(file.fileno()):
                 return None
             file.seek(0)
             text = file.read(32).strip()
@@ -108,20 +108,3 @@ def log_to_file(path: Path) -> None:
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
     logging.getLogger("metaros").addHandler(handler)
     logging.getLogger("metaros").setLevel(logging.INFO)
-
-
-def _lock(descriptor: int) -> bool:
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            os.lseek(descriptor, 1 << 20, os.SEEK_SET)  # behind the number, so that others can read it
-            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
-            os.lseek(descriptor, 0, os.SEEK_SET)
-        else:
-            import fcntl
-
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True

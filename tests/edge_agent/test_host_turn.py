@@ -13,9 +13,9 @@ from tests.support.waiting import wait_until_async
 
 HOLD = """
 import sys
-from metaros.cli.instance import try_lock
+from metaros.file_lock import take_lock
 file = open(sys.argv[1], "a")
-print(try_lock(file), flush=True)
+print(take_lock(file.fileno()), flush=True)
 input()
 """
 
