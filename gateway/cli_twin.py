@@ -79,11 +79,9 @@ def _show(
     if out.json:
         out.objects(found)
         return
-    said = found["reported"]
-    who, why = inert(found["author"]) or "–", inert(found["reason"]) or "–"
-    out.note(f"revision {found['revision']}.{found['edition']} by {who}: {why}")
+    out.note(f"desired: {_origin(found)}")
     out.note(f"templates: {' '.join(found['templates']) or 'none'}; labels: {_labels(found['labels'])}")
-    out.note(f"lives by {said['applied']}, {said['state']} {inert(said['message'])}" if said else "has never reported")
+    out.note(f"robot: {_standing(found)}")
     if found["problem"]:
         out.note(f"problem: {inert(found['problem'])}")
     out.objects(found["desired"])
@@ -262,6 +260,25 @@ def _row(item: dict[str, Any]) -> tuple[str, ...]:
     state = "in step" if item["in_step"] else item["state"] or "never reported"
     marks = " ".join(mark.partition("@")[0] for mark in item["templates"])
     return item["robot"], str(item["revision"]), str(item["applied"]), state, marks or "–", note or "–"
+
+
+def _origin(found: dict[str, Any]) -> str:
+    """Whose change it is, and why. The edition counts what changed nothing for the robot, as labels may."""
+    who, why = inert(found["author"]), inert(found["reason"])
+    said = f"revision {found['revision']}, edition {found['edition']}"
+    return said + (f", by {who}" if who else "") + (f": {why}" if why else "")
+
+
+def _standing(found: dict[str, Any]) -> str:
+    said = found["reported"]
+    if said is None:
+        return "has never reported"
+    if found["in_step"]:
+        return f"in step, lives by revision {said['applied']}"
+    message = inert(said["message"])
+    return f"lives by revision {said['applied']}; {said['state']} {said['revision']}" + (
+        f": {message}" if message else ""
+    )
 
 
 def _labels(labels: Mapping[str, str]) -> str:
