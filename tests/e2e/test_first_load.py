@@ -52,6 +52,7 @@ def open_robot(page: Page, gateway: FakeGateway) -> Fetched:
     for card in ("map", "camera", "teleop", "plot"):
         expect(page.locator(f"[data-card={card}]").first).to_be_visible()
     page.wait_for_function("() => Number(document.querySelector('[data-card=map] canvas')?.dataset.scans) > 1")
+    page.wait_for_load_state("networkidle")  # a card may be there before the code that draws in it
     return fetched
 
 
