@@ -63,7 +63,6 @@ class Editing(RuleBasedStateMachine):
         self.edits.world.check()
 
     def teardown(self) -> None:
-
         try:
             while self.edits.model.edits < self.least_edits:
                 self.do(self.edits.burst(50, 6))

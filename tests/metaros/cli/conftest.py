@@ -58,6 +58,7 @@ def run(zenoh_router: str) -> Run:
         out, err = io.StringIO(), io.StringIO()
         with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as ended:
             main([*arguments, "--zenoh-port", port])
+        sys.stderr.write(err.getvalue())  # a test that fails shows it
         return Done(int(ended.value.code or 0), out.getvalue(), err.getvalue())
 
     return call
