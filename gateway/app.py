@@ -13,10 +13,10 @@ from starlette.types import ASGIApp
 
 from gateway.api import create_api
 from gateway.api.attendance import Attendance
-from gateway.api.rate import Rates
 from gateway.api.services import Services
 from gateway.api.views import robot_view
 from gateway.binding import can_sign_in, check_binding
+from gateway.choices import identity_choices, rates_of
 from gateway.domain.channel import LIVE
 from gateway.domain.lease import LeaseTable
 from gateway.errors import RobotOfflineError, StoreError
@@ -33,7 +33,7 @@ from gateway.fleet.twin_feature import Twins
 from gateway.history.desk import HistoryDesk
 from gateway.identity.accounts import Accounts
 from gateway.identity.audit import AuditLog
-from gateway.identity.desk import IdentityChoices, IdentityDesk
+from gateway.identity.desk import IdentityDesk
 from gateway.identity.door import Door
 from gateway.identity.local import Doors, LocalKey
 from gateway.identity.master import MasterKey
@@ -90,7 +90,7 @@ class Gateway:
         self.leases = LeaseTable(valid_s=LIMITS.lease_s)
         beat_s = settings.heartbeat_s
         limits = replace(LIMITS, heartbeat_s=beat_s, dead_after_s=3 * beat_s)
-        self.identities = IdentityDesk(self.store, settings.data_dir, _identity_choices(settings), clock=clock)
+        self.identities = IdentityDesk(self.store, settings.data_dir, identity_choices(settings), clock=clock)
         self._make_robots(limits)
         self.recordings = RecordingDesk(
             self.store, self.objects, settings.data_dir / "incoming", self._robot_side(), clock=clock, limits=limits
@@ -105,7 +105,7 @@ class Gateway:
         self._make_updates(master)
         self.door = Doors(self.local_key, self.fetch_tokens, stored, *([door] if door is not None else []))
         self.attendance = Attendance(self.door)
-        self.rates = _rates(settings, clock)
+        self.rates = rates_of(settings, clock)
         self._demand = DemandBook()
         self._demand_revision = 0
         self._stale: set[str] = set()
@@ -376,24 +376,3 @@ class Gateway:
         ]
         frame = link_pb2.Demand(revision=self._demand_revision, entries=entries)
         self.links.send(robot_id, link_pb2.GatewayFrame(demand=frame))
-
-
-def _rates(settings: Settings, clock: Clock) -> Rates:
-    return Rates(
-        clock=clock,
-        requests=settings.requests_per_s,
-        anonymous=settings.anonymous_requests_per_s,
-        strangers=None if settings.anonymous_requests_per_s else 0.0,
-        robot=settings.robot_requests_per_s,
-        sign_in=settings.sign_ins_per_min / 60,
-    )
-
-
-def _identity_choices(settings: Settings) -> IdentityChoices:
-    return IdentityChoices(
-        fleet=settings.fleet,
-        required=settings.enrolled_only,
-        certificate_s=settings.robot_certificate_s,
-        ca_cert=settings.ca_cert,
-        ca_key=settings.ca_key,
-    )
