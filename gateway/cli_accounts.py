@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from gateway.cli_http import GatewayClient, open_gateway
+from metaros.cli.gateway_http import GatewayClient, open_gateway
 from metaros.errors import UsageError
 
 if TYPE_CHECKING:

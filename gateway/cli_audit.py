@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from gateway.cli_accounts import LocalDir, client_or_none
-from gateway.cli_http import GatewayOption, open_gateway
 from gateway.cli_options import ObjectsUrl, StoreUrl
+from metaros.cli.gateway_http import GatewayOption, open_gateway
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, counted
 from metaros.errors import ConfigError

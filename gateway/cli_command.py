@@ -11,9 +11,9 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_http import GatewayClient, GatewayOption, open_gateway, path_part
 from gateway.cli_pairs import pairs
 from gateway.errors import GatewayError
+from metaros.cli.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, counted
 from metaros.errors import UsageError

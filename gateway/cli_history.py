@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_http import Answer, GatewayClient, GatewayOption, open_gateway, path_part
+from metaros.cli.gateway_http import Answer, GatewayClient, GatewayOption, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
 from metaros.inert import inert
 

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from gateway.cli_accounts import LocalDir, Robots, RoleOption, checked_role, client_or_none, life_s, local_store
-from gateway.cli_http import GatewayOption, path_part
 from gateway.cli_options import StoreUrl
+from metaros.cli.gateway_http import GatewayOption, path_part
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output
 from metaros.inert import inert

@@ -12,11 +12,11 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_http import Answer, GatewayClient, GatewayOption, open_gateway, path_part
 from gateway.cli_node_values import add_values
 from gateway.cli_pairs import pairs
 from gateway.cli_twin import Confirm, DryRun, Reason, read_document, send, show_change, show_changes
 from gateway.errors import GatewayError
+from metaros.cli.gateway_http import Answer, GatewayClient, GatewayOption, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, counted
 from metaros.errors import UsageError

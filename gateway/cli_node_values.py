@@ -7,10 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_http import GatewayOption, open_gateway, path_part
 from gateway.cli_pairs import pairs
 from gateway.cli_twin import DryRun, Reason, send
 from gateway.errors import GatewayError
+from metaros.cli.gateway_http import GatewayOption, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, counted
 from metaros.errors import UsageError

@@ -12,9 +12,9 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_http import GatewayClient, GatewayOption, open_gateway, path_part
 from gateway.domain.robot import is_robot_id
 from gateway.errors import GatewayError
+from metaros.cli.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, human_bytes
 from metaros.errors import ConfigError, PeerError, UsageError

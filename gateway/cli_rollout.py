@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_http import GatewayOption, open_gateway, path_part
+from metaros.cli.gateway_http import GatewayOption, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, counted
 from metaros.errors import UsageError

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli_http import GatewayClient, GatewayOption, open_gateway, path_part
 from gateway.cli_template import add_templates
+from metaros.cli.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, counted
 from metaros.errors import ConfigError, UsageError

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from gateway.cli_http import GatewayOption, open_gateway
+from metaros.cli.gateway_http import GatewayOption, open_gateway
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, counted, human_bytes
 from metaros.errors import ConfigError, UsageError

@@ -16,9 +16,9 @@ from gateway.cli_accounts import (
     local_store,
     read_password,
 )
-from gateway.cli_http import GatewayOption, path_part
 from gateway.cli_options import StoreUrl
 from metaros.cli.credentials import local_gateway
+from metaros.cli.gateway_http import GatewayOption, path_part
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, counted
 from metaros.errors import UsageError

@@ -14,6 +14,7 @@
     │   └── ClosedError           the node, session or publisher was closed             closed
     ├── RecordingError            a recording cannot be written or read               recording
     └── PeerError                 the other side's fault
+        ├── RefusedError          a gateway refused the request, or failed at it        refused
         ├── DecodeError           bytes that are no valid CDR of the type               malformed_cdr
         ├── AttachmentError       a sample's attachment is missing or malformed         malformed_attachment
         ├── TokenError            a liveliness token cannot be read                     malformed_token
@@ -50,6 +51,7 @@ __all__ = [
     "PeerError",
     "PeerRestartedError",
     "RecordingError",
+    "RefusedError",
     "ReplayError",
     "SealError",
     "SealFormatError",
@@ -148,6 +150,17 @@ class PeerError(MetarosError):
     """The other side sent something wrong, or nothing."""
 
     code = "peer"
+
+
+class RefusedError(PeerError):
+    """A gateway refused a request, or failed at it: `status` is HTTP's, `reason` its own stable code, "" if unknown."""
+
+    code = "refused"
+
+    def __init__(self, message: str, *, status: int = 0, reason: str = "") -> None:
+        super().__init__(message)
+        self.status = status
+        self.reason = reason
 
 
 class DecodeError(PeerError):

@@ -22,7 +22,7 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader as RosReader
 
-from gateway.cli_http import GatewayClient
+from metaros.cli.gateway_http import GatewayClient
 from metaros.interfaces.sensor_msgs.msg import CompressedImage
 from metaros.interfaces.std_msgs.msg import String, UInt64
 from metaros.node import Context, Node

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
-from gateway.cli_http import GatewayClient
+from metaros.cli.gateway_http import GatewayClient
 from metaros.interfaces.std_msgs.msg import String
 from metaros.node import Context, Node
 from metaros.record import Recorder, open_bag

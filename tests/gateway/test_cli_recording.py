@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli_http import GatewayClient
 from gateway.main import Ready
+from metaros.cli.gateway_http import GatewayClient
 from metaros.errors import ConfigError, UnavailableError
 from tests.gateway.harness import OPERATOR_KEY, running_gateway
 from tests.gateway.recordings.robot import RecordingRobot, content

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from gateway.announce import LocalAccess
-from gateway.cli_http import GatewayClient, open_gateway
 from gateway.main import Ready
 from metaros.cli.credentials import ca_for, key_for, local_gateway
+from metaros.cli.gateway_http import GatewayClient, open_gateway
 from metaros.errors import ConfigError, UnavailableError
 from tests.gateway.harness import running_gateway
 

@@ -13,10 +13,9 @@ from urllib.parse import quote, urlencode, urlsplit
 
 import typer
 
-from gateway.errors import GatewayError, RequestError
 from metaros.cli.credentials import key_for, local_gateway
 from metaros.cli.trust import distrust, open_connection
-from metaros.errors import ConfigError, PeerError, UnavailableError
+from metaros.errors import ConfigError, PeerError, RefusedError, UnavailableError
 
 __all__ = ["Answer", "GatewayClient", "GatewayOption", "open_gateway", "path_part"]
 
@@ -121,8 +120,7 @@ class GatewayClient:
 
         Raises:
             UnavailableError: nobody answers at the address.
-            RequestError: the gateway says that the request cannot be.
-            GatewayError: the gateway, or the robot, could not do it.
+            RefusedError: the gateway says that the request cannot be, or that it, or the robot, could not do it.
         """
         asked = urlencode({k: v for k, v in (query or {}).items() if v is not None}, doseq=True)
         kind = {} if body is None else {"Content-Type": "application/json"}
@@ -183,13 +181,13 @@ def _document(answer: Answer) -> Any:
         raise PeerError(f"what answers is no gateway: {raw[:80]!r}") from error
 
 
-def _refusal(answer: Answer) -> GatewayError:
+def _refusal(answer: Answer) -> RefusedError:
     """The gateway's problem document as an error."""
-    raw = b"".join(answer.pieces())
+    raw, code = b"".join(answer.pieces()), ""
     try:
         document = json.loads(raw)
-        text = str(document.get("detail") or document.get("title"))
+        text, code = str(document.get("detail") or document.get("title")), str(document.get("code", ""))
     except (ValueError, AttributeError):
         said = raw[:200].decode(errors="replace").strip() if answer.headers.get("content-type") == "text/plain" else ""
         text = f"the gateway answered {answer.status}" + (f": {said}" if said.isprintable() and said else "")
-    return RequestError(text) if answer.status < 500 else GatewayError(text)
+    return RefusedError(text, status=answer.status, reason=code)
