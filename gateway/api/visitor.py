@@ -1,0 +1,314 @@
+"""What the client of an open socket may do: the one façade by which socket protocols act on robots.
+
+Each deed asks the permission table, the principal's scope, the robot's rate and, on actuators, the lease, exactly as
+REST does for a request, and leaves its row in the audit log: one when a client begins to publish on a topic and one
+with the count when it ends, not one a message. Names are those that the client uses, see `WorldNames`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from starlette.requests import HTTPConnection
+
+from gateway.api.attendance import Visit
+from gateway.api.services import Services
+from gateway.domain.channel import Channel
+from gateway.domain.principal import Principal
+from gateway.domain.world_names import WorldNames
+from gateway.errors import (
+    ForbiddenError,
+    InvalidRequestError,
+    SignInError,
+    TooManyError,
+    TooManyRequestsError,
+    UnknownRobotError,
+)
+from gateway.fleet.node_values import Parameter, SetResult
+from gateway.fleet.node_verbs import Actor
+from gateway.fleet.orders import Order
+from gateway.fleet.twins import Editor
+from gateway.identity.permissions import permission
+from gateway.ingest.registry import RobotRecord
+from metaros.errors import MetarosError
+from metaros.limits import LIMITS
+
+__all__ = ["Place", "Publication", "Topic", "Visitor"]
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A topic that the client sees: what it calls it, and the robot's channel behind it."""
+
+    shown: str
+    channel: Channel
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """What a client's name means: a robot, and a full ROS name of it."""
+
+    robot: str
+    name: str
+
+
+@dataclass(slots=True)
+class Publication:
+    """One topic that the client publishes on: how many messages went, and how many were refused."""
+
+    place: Place
+    type_name: str
+    sent: int = 0
+    refused: int = 0
+
+
+@dataclass(slots=True)
+class Visitor:
+    """One client. All methods on the event loop; call `close` when its socket is over.
+
+    Every method raises what REST would answer: SignInError, ForbiddenError, UnknownRobotError, TooManyRequestsError,
+    LeaseRequiredError, InvalidRequestError, RobotError and the library's own.
+    """
+
+    services: Services
+    visit: Visit
+    names: WorldNames
+    target: str = ""  # the socket's path, for the audit log
+    address: str = ""
+    _publications: dict[Place, Publication] = field(default_factory=dict)
+    _refused: set[tuple[str, str]] = field(default_factory=set)
+
+    @classmethod
+    def of(cls, socket: HTTPConnection, services: Services, visit: Visit, *, robot: str | None = None) -> Visitor:
+        """The client of a socket: of one robot, or of all that its principal sees.
+
+        Raises:
+            UnknownRobotError: that robot never connected, or is out of scope.
+        """
+        names = WorldNames(robot, sees=visit.principal.sees)
+        if robot is not None:
+            if not names.covers(robot):
+                raise UnknownRobotError.of(robot)
+            services.registry.get(robot)
+        client = socket.scope.get("client")
+        return cls(services, visit, names, target=socket.scope["path"], address=client[0] if client else "")
+
+    @property
+    def principal(self) -> Principal:
+        """Who it is."""
+        return self.visit.principal
+
+    def may(self, action: str) -> bool:
+        """Whether its role has the permission; scope is asked at each deed."""
+        return permission(action).granted(self.principal)
+
+    def require(self, action: str, robot: str) -> None:
+        """Return when it may do that to that robot now; the rate of changes is taken here.
+
+        A refusal is a row of the audit log: the first of its kind on this socket.
+        """
+        row = permission(action)
+        if not self.names.covers(robot):
+            raise UnknownRobotError.of(robot)
+        if not row.granted(self.principal):
+            self._note_refusal(action, robot)
+            if self.principal.kind == "anonymous":
+                raise SignInError(f"{action} needs somebody who has signed in: a key or ticket, as ?token= or Bearer")
+            raise ForbiddenError(f"{action} needs the role {row.least.word} or more")
+        self.services.registry.get(robot)
+        if row.mutates:
+            try:
+                self.services.rates.take("robot", robot)
+            except TooManyRequestsError:
+                self._note_refusal(action, robot)
+                raise
+            self.services.audit.check_room()
+
+    # -- looking ---------------------------------------------------------------------------------------------------
+
+    def robots(self) -> list[RobotRecord]:
+        """The robots that it sees, by id."""
+        return [record for record in self.services.registry.all() if self.names.covers(record.robot.id)]
+
+    def topics(self) -> list[Topic]:
+        """Every announced topic that it sees; one of two types is in the list twice."""
+        self._require_look("telemetry.read")
+        return [
+            Topic(self.names.shown(record.robot.id, state.channel.topic), state.channel)
+            for record in self.robots()
+            for state in record.topics()
+        ]
+
+    def find_topic(self, name: str) -> tuple[Place, Channel | None]:
+        """What a topic's name means: the robot's announced one where there is one, or else the likeliest place.
+
+        Raises:
+            UnknownRobotError: the name is no robot's that it sees.
+        """
+        places = self.places(name)
+        for place in places:
+            record = self.services.registry.find(place.robot)
+            channel = record.channel_of(place.name) if record is not None else None
+            if channel is not None:
+                return place, channel
+        return places[0], None
+
+    def places(self, name: str) -> list[Place]:
+        """What a name may mean, of robots that once connected; never empty (UnknownRobotError)."""
+        known = self.services.registry.find
+        found = [Place(robot, full) for robot, full in self.names.candidates(name) if known(robot) is not None]
+        if not found:
+            raise UnknownRobotError.of(self.names.robot or name.lstrip("/").partition("/")[0])
+        return found
+
+    # -- publishing ------------------------------------------------------------------------------------------------
+
+    async def advertise(self, name: str, *, type_name: str = "") -> Publication:
+        """It will publish on that topic; told again, nothing happens. InvalidRequestError: no type is known."""
+        place, channel = self.find_topic(name)
+        known = self._publications.get(place)
+        if known is not None:
+            known.type_name = type_name or known.type_name
+            return known
+        self.require("robots.publish", place.robot)
+        if not type_name and channel is None:
+            raise InvalidRequestError(f"type is missing, and robot {place.robot} announces no topic {place.name}")
+        if len(self._publications) >= LIMITS.subscriptions_per_viewer:
+            raise TooManyError(f"a client publishes on at most {LIMITS.subscriptions_per_viewer} topics")
+        publication = self._publications[place] = Publication(place, type_name)
+        await self._audit("robots.publish", f"{place.robot} {place.name} begins")
+        return publication
+
+    async def publish(
+        self,
+        name: str,
+        *,
+        type_name: str = "",
+        message: Any = None,
+        cdr: bytes | None = None,
+        size_hint_bytes: int = 0,
+        lease_id: str = "",
+        sent_ns: int = 0,
+    ) -> None:
+        """Publish once; `cdr` wins over `message`. Returns after the robot's agent has taken it.
+
+        An actuator topic needs `lease_id`; there `sent_ns` (wall clock, 0 = now) must be fresh. `size_hint_bytes` is
+        the length of the message's JSON: a long one is encoded off the event loop.
+        """
+        publication = self._publications.get(self.find_topic(name)[0])
+        if publication is None:
+            publication = await self.advertise(name, type_name=type_name)
+        else:
+            self.require("robots.publish", publication.place.robot)
+        place = publication.place
+        try:
+            await self.services.fleet.publish(
+                place.robot,
+                place.name,
+                type_name=type_name or publication.type_name,
+                message=message,
+                cdr=cdr,
+                size_hint_bytes=size_hint_bytes,
+                lease_id=lease_id,
+                sent_ns=sent_ns,
+            )
+        except MetarosError:
+            publication.refused += 1
+            raise
+        publication.sent += 1
+
+    def unadvertise(self, name: str) -> None:
+        """It publishes there no more; nothing happens when it did not."""
+        publication = self._publications.pop(self.find_topic(name)[0], None)
+        if publication is not None:
+            self._end(publication)
+
+    def close(self) -> None:
+        """Its socket is over."""
+        publications, self._publications = list(self._publications.values()), {}
+        for publication in publications:
+            self._end(publication)
+
+    # -- services, parameters --------------------------------------------------------------------------------------
+
+    async def call(
+        self,
+        name: str,
+        *,
+        type_name: str = "",
+        request: Any = None,
+        timeout_s: float = LIMITS.command_timeout_s,
+        lease_id: str = "",
+    ) -> Any:
+        """Call a robot's service; its response as JSON-able values."""
+        place = self.places(name)[0]
+        self.require("robots.call", place.robot)
+        asked: dict[str, Any] = {"service": place.name, "type": type_name, "request": request}
+        order = Order(robot=place.robot, kind="call_service", request=asked, timeout_s=timeout_s)
+        await self._audit("robots.call", f"{place.robot} {place.name}")
+        with self.services.orders.noted(order, self.principal) as noted:
+            noted.result = await self.services.fleet.call(
+                place.robot,
+                place.name,
+                type_name=type_name,
+                request={} if request is None else request,
+                timeout_s=timeout_s,
+                lease_id=lease_id,
+            )
+        return noted.result
+
+    async def parameters(self, node: str) -> list[Parameter]:
+        """The parameters of a robot's node, by name."""
+        place = self.places(node)[0]
+        self.require("nodes.read", place.robot)
+        return await self.services.nodes.values.parameters(place.robot, place.name)
+
+    async def set_parameters(self, node: str, values: Mapping[str, Any]) -> Sequence[SetResult]:
+        """Set parameters of a robot's node, each for itself; they are forgotten with the node's process."""
+        place = self.places(node)[0]
+        self.require("nodes.control", place.robot)
+        await self._audit("nodes.control", f"{place.robot} {place.name}: {', '.join(values)}")
+        code = permission("nodes.code").granted(self.principal)
+        editor = Editor(name=self.principal.name or self.principal.id, reason="", code=code, confirm_within_s=None)
+        actor = Actor(editor=editor, principal=self.principal)
+        results, _ = await self.services.nodes.values.set_parameters(
+            place.robot, place.name, values, actor, keep=False, dry_run=False
+        )
+        return results
+
+    # -- parts -----------------------------------------------------------------------------------------------------
+
+    def _require_look(self, action: str) -> None:
+        if not self.may(action):
+            raise ForbiddenError(f"{action} needs the role {permission(action).least.word} or more")
+
+    def _end(self, publication: Publication) -> None:
+        place = publication.place
+        detail = f"{place.robot} {place.name} ends: {publication.sent} sent, {publication.refused} refused"
+        self.services.audit.add(**self._facts("robots.publish", 200, "", detail))
+
+    async def _audit(self, action: str, detail: str) -> None:
+        await self.services.audit.record(**self._facts(action, 200, "", detail))
+
+    def _note_refusal(self, action: str, robot: str) -> None:
+        if (action, robot) not in self._refused and len(self._refused) < LIMITS.subscriptions_per_viewer:
+            self._refused.add((action, robot))
+            self.services.audit.refuse(**self._facts(action, 403, "forbidden", robot))
+
+    def _facts(self, action: str, status: int, code: str, detail: str) -> dict[str, Any]:
+        who = self.principal
+        return {
+            "kind": who.kind,
+            "actor": who.id,
+            "name": who.name,
+            "role": who.role.word,
+            "address": self.address,
+            "action": action,
+            "method": "SOCKET",
+            "target": self.target,
+            "status": status,
+            "code": code,
+            "detail": detail,
+        }
