@@ -20,6 +20,7 @@ from gateway.choices import identity_choices, rates_of
 from gateway.domain.channel import LIVE
 from gateway.domain.lease import LeaseTable
 from gateway.errors import RobotOfflineError, StoreError
+from gateway.events.feature import Events
 from gateway.fleet.commands import CommandDesk
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.failover import Failover
@@ -87,7 +88,8 @@ class Gateway:
         self.history = HistoryDesk(self.store)
         self.registry = Registry()
         self.hub = Hub()
-        self.leases = LeaseTable(valid_s=LIMITS.lease_s)
+        self.events = Events(self.store, clock=clock)
+        self.leases = LeaseTable(valid_s=LIMITS.lease_s, listener=self.events.on_lease)
         beat_s = settings.heartbeat_s
         limits = replace(LIMITS, heartbeat_s=beat_s, dead_after_s=3 * beat_s)
         self.identities = IdentityDesk(self.store, settings.data_dir, identity_choices(settings), clock=clock)
@@ -96,6 +98,7 @@ class Gateway:
             self.store, self.objects, settings.data_dir / "incoming", self._robot_side(), clock=clock, limits=limits
         )
         self.local_key = LocalKey(settings.data_dir)
+        self.recordings.listen(self.events.on_recording)
         stored = StoreDoor(self.store, clock=clock)
         master = MasterKey.load_or_make(settings.data_dir)
         self.accounts = Accounts(self.store, stored, master, clock=clock)
@@ -151,16 +154,18 @@ class Gateway:
         )
         self.twins = Twins(self.store, self.links.send, self._labels_said, clock=self.clock)
         self.failover = Failover(self.store, self.twins, self.links.send, clock=self.clock)
+            ended=self.events.on_command,
         parts = (self.twins, self.registry.get, self.commands, self.fleet, self.orders)
         self.nodes = Nodes(*parts, clock=self.clock, holder_of=self.failover.holder_of)
 
+        self.twins.book.watch(self.events.on_twin)
     def _make_updates(self, master: MasterKey) -> None:
         folder, clock = self.settings.data_dir / "updates", self.clock
         self.updates = Repository(self.store, self.objects, master, folder, clock=clock)
         self.fetch_tokens = FetchTokens(self.store, clock=clock, enrolled_ns=self.identities.robots.enrolled_ns)
         self.presence = Presence(self.store, self._presence, clock=clock)
         side = TwinSide(self.store, self.twins, self.presence, self._every_robot, self.updates.available)
-        self.rollouts = RolloutDesk(self.store, side, clock=clock)
+        self.rollouts = RolloutDesk(self.store, side, clock=clock, changed=self.events.on_rollout)
 
     @cached_property
     def services(self) -> Services:
@@ -195,6 +200,7 @@ class Gateway:
             demand_of=self._demand.told,
             describe=self.describe,
             checks=self.checks,
+            events=self.events.journal,
         )
 
     async def start(self) -> None:
@@ -210,6 +216,7 @@ class Gateway:
         stored = sorted(await self.store.robots(), key=lambda item: -item.last_seen_ns)
         for position, item in enumerate(stored):
             record = self.registry.add(RobotRecord(item.robot, seen_ns=item.last_seen_ns))
+        await self.events.start()
             if position < LOADED_ROBOTS:
                 for facts in await self.store.series(item.robot.id):
                     state = SeriesState(facts.series, facts.samples, facts.stamp_ns, facts.value)
@@ -241,7 +248,7 @@ class Gateway:
         async with asyncio.TaskGroup() as group:
             group.create_task(self._tick())
             group.create_task(self._tell_demand())
-            for part in (self.recordings, self.twins, self.failover, self.updates):
+            for part in (self.recordings, self.twins, self.failover, self.updates, self.events):
                 group.create_task(part.run())
             for desk in (self.rollouts, self.presence, self.orders, self.attendance, self.audit):
                 group.create_task(desk.run())
@@ -264,6 +271,7 @@ class Gateway:
 
     def describe(self, robot_id: str) -> dict[str, Any]:
         """A robot as the API shows it."""
+        await self.events.close()
         now_s = self.clock.monotonic_s()
         lease = self.leases.holder_of(robot_id, now_s=now_s)
         view = robot_view(self.registry.get(robot_id), lease, now_s=now_s)
@@ -335,6 +343,7 @@ class Gateway:
         self.recordings.on_online(robot_id, online)
         self.twins.on_online(robot_id, online)
         self.failover.on_online(robot_id, online)
+        self.events.on_online(self.registry.get(robot_id).robot, online)
         self.presence.on_online(robot_id)
         self.orders.delivery.on_online(robot_id, online)
         self._on_channels(robot_id)
@@ -353,6 +362,7 @@ class Gateway:
         """Tell robots what viewers want, robot by robot, so that a large fleet never holds the loop up."""
         while True:
             await self._stirred.wait()
+            self.leases.expire(now_s=self.clock.monotonic_s())
             self._stirred.clear()
             stale, self._stale = self._stale, set()
             for robot_id in {*stale, *self._demand.releasing()}:

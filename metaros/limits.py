@@ -156,6 +156,11 @@ class Limits:
     principals_remembered: int = 4096  # keys and sessions that are not looked up again for two seconds
     audit_queue: int = 4096  # rows of the audit log that wait for the database; then nothing may be changed
     audit_refusals_per_hour: int = 600  # that get a row each; further ones are counted
+    event_bytes: int = 16 * KIB  # what one event of the journal tells, as JSON
+    events_waiting: int = 8192  # that wait for the database; further ones are counted as lost
+    events_in_memory: int = 1024  # the newest, for those who watch
+    events_kept: int = 200_000  # of one store, the newest
+    events_kept_s: float = 30 * 86_400.0  # and for so long
     audit_heads: int = 1000  # exported heads that one proof compares, the newest
     broker_topics: int = 1024  # ZeroMQ topics that the broker bridges; messages of further ones are counted as dropped
     broker_prefixes: int = 4096  # different ZeroMQ subscriptions that the broker follows

@@ -11,6 +11,7 @@ from starlette.requests import HTTPConnection
 from gateway.api.attendance import Attendance
 from gateway.api.rate import Rates
 from gateway.domain.lease import LeaseTable
+from gateway.events.journal import EventJournal
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.node_feature import Nodes
 from gateway.fleet.orders import OrderDesk
@@ -66,6 +67,7 @@ class Services:
     rollouts: RolloutDesk
     leases: LeaseTable
     on_subscriptions: Callable[[], None]
+    events: EventJournal
     demand_of: Callable[[str], dict[str, float]]
     describe: Callable[[str], dict[str, Any]]
     checks: Callable[[], dict[str, str]]

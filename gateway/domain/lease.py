@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from gateway.errors import LeaseRequiredError, LeaseTakenError
@@ -26,9 +27,11 @@ class Lease:
 class LeaseTable:
     """Leases by robot; pure, `now_s` comes from the caller."""
 
-    def __init__(self, *, valid_s: float) -> None:
+    def __init__(self, *, valid_s: float, listener: Callable[[str, str, bool], None] | None = None) -> None:
+        """`listener` hears a robot, a holder, and whether they drive it from now on or do no more."""
         self._valid_s = valid_s
         self._leases: dict[str, Lease] = {}
+        self._listener = listener
 
     def take(self, robot: str, holder: str, *, lease_id: str, now_s: float) -> Lease:
         """Give the robot to `holder`; LeaseTakenError while another lease is alive."""
@@ -37,6 +40,7 @@ class LeaseTable:
             raise LeaseTakenError(f"{held.holder!r} is driving {robot}", holder=held.holder)
         lease = Lease(lease_id, robot, holder, now_s + self._valid_s)
         self._leases[robot] = lease
+        self._tell(lease, True)
         return lease
 
     def renew(self, robot: str, lease_id: str, *, now_s: float) -> Lease:
@@ -58,6 +62,7 @@ class LeaseTable:
         if held is None or held.lease_id != lease_id:
             return False
         del self._leases[robot]
+        self._tell(held, False)
         return True
 
     def holder_of(self, robot: str, *, now_s: float) -> Lease | None:
@@ -65,5 +70,15 @@ class LeaseTable:
         held = self._leases.get(robot)
         if held is not None and held.expires_s <= now_s:
             del self._leases[robot]
+            self._tell(held, False)
             return None
         return held
+
+    def expire(self, *, now_s: float) -> None:
+        """End the leases that were not renewed in time, also where nobody asks for them."""
+        for robot in list(self._leases):
+            self.holder_of(robot, now_s=now_s)
+
+    def _tell(self, lease: Lease, taken: bool) -> None:
+        if self._listener is not None:
+            self._listener(lease.robot, lease.holder, taken)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from typing import Any, Protocol, TypeVar
 
 from gateway.domain.command import OPEN, Command
-from gateway.errors import UnknownRobotError
+from gateway.errors import StoreError, UnknownRobotError
 from gateway.store import commands as table
 from gateway.store.engine import StoreEngine
 
@@ -29,8 +29,10 @@ class Database(Protocol):
 class CommandRows:
     """Every method raises StoreError when the database cannot do it now."""
 
-    def __init__(self, database: Database) -> None:
+    def __init__(self, database: Database, *, ended: Callable[[Command], None] | None = None) -> None:
+        """`ended` hears of every command that comes to its end here."""
         self._database = database
+        self._ended = ended
 
     async def add(self, command: Command, *, most_open: int) -> Command:
         """A new one, or what was stored under its idempotency key before; see store/commands.py for the errors."""
@@ -45,6 +47,8 @@ class CommandRows:
                     table.add_command(engine, command, most_open=0)
 
         await self._database.run(job)
+        for command in commands if self._ended is not None else ():
+            self._ended(command)
 
     async def same(self, command: Command) -> Command | None:
         """The command under its issuer's idempotency key; IdempotencyConflictError where it is another request."""
@@ -76,9 +80,14 @@ class CommandRows:
 
     async def change(self, command_id: str, *, within: Sequence[str] = OPEN, **values: Any) -> bool:
         """Set columns; False when its state is none of `within`, or it is gone."""
-        return await self._database.run(
+        done = await self._database.run(
             lambda engine: table.change_command(engine, command_id, within=within, **values)
         )
+        if done and self._ended is not None and "ended_ns" in values:
+            with suppress(StoreError):  # its end is stored; that nobody hears of it now is the lesser evil
+                if (command := await self.get(command_id)) is not None:
+                    self._ended(command)
+        return done
 
     async def purge(self, *, before_ns: int, most: int) -> int:
         """Delete what ended long ago; how many went."""

@@ -97,11 +97,15 @@ class OrderDesk:
         *,
         clock: Clock,
         local: Mapping[str, Local] | None = None,
+        ended: Callable[[Command], None] | None = None,
         limits: Limits = LIMITS,
     ) -> None:
-        """`local` are kinds that another feature of this gateway carries out, and keeps until the robot comes."""
+        """`local` are kinds that another feature of this gateway carries out, and keeps until the robot comes.
+
+        `ended` hears of every command that comes to its end here.
+        """
         self._local = dict(local or {})
-        self._rows = CommandRows(database)
+        self._rows = CommandRows(database, ended=ended)
         self._commands = commands
         self._fleet = fleet
         self._find = find

@@ -72,7 +72,17 @@ class FleetSide(Protocol):
 class RolloutDesk:
     """All methods on the event loop; steps of large rollouts are made on a thread."""
 
-    def __init__(self, store: Store, fleet: FleetSide, *, clock: Clock, limits: Limits = LIMITS) -> None:
+    def __init__(
+        self,
+        store: Store,
+        fleet: FleetSide,
+        *,
+        clock: Clock,
+        changed: Callable[[Rollout], None] | None = None,
+        limits: Limits = LIMITS,
+    ) -> None:
+        """`changed` hears of every rollout that begins, or is in another state."""
+        self._listener = changed
         self._store = store
         self._fleet = fleet
         self._clock = clock
@@ -106,6 +116,8 @@ class RolloutDesk:
                 add_rollout(engine, made)
 
         await self._store.run(job)
+        if not dry_run and self._listener is not None:
+            self._listener(made)
         return made
 
     async def list(self) -> list[Rollout]:
@@ -210,6 +222,8 @@ class RolloutDesk:
             self._known.pop(after.id, None)
             return 0
         self._known[after.id] = (after, revision + 1)
+        if after.state != before.state and self._listener is not None:
+            self._listener(after)
         return revision + 1
 
     def _facts(self, one: Rollout, robot: str) -> Facts:

@@ -27,6 +27,7 @@ SAVED_AT_ONCE = 256
 LOADED_BYTES = 16 * 1024  # longer values of earlier days stay in the database until somebody asks
 
 Listener = Callable[[str, dict[str, Any]], None]
+Watcher = Callable[[Reported | None, Reported], None]  # what a robot reported before (None: nothing), and now
 
 
 class TwinBook:
@@ -43,10 +44,15 @@ class TwinBook:
         self._values: dict[str, bytes] = {}  # of `reported`, the oldest first
         self._values_bytes = self._unsaved_bytes = 0
         self._listeners: list[Listener] = []
+        self._watchers: list[Watcher] = []
 
     def listen(self, listener: Listener) -> None:
         """Call this with each robot's `reported` values as they come."""
         self._listeners.append(listener)
+
+    def watch(self, watcher: Watcher) -> None:
+        """Call this with each report and the one before it; its `reported` is empty where it is not held."""
+        self._watchers.append(watcher)
 
     async def load(self) -> None:
         """Know what was stored before this gateway began."""
@@ -104,8 +110,11 @@ class TwinBook:
             sha256=frame.sha256[:32],
             reported=frame.reported,
         )
+        before = self.last(robot) if self._watchers else None
         self._remember(item)
         self._await_saving(item)
+        for watcher in self._watchers:
+            watcher(before, item)
         if self._listeners:
             values = reported_values(item)
             for listener in self._listeners:

@@ -89,6 +89,10 @@ class RecordingDesk:
             limits=limits,
         )
 
+    def listen(self, listener: Callable[[Recording], None]) -> None:
+        """Call this with every recording that comes to its end here."""
+        self._rows.ended = listener
+
     async def request(
         self,
         robot_id: str,

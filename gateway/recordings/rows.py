@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any, Protocol, TypeVar
 
-from gateway.domain.recording import UNFINISHED, Recording
+from gateway.domain.recording import FAILED, STORED, UNFINISHED, Recording
+from gateway.errors import StoreError
 from gateway.store import recordings as table
 from gateway.store.engine import StoreEngine
 from metaros.clock import Clock
@@ -29,7 +31,9 @@ class Rows:
     """Every method raises StoreError when the database cannot do it now."""
 
     def __init__(self, database: Database, *, clock: Clock) -> None:
+        """`ended` hears of every recording that comes to its end here."""
         self._database = database
+        self.ended: Callable[[Recording], None] | None = None
         self._clock = clock
 
     async def run(self, job: Callable[[StoreEngine], Result]) -> Result:
@@ -58,7 +62,12 @@ class Rows:
     async def change(self, recording_id: str, *, within: Sequence[str] = UNFINISHED, **values: Any) -> bool:
         """Set columns, and that it lives; False when its state is none of `within`, or it is gone."""
         live = {"live_ns": self._clock.wall_ns(), **values}
-        return await self.run(lambda engine: table.change_recording(engine, recording_id, within=within, **live))
+        done = await self.run(lambda engine: table.change_recording(engine, recording_id, within=within, **live))
+        if done and self.ended is not None and values.get("state") in (STORED, FAILED):
+            with suppress(StoreError):  # its end is stored; that nobody hears of it now is the lesser evil
+                if (recording := await self.get(recording_id)) is not None:
+                    self.ended(recording)
+        return done
 
     async def _read(self, job: Callable[[StoreEngine], Result]) -> Result:
         def read(engine: StoreEngine) -> Result:

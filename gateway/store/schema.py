@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from gateway.store.migrations.audit import AUDIT
 from gateway.store.migrations.commands import COMMANDS
+from gateway.store.migrations.events import EVENTS
 from gateway.store.migrations.leases import LEASES
 from gateway.store.migrations.recordings import RECORDINGS
 from gateway.store.migrations.robot_identity import ROBOT_IDENTITY
@@ -143,6 +144,7 @@ MIGRATIONS: tuple[str, ...] = (
     LEASES,
     COMMANDS,
     ROLLOUTS,
+    EVENTS,
 )
 
 ROW_BYTES = 100  # what a row of these occupies beside them, with its index entries

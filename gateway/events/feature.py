@@ -1,0 +1,108 @@
+"""What other features tell, as events of the journal; `app.py` hands these methods to them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import orjson
+
+from gateway.domain.command import DONE, Command
+from gateway.domain.recording import STORED, Recording
+from gateway.domain.robot import Robot
+from gateway.domain.rollout import Rollout
+from gateway.domain.twin import Reported
+from gateway.events.journal import Database, EventJournal
+from metaros.clock import Clock
+
+__all__ = ["Events"]
+
+TEXT_CHARS = 500
+SETTLED = {"applied": "twin.applied", "refused": "twin.refused", "reverted": "twin.reverted"}
+
+
+class Events:
+    """The journal and who fills it; all methods on the event loop."""
+
+    def __init__(self, database: Database, *, clock: Clock) -> None:
+        self.journal = EventJournal(database, clock=clock)
+
+    async def start(self) -> None:
+        """Know where the journal stands."""
+        await self.journal.start()
+
+    async def run(self) -> None:
+        """Until cancelled."""
+        await self.journal.run()
+
+    async def close(self) -> None:
+        """Store what was told last."""
+        await self.journal.close()
+
+    def on_online(self, robot: Robot, online: bool) -> None:
+        """A robot's link is whole, or ended."""
+        facts = {"hostname": robot.hostname, "agent_version": robot.agent_version} if online else {}
+        self.journal.emit("robot.online" if online else "robot.offline", robot.id, facts)
+
+    def on_lease(self, robot: str, holder: str, taken: bool) -> None:
+        """Somebody drives a robot, or does no more."""
+        self.journal.emit("lease.taken" if taken else "lease.ended", robot, {"holder": holder})
+
+    def on_command(self, command: Command) -> None:
+        """A command is over. What was published well is in the history of commands, and is no event."""
+        if command.kind == "publish" and command.state == DONE:
+            return
+        told = {"command": command.id, "kind": command.kind, "state": command.state, "code": command.code}
+        self.journal.emit("command.ended", command.robot, {**told, "issued_by": command.issued_by})
+
+    def on_recording(self, recording: Recording) -> None:
+        """A recording came to its end."""
+        told: dict[str, Any] = {"recording": recording.id}
+        if recording.state == STORED:
+            self.journal.emit("recording.stored", recording.robot, {**told, "size_bytes": recording.size_bytes})
+        else:
+            told |= {"code": recording.code, "message": recording.message[:TEXT_CHARS]}
+            self.journal.emit("recording.failed", recording.robot, told)
+
+    def on_rollout(self, rollout: Rollout) -> None:
+        """A rollout is in another state."""
+        told = {"rollout": rollout.id, "state": rollout.state, "reason": rollout.reason[:TEXT_CHARS]}
+        self.journal.emit("rollout.changed", "", told)
+
+    def on_twin(self, before: Reported | None, after: Reported) -> None:
+        """A robot reported what it is, and what it reported before."""
+        kind = SETTLED.get(after.state)
+        same = before is not None and (before.state, before.revision) == (after.state, after.revision)
+        if kind is not None and after.revision and not same:
+            told: dict[str, Any] = {"revision": after.revision}
+            if kind != "twin.applied":
+                told |= {"code": after.code, "message": after.message[:TEXT_CHARS]}
+            self.journal.emit(kind, after.robot, told)
+        if before is not None and before.reported and before.reported != after.reported:
+            self._nodes(after.robot, _nodes_of(before), _nodes_of(after))
+
+    def _nodes(self, robot: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
+        for name, row in after.items():
+            known = before.get(name)
+            if not isinstance(known, Mapping) or not isinstance(row, Mapping):
+                continue
+            crashes = _count(row.get("crashes"))
+            told = {"node": name, "restarts": _count(row.get("restarts"))}
+            if crashes > _count(known.get("crashes")):
+                self.journal.emit("node.crashed", robot, {**told, "crashes": crashes})
+            if row.get("quarantined") is True and known.get("quarantined") is not True:
+                self.journal.emit("node.quarantined", robot, told)
+
+
+def _nodes_of(item: Reported) -> Mapping[str, Any]:
+    """The nodes that a robot reported; none where that is no JSON of the kind."""
+    try:
+        found = orjson.loads(item.reported)
+    except orjson.JSONDecodeError:
+        return {}
+    nodes = found.get("nodes") if isinstance(found, dict) else None
+    return nodes if isinstance(nodes, dict) else {}
+
+
+def _count(value: Any) -> int:
+    return value if isinstance(value, int) else 0
