@@ -11,7 +11,13 @@ from pathlib import Path
 
 from gateway.identity.local import LOCAL_KEY_FILE
 from gateway.names import url_of
-from gateway.settings import DEFAULT_GRPC_PORT, DEFAULT_HTTP_PORT, Settings
+from gateway.settings import (
+    DEFAULT_FOXGLOVE_PORT,
+    DEFAULT_GRPC_PORT,
+    DEFAULT_HTTP_PORT,
+    DEFAULT_ROSBRIDGE_PORT,
+    Settings,
+)
 from gateway.store.engine import shown
 from gateway.tls import ROOT_FILE
 from metaros.cli.credentials import forget_key, save_key
@@ -34,6 +40,8 @@ class Ready:
     public_host: str = ""  # by which other machines reach it; "": none can
     roots_pem: str = ""  # under which its own certificate is; "": no TLS
     api_grpc_port: int = 0  # of people's programs
+    foxglove_port: int = 0  # 0: it has none of its own
+    rosbridge_port: int = 0
 
     @property
     def url(self) -> str:
@@ -47,6 +55,16 @@ class Ready:
         return url_of(self._scheme, self.public_host, self.http_port) if self.public_host else ""
 
     @property
+    def foxglove_url(self) -> str:
+        """Where Foxglove connects: its own port, or the path on the main one."""
+        url = url_of("wss" if self.tls else "ws", self._here, self.foxglove_port or self.http_port)
+        return url if self.foxglove_port else f"{url}/foxglove"
+
+    @property
+    def _here(self) -> str:
+        return self.public_host or {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(self.host, self.host)
+
+    @property
     def _scheme(self) -> str:
         return "https" if self.tls else "http"
 
@@ -58,6 +76,8 @@ def ready_line(settings: Settings, where: Ready) -> str:
         for what, asked, default, got in (
             ("port", settings.port, DEFAULT_HTTP_PORT, where.http_port),
             ("robots' port", settings.grpc_port, DEFAULT_GRPC_PORT, where.grpc_port),
+            ("Foxglove's port", settings.foxglove_port, DEFAULT_FOXGLOVE_PORT, where.foxglove_port),
+            ("rosbridge's port", settings.rosbridge_port, DEFAULT_ROSBRIDGE_PORT, where.rosbridge_port),
         )
         if asked is None and got != default
     ]
@@ -65,6 +85,8 @@ def ready_line(settings: Settings, where: Ready) -> str:
     others = f" (others: {where.public_url})" if where.public_url not in ("", where.url) else ""
     store = f"  store {shown(settings.store_url)}" if settings.store_url else ""
     ports = f"robots {where.host}:{where.grpc_port}  programs {where.host}:{where.api_grpc_port}"
+    for name, port in (("foxglove", where.foxglove_port), ("rosbridge", where.rosbridge_port)):
+        ports += f"  {name} {where.host}:{port}" if port else ""
     return f"gateway ready: {where.url}{others}  {ports}  data {where.data_dir}{store}{note}"
 
 
@@ -77,6 +99,8 @@ def write_status(path: Path, where: Ready) -> None:
         "http_port": where.http_port,
         "grpc_port": where.grpc_port,
         "api_grpc_port": where.api_grpc_port,
+        "foxglove_port": where.foxglove_port,
+        "rosbridge_port": where.rosbridge_port,
         "url": where.url,
         "public_url": where.public_url,
         "data_dir": str(where.data_dir),

@@ -18,7 +18,9 @@ from gateway.cli_options import (
 )
 from gateway.cli_rekey import register as register_rekey
 from gateway.cli_store import register as register_store
+from gateway.ports import NO_PORT
 from gateway.settings import MIB, Settings, default_data_dir
+from metaros.errors import ConfigError
 
 __all__ = ["register"]
 
@@ -31,6 +33,15 @@ RobotsPort = Annotated[
 ]
 ProgramsPort = Annotated[
     int | None, typer.Option(min=0, max=65535, help="Port of the API over gRPC; default 8082, or a free one.")
+]
+FoxglovePort = Annotated[
+    str, typer.Option(metavar="PORT|off", help="Port of Foxglove's protocol; default 8765, or a free one.")
+]
+RosbridgePort = Annotated[
+    str, typer.Option(metavar="PORT|off", help="Port of rosbridge's protocol; default 9090, or a free one.")
+]
+AssetsDir = Annotated[
+    Path | None, typer.Option(file_okay=False, help="Files that viewers may fetch, such as meshes; none by default.")
 ]
 AllowHost = Annotated[list[str] | None, typer.Option(help="Another name browsers may call this gateway by.")]
 AllowOrigin = Annotated[list[str] | None, typer.Option(help="Origin of another page that may use this gateway.")]
@@ -88,6 +99,9 @@ def _gateway(
     port: Port = None,
     grpc_port: RobotsPort = None,
     api_grpc_port: ProgramsPort = None,
+    foxglove_port: FoxglovePort = "",
+    rosbridge_port: RosbridgePort = "",
+    assets_dir: AssetsDir = None,
     data_dir: DataDir = None,
     store: StoreUrl = "",
     objects: ObjectsUrl = "",
@@ -131,9 +145,22 @@ def _settings(given: dict[str, Any]) -> Settings:
     """The settings that the options mean."""
     chosen = {RENAMED.get(name, name): value for name, value in given.items()}
     chosen |= {plural: tuple(chosen.pop(option) or ()) for option, plural in PLURAL.items()}
+    for name in ("foxglove_port", "rosbridge_port"):
+        chosen[name] = _own_port(given[name], f"--{name.replace('_', '-')}")
     chosen["data_dir"] = given["data_dir"] or default_data_dir()
     chosen["robot_certificate_s"] *= 3600.0
     chosen["retention_bytes"] = chosen.pop("retention_mib") * MIB
     chosen["retention_rules"] = tuple(chosen.pop("retention") or ())
     chosen["tick_s"] = chosen.pop("tick_ms") / 1000
     return Settings(**chosen)
+
+
+def _own_port(text: str, flag: str) -> int | None:
+    """What a port of a protocol's own is to be; ConfigError for what is none."""
+    if not text:
+        return None
+    if text == "off":
+        return NO_PORT
+    if not (text.isascii() and text.isdigit() and len(text) < 6 and int(text) <= 65535):
+        raise ConfigError(f"{flag} {text[:20]}: it is a port, 0 to 65535, or off")
+    return int(text)

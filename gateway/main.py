@@ -18,6 +18,7 @@ import uvicorn
 from gateway.announce import LocalAccess, Ready, ready_line, write_status
 from gateway.api.grpc.authenticate import Gate
 from gateway.api.grpc.serving import add_fleet
+from gateway.api.viewer_doors import FOXGLOVE, ROSBRIDGE, OwnPorts
 from gateway.app import Gateway
 from gateway.crowd import Crowd, Guest, open_files
 from gateway.domain.networks import is_within, read_address
@@ -25,8 +26,15 @@ from gateway.grpc_server import ServerTls, make_server, tls_credentials
 from gateway.http_server import protocols
 from gateway.identity.door import Door
 from gateway.ingest.link_service import add_links
-from gateway.ports import listen
-from gateway.settings import DEFAULT_API_GRPC_PORT, DEFAULT_GRPC_PORT, DEFAULT_HTTP_PORT, Settings
+from gateway.ports import Listeners, PortChoice, listen, listen_all, port_of
+from gateway.settings import (
+    DEFAULT_API_GRPC_PORT,
+    DEFAULT_FOXGLOVE_PORT,
+    DEFAULT_GRPC_PORT,
+    DEFAULT_HTTP_PORT,
+    DEFAULT_ROSBRIDGE_PORT,
+    Settings,
+)
 from gateway.tls import HttpTls, strict_transport
 from gateway.tls_accept import TlsAcceptor
 from metaros.clock import Clock, SystemClock
@@ -49,7 +57,7 @@ class _HttpServer(uvicorn.Server):
         self.up = asyncio.Event()
         self._crowd = crowd
         self._tls = tls
-        self._accepting: asyncio.Task[None] | None = None
+        self._accepting: list[asyncio.Task[None]] = []
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -60,15 +68,16 @@ class _HttpServer(uvicorn.Server):
         """Start, then say so. Behind TLS the connections are accepted by us: see tls_accept.py."""
         tls = self._tls
         await super().startup(sockets if tls is None else [])
-        if tls is not None and sockets:
-            acceptor = TlsAcceptor(sockets[0], crowd=self._crowd, context=tls.context, protocol=self._protocol)
-            self._accepting = asyncio.get_running_loop().create_task(acceptor.run())
+        if tls is not None:
+            for listener in sockets or ():
+                acceptor = TlsAcceptor(listener, crowd=self._crowd, context=tls.context, protocol=self._protocol)
+                self._accepting.append(asyncio.get_running_loop().create_task(acceptor.run()))
         self.up.set()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Take nobody any more, then end as ever."""
-        if self._accepting is not None:
-            self._accepting.cancel()
+        for task in self._accepting:
+            task.cancel()
         await super().shutdown(sockets)
 
     def _protocol(self, guest: Guest) -> asyncio.Protocol:
@@ -87,37 +96,34 @@ async def serve(
     on_ready: Callable[[Ready], None] = lambda ready: None,
 ) -> None:
     """Run a gateway in this event loop until `stop` is set; `door` knows credentials beside its own."""
-    listener = listen(settings.host, settings.port, default=DEFAULT_HTTP_PORT, flag="--port")
-    try:
+    with listen_all(settings.host, _ports(settings)) as listeners:
         gateway = Gateway(settings, clock=clock or SystemClock(), door=door)
-    except BaseException:
-        listener.close()
-        raise
-    try:
-        await gateway.start()
-        await _serve(gateway, listener, stop, on_ready)
-    finally:
-        listener.close()
-        await gateway.stop()
+        try:
+            await gateway.start()
+            await _serve(gateway, listeners, stop, on_ready)
+        finally:
+            for listener in filter(None, listeners):
+                listener.close()
+            await gateway.stop()
 
 
 async def _serve(
-    gateway: Gateway, listener: socket.socket, stop: asyncio.Event, on_ready: Callable[[Ready], None]
+    gateway: Gateway, listeners: Listeners, stop: asyncio.Event, on_ready: Callable[[Ready], None]
 ) -> None:
     robots, gateway.grpc_port = _robots_server(gateway)
     programs, api_grpc_port = _programs_server(gateway)
     crowd = _crowd(gateway)
-    http = _HttpServer(_http_config(gateway, crowd), crowd=crowd, tls=gateway.tls)
+    http = _HttpServer(_http_config(gateway, crowd, listeners), crowd=crowd, tls=gateway.tls)
     await robots.start()
     await programs.start()
     try:
         async with asyncio.TaskGroup() as group:
-            web = group.create_task(http.serve(sockets=[listener]))
+            web = group.create_task(http.serve(sockets=list(filter(None, listeners))))
             work = group.create_task(gateway.run())
             sweeping = group.create_task(crowd.run())
             starting = group.create_task(http.up.wait())
             await asyncio.wait({web, starting}, return_when=asyncio.FIRST_COMPLETED)
-            on_ready(_ready(gateway, int(listener.getsockname()[1]), api_grpc_port))
+            on_ready(_ready(gateway, listeners, api_grpc_port))
             await stop.wait()
             gateway.links.close()
             await asyncio.gather(robots.stop(GRPC_GRACE_S), programs.stop(GRPC_GRACE_S))
@@ -129,8 +135,17 @@ async def _serve(
         crowd.close()
 
 
-def _ready(gateway: Gateway, http_port: int, api_grpc_port: int) -> Ready:
-    own = gateway.settings
+def _ports(settings: Settings) -> tuple[PortChoice, ...]:
+    """The ports that speak HTTP: the main one, Foxglove's and rosbridge's."""
+    return (
+        PortChoice(settings.port, DEFAULT_HTTP_PORT, "--port"),
+        PortChoice(settings.foxglove_port, DEFAULT_FOXGLOVE_PORT, "--foxglove-port"),
+        PortChoice(settings.rosbridge_port, DEFAULT_ROSBRIDGE_PORT, "--rosbridge-port"),
+    )
+
+
+def _ready(gateway: Gateway, listeners: Listeners, api_grpc_port: int) -> Ready:
+    own, (http_port, foxglove_port, rosbridge_port) = gateway.settings, map(port_of, listeners)
     return Ready(
         own.host,
         http_port,
@@ -140,6 +155,8 @@ def _ready(gateway: Gateway, http_port: int, api_grpc_port: int) -> Ready:
         public_host=own.public_host,
         roots_pem=gateway.identities.authorities.roots_pem if own.tls_on else "",
         api_grpc_port=api_grpc_port,
+        foxglove_port=foxglove_port,
+        rosbridge_port=rosbridge_port,
     )
 
 
@@ -204,11 +221,13 @@ def _crowd(gateway: Gateway) -> Crowd:
     return Crowd(clock=gateway.clock, roomy=roomy, files=open_files())
 
 
-def _http_config(gateway: Gateway, crowd: Crowd) -> uvicorn.Config:
+def _http_config(gateway: Gateway, crowd: Crowd, listeners: Listeners) -> uvicorn.Config:
     tls = gateway.tls
+    doors = zip(map(port_of, listeners[1:]), (FOXGLOVE, ROSBRIDGE), strict=True)
+    api = OwnPorts(gateway.api, {port: path for port, path in doors if port})
     http, socket_protocol = protocols(crowd, clock=gateway.clock)
     return uvicorn.Config(
-        strict_transport(gateway.api, tls) if tls is not None else gateway.api,
+        strict_transport(api, tls) if tls is not None else api,
         http=http,
         ws=socket_protocol,
         lifespan="off",

@@ -5,10 +5,42 @@ from __future__ import annotations
 import importlib
 import socket
 import sys
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 
 from metaros.errors import ConfigError
 
-__all__ = ["listen", "owner_of"]
+__all__ = ["NO_PORT", "Listeners", "PortChoice", "listen", "listen_all", "owner_of", "port_of"]
+
+NO_PORT = -1  # not to be had at all
+Listeners = Sequence[socket.socket | None]
+
+
+@dataclass(frozen=True, slots=True)
+class PortChoice:
+    """A port as somebody chose it: None the default or a free one, 0 a free one, NO_PORT none."""
+
+    port: int | None
+    default: int
+    flag: str
+
+
+@contextmanager
+def listen_all(host: str, choices: Sequence[PortChoice]) -> Iterator[Listeners]:
+    """All of them bound, or none; closed at the end. Those that nobody wants are None."""
+    with ExitStack() as stack:
+        yield [
+            None
+            if choice.port == NO_PORT
+            else stack.enter_context(listen(host, choice.port, default=choice.default, flag=choice.flag))
+            for choice in choices
+        ]
+
+
+def port_of(listener: socket.socket | None) -> int:
+    """The port that a socket is bound to; 0 where there is none."""
+    return int(listener.getsockname()[1]) if listener is not None else 0
 
 
 def listen(host: str, port: int | None, *, default: int, flag: str) -> socket.socket:

@@ -14,8 +14,10 @@ from metaros.limits import LIMITS
 
 __all__ = [
     "DEFAULT_API_GRPC_PORT",
+    "DEFAULT_FOXGLOVE_PORT",
     "DEFAULT_GRPC_PORT",
     "DEFAULT_HTTP_PORT",
+    "DEFAULT_ROSBRIDGE_PORT",
     "Settings",
     "default_data_dir",
     "is_loopback",
@@ -24,6 +26,8 @@ __all__ = [
 DEFAULT_HTTP_PORT = 8080
 DEFAULT_GRPC_PORT = 8081
 DEFAULT_API_GRPC_PORT = 8082
+DEFAULT_FOXGLOVE_PORT = 8765
+DEFAULT_ROSBRIDGE_PORT = 9090
 MIB = 1024 * 1024
 _FLEET = re.compile(r"[a-z0-9][a-z0-9.-]{0,62}")
 
@@ -41,6 +45,9 @@ class Settings:
     port: int | None = None
     grpc_port: int | None = None  # of robots
     api_grpc_port: int | None = None  # of people's programs
+    foxglove_port: int | None = None  # -1: no port of its own
+    rosbridge_port: int | None = None
+    assets_dir: Path | None = None  # files that viewers may fetch: meshes, maps
     data_dir: Path = field(default_factory=default_data_dir)
     store_url: str = field(default="", repr=False)  # PostgreSQL; "": a file in the data directory
     objects_url: str = ""  # "": a directory in the data directory

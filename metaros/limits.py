@@ -89,6 +89,7 @@ class Limits:
     bundle_downloads: int = 64  # of robots, that a gateway serves at a time
     robot_downloads: int = 2  # of one robot among them: one goes on while another that broke off is not over yet
     bundles: int = 10_000  # that a store keeps
+    ticket_s: float = 12 * 3600.0  # the longest life of a ticket for a viewer
     fetch_token_s: float = 86_400.0  # how long a robot's token for update files is good; a new one with each Welcome
     rollout_robots: int = 20_000  # of one rollout
     rollouts_open: int = 64  # that run, wait or were halted; more are refused

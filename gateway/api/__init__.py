@@ -42,6 +42,7 @@ from gateway.api.rest import (
 )
 from gateway.api.services import Services
 from gateway.api.static import Dashboard
+from gateway.api.viewer_doors import QueryToken
 from gateway.api.ws import link, stream, teleop
 
 __all__ = ["ROUTERS", "create_api", "route_paths"]
@@ -92,7 +93,7 @@ def create_api(services: Services) -> ASGIApp:
         logged, services.door, anonymous=settings.anonymous_viewers, host=settings.host, rates=services.rates
     )
     guarded = Guard(RefusedSignIn(known), hosts=settings.server_names, origins=settings.allow_origins)
-    return Proxies(guarded, settings.proxies, only=settings.proxied_only)
+    return QueryToken(Proxies(guarded, settings.proxies, only=settings.proxied_only))
 
 
 def route_paths() -> list[str]:

@@ -15,6 +15,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from gateway.api.allow import PRINCIPAL_KEY, SAFE_METHODS
 from gateway.api.problem import PROBLEM_TYPE, problem
+from gateway.api.viewer_doors import is_door
 from gateway.domain.principal import NOBODY, Principal, Role
 from gateway.errors import StoreError
 from gateway.identity.audit import AuditLog
@@ -50,7 +51,7 @@ class Audited:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on; the row is written on the way back."""
-        if scope["type"] not in ("http", "websocket") or not scope["path"].startswith("/api/"):
+        if scope["type"] not in ("http", "websocket") or not is_door(scope["path"]):
             await self._app(scope, receive, send)
             return
         scope.setdefault("state", {})

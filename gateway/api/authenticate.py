@@ -1,8 +1,9 @@
-"""Who asks: the credential of every request and socket under /api turned into a principal. Pure ASGI, inside Guard.
+"""Who asks: the credential of every request and socket turned into a principal. Pure ASGI, inside Guard.
 
-`Authorization: Bearer mrk_…`, else of a socket the subprotocol `metaros.key.<key>`, else the cookie `metaros_session`,
-else nobody. A credential that is not good is remembered, not answered: a page with an expired cookie must still load
-and be able to sign in, so `allow` refuses it wherever more is asked than what is public.
+`Authorization: Bearer mrk_…`, else of a socket the subprotocol `metaros.key.<key>`, of a viewer's socket `?token=` (a
+key or a ticket), else the cookie `metaros_session`, else nobody. A credential that is not good is remembered, not
+answered: a page with an expired cookie must still load and be able to sign in, so `allow` refuses it wherever more is
+asked than what is public.
 
 Nobody is a viewer on this very machine, if the settings say so: the connection comes from a loopback address, by a
 loopback name, and no proxy says that it passes on somebody else's.
@@ -20,10 +21,12 @@ from gateway.api.address import PROXIED_KEY
 from gateway.api.allow import BY_COOKIE_KEY, CREDENTIAL_KEY, PRINCIPAL_KEY, REFUSAL_KEY
 from gateway.api.guard import LOOPBACK_NAMES
 from gateway.api.rate import Rates, address_of
+from gateway.api.viewer_doors import TOKEN_KEY, is_door
 from gateway.domain.networks import is_loopback_address
 from gateway.domain.principal import NOBODY, Principal, anonymous_viewer
 from gateway.errors import CredentialsError
 from gateway.identity.door import Door
+from gateway.identity.tickets import is_ticket
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
 
@@ -41,7 +44,7 @@ _FORWARDED = (b"forwarded", b"via", b"x-forwarded-for", b"x-forwarded-host", b"x
 class Credential:
     """What came with a request; kept as long as a socket is open, to ask again."""
 
-    kind: Literal["key", "session"]
+    kind: Literal["key", "ticket", "session"]
     text: str
 
     def __repr__(self) -> str:
@@ -52,9 +55,11 @@ async def identify(door: Door, credential: Credential) -> Principal | None:
     """Whose it is now; None when it is not good, or not any more."""
     if not credential.text or len(credential.text) > LIMITS.credential_chars:
         return None
-    if credential.kind == "key":
-        return await door.by_key(credential.text)
-    return await door.by_session(credential.text)
+    if credential.kind == "session":
+        return await door.by_session(credential.text)
+    if is_ticket(credential.text) and credential.kind != "ticket":
+        return None  # a ticket opens viewers' sockets, nothing else
+    return await door.by_key(credential.text)
 
 
 class Authenticate:
@@ -72,7 +77,7 @@ class Authenticate:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Find out, then pass on."""
-        if scope["type"] in ("http", "websocket") and scope["path"].startswith("/api/"):
+        if scope["type"] in ("http", "websocket") and is_door(scope["path"]):
             scope.setdefault("state", {})
             scope[PRINCIPAL_KEY] = NOBODY
             try:
@@ -122,14 +127,17 @@ def _credential(scope: Scope) -> tuple[Credential | None, bool]:
     said = [value.decode("latin-1") for key, value in scope["headers"] if key == b"authorization"]
     if said:
         scheme, _, text = said[0].partition(" ")
-        if len(said) > 1 or scheme.lower() != "bearer":
+        if len(said) > 1 or scheme.lower() != "bearer" or TOKEN_KEY in scope:
             raise CredentialsError("Authorization is Bearer and a key, once")
         return Credential("key", text.strip()), False
     offered = [name for name in scope.get("subprotocols", ()) if name.startswith(KEY_PROTOCOL)]
+    tokens: list[str] = scope.get(TOKEN_KEY, [])
+    if len(offered) + len(tokens) > 1:
+        raise CredentialsError("one key at a time")
     if offered:
-        if len(offered) > 1:
-            raise CredentialsError("one key at a time")
         return Credential("key", offered[0].removeprefix(KEY_PROTOCOL)), False
+    if tokens:
+        return Credential("ticket" if is_ticket(tokens[0]) else "key", tokens[0]), False
     token = _cookie(scope)
     return (None, False) if token is None else (Credential("session", token), True)
 

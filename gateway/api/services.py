@@ -24,6 +24,7 @@ from gateway.identity.audit import AuditLog
 from gateway.identity.desk import IdentityDesk
 from gateway.identity.door import Door
 from gateway.identity.oidc import OidcClient
+from gateway.identity.tickets import Tickets
 from gateway.ingest.links import Links
 from gateway.ingest.registry import Registry
 from gateway.live.hub import Hub
@@ -47,6 +48,7 @@ class Services:
     audit: AuditLog
     oidc: OidcClient | None
     attendance: Attendance
+    tickets: Tickets
     rates: Rates
     identities: IdentityDesk
     grpc_port: Callable[[], int]

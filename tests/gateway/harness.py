@@ -33,7 +33,17 @@ OPERATOR_KEY = RING.add(role=Role.OPERATOR, name="test operator")
 async def running_gateway(folder: Path, *, door: Door | None = None, **settings: Any) -> AsyncIterator[Ready]:
     """A gateway on free ports, stopped at the end as a signal would stop it; it knows the keys of `door`."""
     stop, up = asyncio.Event(), asyncio.get_running_loop().create_future()
-    chosen = Settings(**{"port": 0, "grpc_port": 0, "api_grpc_port": 0, "data_dir": folder / "data", **settings})
+    chosen = Settings(
+        **{
+            "port": 0,
+            "grpc_port": 0,
+            "api_grpc_port": 0,
+            "foxglove_port": 0,
+            "rosbridge_port": 0,
+            "data_dir": folder / "data",
+            **settings,
+        }
+    )
     task = asyncio.create_task(serve(chosen, stop, on_ready=up.set_result, door=door or RING))
     await asyncio.wait({task, up}, return_when=asyncio.FIRST_COMPLETED)
     try:
