@@ -41,7 +41,6 @@ from gateway.identity.master import MasterKey
 from gateway.identity.oidc import OidcClient
 from gateway.identity.oidc_settings import OidcSettings
 from gateway.identity.store_door import StoreDoor
-from gateway.identity.tickets import Tickets
 from gateway.ingest.links import LinkHooks, Links
 from gateway.ingest.quota import Quota
 from gateway.ingest.registry import Registry, RobotRecord, SeriesState
@@ -98,8 +97,8 @@ class Gateway:
         self.recordings = RecordingDesk(
             self.store, self.objects, settings.data_dir / "incoming", self._robot_side(), clock=clock, limits=limits
         )
-        self.local_key = LocalKey(settings.data_dir)
         self.recordings.listen(self.events.on_recording)
+        self.local_key = LocalKey(settings.data_dir)
         stored = StoreDoor(self.store, clock=clock)
         master = MasterKey.load_or_make(settings.data_dir)
         self.accounts = Accounts(self.store, stored, master, clock=clock)
@@ -107,8 +106,7 @@ class Gateway:
         provider = OidcSettings.load(settings.oidc) if settings.oidc is not None else None
         self.oidc = OidcClient(provider, master, clock=clock) if provider is not None else None
         self._make_updates(master)
-        self.tickets = Tickets(self.store, clock=clock)
-        self.door = Doors(self.local_key, self.fetch_tokens, self.tickets, stored, *filter(None, [door]))
+        self.door = Doors(self.local_key, self.fetch_tokens, stored, *filter(None, [door]))
         self.attendance = Attendance(self.door)
         self.rates = rates_of(settings, clock)
         self._demand = DemandBook()
@@ -152,15 +150,15 @@ class Gateway:
             self.links.send,
             clock=self.clock,
             local={"save_recording": self._save_recording},
+            ended=self.events.on_command,
             limits=limits,
         )
         self.twins = Twins(self.store, self.links.send, self._labels_said, clock=self.clock)
+        self.twins.book.watch(self.events.on_twin)
         self.failover = Failover(self.store, self.twins, self.links.send, clock=self.clock)
-            ended=self.events.on_command,
         parts = (self.twins, self.registry.get, self.commands, self.fleet, self.orders)
         self.nodes = Nodes(*parts, clock=self.clock, holder_of=self.failover.holder_of)
 
-        self.twins.book.watch(self.events.on_twin)
     def _make_updates(self, master: MasterKey) -> None:
         folder, clock = self.settings.data_dir / "updates", self.clock
         self.updates = Repository(self.store, self.objects, master, folder, clock=clock)
@@ -179,7 +177,6 @@ class Gateway:
             audit=self.audit,
             oidc=self.oidc,
             attendance=self.attendance,
-            tickets=self.tickets,
             rates=self.rates,
             identities=self.identities,
             grpc_port=lambda: self.grpc_port,
@@ -198,12 +195,12 @@ class Gateway:
             nodes=self.nodes,
             updates=self.updates,
             rollouts=self.rollouts,
+            events=self.events.journal,
             leases=self.leases,
             on_subscriptions=self._on_subscriptions,
             demand_of=self._demand.told,
             describe=self.describe,
             checks=self.checks,
-            events=self.events.journal,
         )
 
     async def start(self) -> None:
@@ -214,13 +211,12 @@ class Gateway:
         await self.identities.start()
         await self._start_tls()
         await self.twins.start()
+        await self.events.start()
         self.updates.shelf.clean()
         await self.fetch_tokens.load()
-        await self.tickets.load()
         stored = sorted(await self.store.robots(), key=lambda item: -item.last_seen_ns)
         for position, item in enumerate(stored):
             record = self.registry.add(RobotRecord(item.robot, seen_ns=item.last_seen_ns))
-        await self.events.start()
             if position < LOADED_ROBOTS:
                 for facts in await self.store.series(item.robot.id):
                     state = SeriesState(facts.series, facts.samples, facts.stamp_ns, facts.value)
@@ -269,13 +265,13 @@ class Gateway:
             await self.twins.close()
             await self.presence.close()
         await self.orders.close()
+        await self.events.close()
         await self.audit.close()
         await self.store.close()
         await asyncio.to_thread(self.objects.close)
 
     def describe(self, robot_id: str) -> dict[str, Any]:
         """A robot as the API shows it."""
-        await self.events.close()
         now_s = self.clock.monotonic_s()
         lease = self.leases.holder_of(robot_id, now_s=now_s)
         view = robot_view(self.registry.get(robot_id), lease, now_s=now_s)
@@ -341,13 +337,13 @@ class Gateway:
 
     def _on_online(self, robot_id: str, online: bool) -> None:
         self._demand.forget(robot_id)
+        self.events.on_online(self.registry.get(robot_id).robot, online)
         if not online:
             self.commands.on_offline(robot_id)
             self.teleop.on_offline(robot_id)
         self.recordings.on_online(robot_id, online)
         self.twins.on_online(robot_id, online)
         self.failover.on_online(robot_id, online)
-        self.events.on_online(self.registry.get(robot_id).robot, online)
         self.presence.on_online(robot_id)
         self.orders.delivery.on_online(robot_id, online)
         self._on_channels(robot_id)
@@ -360,13 +356,13 @@ class Gateway:
         while True:
             await asyncio.sleep(TICK_S)
             self.links.tick()
+            self.leases.expire(now_s=self.clock.monotonic_s())
             self._stirred.set()
 
     async def _tell_demand(self) -> None:
         """Tell robots what viewers want, robot by robot, so that a large fleet never holds the loop up."""
         while True:
             await self._stirred.wait()
-            self.leases.expire(now_s=self.clock.monotonic_s())
             self._stirred.clear()
             stale, self._stale = self._stale, set()
             for robot_id in {*stale, *self._demand.releasing()}:
