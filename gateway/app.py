@@ -41,6 +41,7 @@ from gateway.identity.master import MasterKey
 from gateway.identity.oidc import OidcClient
 from gateway.identity.oidc_settings import OidcSettings
 from gateway.identity.store_door import StoreDoor
+from gateway.identity.tickets import Tickets
 from gateway.ingest.links import LinkHooks, Links
 from gateway.ingest.quota import Quota
 from gateway.ingest.registry import Registry, RobotRecord, SeriesState
@@ -106,7 +107,8 @@ class Gateway:
         provider = OidcSettings.load(settings.oidc) if settings.oidc is not None else None
         self.oidc = OidcClient(provider, master, clock=clock) if provider is not None else None
         self._make_updates(master)
-        self.door = Doors(self.local_key, self.fetch_tokens, stored, *filter(None, [door]))
+        self.tickets = Tickets(self.store, clock=clock)
+        self.door = Doors(self.local_key, self.fetch_tokens, self.tickets, stored, *filter(None, [door]))
         self.attendance = Attendance(self.door)
         self.rates = rates_of(settings, clock)
         self._demand = DemandBook()
@@ -177,6 +179,7 @@ class Gateway:
             audit=self.audit,
             oidc=self.oidc,
             attendance=self.attendance,
+            tickets=self.tickets,
             rates=self.rates,
             identities=self.identities,
             grpc_port=lambda: self.grpc_port,
@@ -214,6 +217,7 @@ class Gateway:
         await self.events.start()
         self.updates.shelf.clean()
         await self.fetch_tokens.load()
+        await self.tickets.load()
         stored = sorted(await self.store.robots(), key=lambda item: -item.last_seen_ns)
         for position, item in enumerate(stored):
             record = self.registry.add(RobotRecord(item.robot, seen_ns=item.last_seen_ns))
