@@ -17,7 +17,7 @@ import uvicorn
 
 from gateway.announce import LocalAccess, Ready, ready_line, write_status
 from gateway.api.grpc.authenticate import Gate
-from gateway.api.grpc.serving import add_fleet
+from gateway.api.grpc.serving import add_programs
 from gateway.api.viewer_doors import FOXGLOVE, ROSBRIDGE, OwnPorts
 from gateway.app import Gateway
 from gateway.crowd import Crowd, Guest, open_files
@@ -176,7 +176,7 @@ def _programs_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
     """Where people's programs connect, and its port."""
     own, gate = gateway.settings, Gate(lambda: gateway.services)
     return make_server(
-        lambda server: add_fleet(server, gate),
+        lambda server: add_programs(server, gate),
         host=own.host,
         port=_free_port(own.host, own.api_grpc_port, default=DEFAULT_API_GRPC_PORT, flag="--api-grpc-port"),
         connections=LIMITS.programs_connections,

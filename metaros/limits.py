@@ -76,6 +76,7 @@ class Limits:
     socket_message_bytes: int = 64 * KIB  # of a client on the stream and teleop sockets
     socket_frames_per_s: float = 150.0  # of a client, control frames and fragments too; a robot's link: 60 times
     programs_connections: int = 1024  # to the gRPC port of people's programs
+    health_watch_s: float = 600.0  # a watch of the gateway's health over gRPC; its client begins again
     robots_connections: int = 32_768  # to the gRPC port of robots: three of each
     links_waiting: int = 1024  # lanes of robots that have not said who they are
     links_waiting_address: int = 128  # of one address beyond this machine

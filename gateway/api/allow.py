@@ -36,17 +36,22 @@ SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 BARE: dict[str, str] = {"/api/v1/openapi.json": "api.read", "/": "page.read"}
 RPCS: dict[str, str] = {
     "/metaros.v1.Link/Connect": "agent.link",
-    "/metaros.v1.Fleet/ListRobots": "robots.read",
-    "/metaros.v1.Fleet/GetRobot": "robots.read",
-    "/metaros.v1.Fleet/Publish": "robots.publish",
-    "/metaros.v1.Fleet/CallService": "robots.call",
-    "/metaros.v1.Fleet/SendCommand": "commands.send",
-    "/metaros.v1.Fleet/GetCommand": "commands.read",
-    "/metaros.v1.Fleet/WatchCommand": "commands.read",
-    "/metaros.v1.Fleet/AcquireLease": "robots.drive",
-    "/metaros.v1.Fleet/RenewLease": "robots.drive",
-    "/metaros.v1.Fleet/ReleaseLease": "robots.drive",
-    "/metaros.v1.Fleet/Drive": "robots.drive",
+    "/metaros.v1.FleetService/ListRobots": "robots.read",
+    "/metaros.v1.FleetService/GetRobot": "robots.read",
+    "/metaros.v1.TelemetryService/Publish": "robots.publish",
+    "/metaros.v1.TelemetryService/CallService": "robots.call",
+    "/metaros.v1.FleetService/SendCommand": "commands.send",
+    "/metaros.v1.FleetService/GetCommand": "commands.read",
+    "/metaros.v1.FleetService/WatchCommand": "commands.read",
+    "/metaros.v1.FleetService/AcquireLease": "robots.drive",
+    "/metaros.v1.FleetService/RenewLease": "robots.drive",
+    "/metaros.v1.FleetService/ReleaseLease": "robots.drive",
+    "/metaros.v1.FleetService/Drive": "robots.drive",
+    "/grpc.health.v1.Health/Check": "health.read",
+    "/grpc.health.v1.Health/List": "health.read",
+    "/grpc.health.v1.Health/Watch": "health.read",
+    "/grpc.reflection.v1.ServerReflection/ServerReflectionInfo": "api.read",
+    "/grpc.reflection.v1alpha.ServerReflection/ServerReflectionInfo": "api.read",
 }
 
 _ROWS: dict[Callable[..., Any], Permission] = {}

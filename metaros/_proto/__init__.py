@@ -4,10 +4,14 @@ from metaros._proto.metaros.v1 import fleet_pb2 as fleet_pb2
 from metaros._proto.metaros.v1 import fleet_pb2_grpc as fleet_pb2_grpc
 from metaros._proto.metaros.v1 import link_pb2 as link_pb2
 from metaros._proto.metaros.v1 import link_pb2_grpc as link_pb2_grpc
+from metaros._proto.metaros.v1 import telemetry_pb2 as telemetry_pb2
+from metaros._proto.metaros.v1 import telemetry_pb2_grpc as telemetry_pb2_grpc
 
 __all__ = [
     "fleet_pb2",
     "fleet_pb2_grpc",
     "link_pb2",
     "link_pb2_grpc",
+    "telemetry_pb2",
+    "telemetry_pb2_grpc",
 ]

@@ -24,7 +24,7 @@ import pytest
 from edge_agent.config import Settings as AgentSettings
 from edge_agent.main import run_agent
 from gateway.main import Ready
-from metaros._proto import fleet_pb2, fleet_pb2_grpc
+from metaros._proto import fleet_pb2, fleet_pb2_grpc, telemetry_pb2, telemetry_pb2_grpc
 from metaros.cdr import codec
 from metaros.clock import SystemClock
 from metaros.interfaces.geometry_msgs.msg import Twist
@@ -45,7 +45,8 @@ class World:
 
     ready: Ready
     http: httpx.AsyncClient
-    fleet: fleet_pb2_grpc.FleetStub
+    fleet: fleet_pb2_grpc.FleetServiceStub
+    telemetry: telemetry_pb2_grpc.TelemetryServiceStub
     heard: list[float]
     speeds: Iterator[int] = field(default_factory=lambda: itertools.count(1))
 
@@ -133,11 +134,11 @@ async def rest_fleet_command(world: World, speed: float, lease: str, sent_ns: in
 
 
 async def grpc_publish(world: World, speed: float, lease: str, sent_ns: int) -> str:
-    request = fleet_pb2.FleetPublishRequest(
+    request = telemetry_pb2.PublishRequest(
         robot="sim_1", topic="cmd_vel", type_name=TWIST, cdr=cdr(speed), lease_id=lease, sent_ns=sent_ns
     )
     try:
-        await world.fleet.Publish(request, metadata=METADATA)
+        await world.telemetry.Publish(request, metadata=METADATA)
     except grpc.aio.AioRpcError as error:
         return code_of(error)
     return ""
@@ -194,7 +195,8 @@ async def world(folder: Path, router: str, heard: list[float], *, checks: bool) 
         stack.push_async_callback(end)
         http = await stack.enter_async_context(client(ready))
         channel = await stack.enter_async_context(grpc.aio.insecure_channel(f"127.0.0.1:{ready.api_grpc_port}"))
-        made = World(ready, http, fleet_pb2_grpc.FleetStub(channel), heard)
+        stubs = fleet_pb2_grpc.FleetServiceStub(channel), telemetry_pb2_grpc.TelemetryServiceStub(channel)
+        made = World(ready, http, *stubs, heard)
         await until_online(made)
         yield made
 

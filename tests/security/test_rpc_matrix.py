@@ -1,7 +1,8 @@
 """Every RPC, asked by everybody: what is registered declares a permission, and answers exactly as the table says.
 
 Link is robots', on a port of its own: a key counts as nothing there, and over TLS nobody is heard at all without a
-certificate of the fleet. Fleet is people's, on theirs: only a key counts, and a robot's certificate is nothing.
+certificate of the fleet. The other services are people's, on theirs: only a key counts, and a robot's certificate is
+nothing. Health and reflection are anybody's there.
 """
 
 from __future__ import annotations
@@ -13,17 +14,18 @@ from typing import Any, cast
 
 import grpc
 import pytest
+from google.protobuf.message_factory import GetMessageClass
 
 from gateway.api.allow import RPCS
 from gateway.api.grpc.authenticate import Gate
 from gateway.api.grpc.errors import CODE_KEY
-from gateway.api.grpc.serving import add_fleet
+from gateway.api.grpc.serving import add_programs
 from gateway.domain.principal import Principal, Role
 from gateway.identity.ca import key_pem
 from gateway.identity.permissions import permission
 from gateway.ingest.link_service import LinkService
 from gateway.main import Ready
-from metaros._proto import fleet_pb2, fleet_pb2_grpc, link_pb2, link_pb2_grpc
+from metaros._proto import fleet_pb2, fleet_pb2_grpc, link_pb2, link_pb2_grpc, telemetry_pb2
 from tests.gateway.harness import ScriptedAgent, client, running_gateway
 from tests.gateway.identity.desks import Held
 from tests.gateway.test_robot_links import (
@@ -48,6 +50,11 @@ KEYS = {
     "other scope": RING.add(role=Role.ADMIN, robots=("other_*",)),
     "unknown": "mrk_" + "0" * 16 + "_" + "0" * 64,
 }
+
+
+PROTOS = (fleet_pb2.DESCRIPTOR, telemetry_pb2.DESCRIPTOR)
+PROGRAMS = tuple(service.full_name for file in PROTOS for service in file.services_by_name.values())
+FLEET_SERVICE = "/metaros.v1.FleetService/"
 
 
 class Registered:
@@ -95,7 +102,8 @@ async def test_every_registered_rpc_declares_a_permission(tmp_path: Path, regist
     assert undeclared(registered.methods) == set()
     assert registered.methods == set(RPCS), "and the table names none that is not there"
     assert {permission(name).who for path, name in RPCS.items() if "Link" in path} == {"robots"}
-    assert {permission(name).who for path, name in RPCS.items() if "Fleet" in path} == {"people"}
+    assert {permission(name).who for path, name in RPCS.items() if path[1:].startswith(PROGRAMS)} == {"people"}
+    assert {permission(name).who for path, name in RPCS.items() if "/grpc." in path} == {"anyone"}
     handlers = {"Shutdown": grpc.unary_unary_rpc_method_handler(lambda request, context: request)}
     registered.add_registered_method_handlers("metaros.v1.Link", handlers)
     assert undeclared(registered.methods) == {"/metaros.v1.Link/Shutdown"}, "one without a row is seen"
@@ -104,10 +112,11 @@ async def test_every_registered_rpc_declares_a_permission(tmp_path: Path, regist
 def test_the_handlers_are_those_of_the_description() -> None:
     seen = Registered()
     link_pb2_grpc.add_LinkServicer_to_server(LinkService.__new__(LinkService), seen)
-    add_fleet(cast(Any, seen), Gate.__new__(Gate))
-    files = (link_pb2.DESCRIPTOR, fleet_pb2.DESCRIPTOR)
+    add_programs(cast(Any, seen), Gate.__new__(Gate))
+    files = (link_pb2.DESCRIPTOR, *PROTOS)
     services = [service for file in files for service in file.services_by_name.values()]
-    assert seen.methods == {f"/{one.full_name}/{method.name}" for one in services for method in one.methods}
+    described = {f"/{one.full_name}/{method.name}" for one in services for method in one.methods}
+    assert {method for method in seen.methods if method.startswith("/metaros.")} == described
 
 
 async def plain(ready: Ready, hello: link_pb2.Hello, held: Held | None = None, *, key: str = "") -> str:
@@ -131,7 +140,7 @@ async def test_everybody_on_the_plain_port_of_this_machine(tmp_path: Path) -> No
             assert await plain(ready, bare("sim_1"), key=key) == "not_enrolled", who
 
 
-FLEET = sorted(path.rpartition("/")[2] for path in RPCS if "Fleet" in path)
+FLEET = sorted(path for path in RPCS if path[1:].startswith(PROGRAMS))
 GATE = {"sign_in", "bad_credentials", "forbidden", "unknown_robot", "unknown_command"}
 
 
@@ -146,23 +155,26 @@ async def programs(ready: Ready, chain_pem: str | None = None, key: Any = None) 
         yield channel
 
 
-async def knock(stub: fleet_pb2_grpc.FleetStub, method: str, key: str) -> tuple[grpc.StatusCode, str]:
+async def knock(channel: grpc.aio.Channel, path: str, key: str) -> tuple[grpc.StatusCode, str]:
     """The status and code of a call that could do nothing if it were let in: the robot is another one, or offline."""
-    description = fleet_pb2.DESCRIPTOR.services_by_name["Fleet"].methods_by_name[method]
-    request = getattr(fleet_pb2, description.input_type.name)()
-    fields = {field.name for field in description.input_type.fields}
+    service, _, method = path[1:].partition("/")
+    descriptions = {one.full_name: one for file in PROTOS for one in file.services_by_name.values()}
+    description = descriptions[service].methods_by_name[method]
+    request = GetMessageClass(description.input_type)()
+    fields = {field.name: field for field in description.input_type.fields}
     for name, value in (("robot", "sim_1"), ("kind", "set_uplink"), ("topic", "x"), ("holder", "h")):
-        if name in fields:
+        if name in fields and not fields[name].is_repeated:
             setattr(request, name, value)
     metadata = tuple((name.lower(), value) for name, value in bearer(key).items())
-    call = getattr(stub, method)
+    streams = description.client_streaming, description.server_streaming
+    make: Any = {(False, False): channel.unary_unary, (False, True): channel.unary_stream}.get(
+        streams, channel.stream_stream
+    )
+    asked = iter([request]) if description.client_streaming else request
+    call = make(path, type(request).SerializeToString)(asked, metadata=metadata, timeout=60)
     try:
-        if method == "Drive":
-            call = call(iter([request]), metadata=metadata)
-        elif method == "WatchCommand":
-            call = call(request, metadata=metadata)
-        else:
-            await call(request, metadata=metadata, timeout=60)
+        if not description.server_streaming:
+            await call
             return grpc.StatusCode.OK, ""
         async for _ in call:
             pass
@@ -178,11 +190,10 @@ async def test_everybody_at_every_method_of_the_fleet(tmp_path: Path, anonymous:
         pass  # known, and offline by now
     async with running_gateway(tmp_path, door=RING, anonymous=anonymous, tls=tls) as ready:
         async with programs(ready) as channel:
-            stub = fleet_pb2_grpc.FleetStub(channel)
-            for method in FLEET:
-                row = permission(RPCS[f"/metaros.v1.Fleet/{method}"])
+            for path in FLEET:
+                row, method = permission(RPCS[path]), path.rpartition("/")[2]
                 for who, key in KEYS.items():
-                    status, code = await knock(stub, method, key)
+                    status, code = await knock(channel, path, key)
                     if who == "unknown":
                         expected = code == "bad_credentials" and status is grpc.StatusCode.UNAUTHENTICATED
                     elif who == "anonymous" and (row.mutates or not anonymous):
@@ -201,7 +212,7 @@ async def test_everybody_at_every_method_of_the_fleet(tmp_path: Path, anonymous:
 async def test_a_key_s_robots_and_what_people_did_are_as_in_rest(tmp_path: Path) -> None:
     async with running_gateway(tmp_path, door=RING) as ready:
         async with ScriptedAgent(ready), programs(ready) as channel:
-            stub = fleet_pb2_grpc.FleetStub(channel)
+            stub = fleet_pb2_grpc.FleetServiceStub(channel)
 
             async def robots(key: str) -> list[str]:
                 metadata = tuple((name.lower(), value) for name, value in bearer(key).items())
@@ -210,7 +221,7 @@ async def test_a_key_s_robots_and_what_people_did_are_as_in_rest(tmp_path: Path)
 
             assert await robots(KEYS["viewer"]) == ["sim_1"]
             assert await robots(KEYS["other scope"]) == []
-            assert (await knock(stub, "RenewLease", KEYS["operator"]))[1] == "lease_required"
+            assert (await knock(channel, f"{FLEET_SERVICE}RenewLease", KEYS["operator"]))[1] == "lease_required"
             async with client(ready, key=ADMIN) as http:
                 rows = (await http.get("/api/v1/audit")).json()["rows"]
             told = [(row["method"], row["action"], row["code"]) for row in rows if row["method"] == "GRPC"]
@@ -236,17 +247,16 @@ async def test_a_robot_s_certificate_is_nobody_at_the_fleet(tmp_path: Path) -> N
     async with tls_gateway(tmp_path) as ready:
         held, given = await enrolled(ready)
         async with programs(ready, given["certificate"] + given["chain"], held.key) as channel:
-            stub = fleet_pb2_grpc.FleetStub(channel)
-            for method in FLEET:
-                mutates = permission(RPCS[f"/metaros.v1.Fleet/{method}"]).mutates
-                assert ((await knock(stub, method, ""))[1] == "sign_in") is mutates, method
-            assert (await knock(stub, "ListRobots", KEYS["unknown"]))[1] == "bad_credentials"
+            for path in FLEET:
+                mutates = permission(RPCS[path]).mutates
+                assert ((await knock(channel, path, ""))[1] == "sign_in") is mutates, path
+            assert (await knock(channel, f"{FLEET_SERVICE}ListRobots", KEYS["unknown"]))[1] == "bad_credentials"
 
 
 async def test_no_other_method_answers(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready:
         for port in (ready.grpc_port, ready.api_grpc_port):
-            for path in ("/metaros.v1.Link/Shutdown", "/grpc.reflection.v1.ServerReflection/ServerReflectionInfo"):
+            for path in ("/metaros.v1.Link/Shutdown", "/grpc.channelz.v1.Channelz/GetServers"):
                 async with grpc.aio.insecure_channel(f"127.0.0.1:{port}") as channel:
                     with pytest.raises(grpc.aio.AioRpcError) as caught:
                         await channel.unary_unary(path)(b"", timeout=60)

@@ -1,4 +1,8 @@
-"""Errors as gRPC statuses: by the one table that REST uses, with the stable code in the trailing metadata."""
+"""Errors as gRPC statuses: by the one table that REST uses, with the stable code in the trailing metadata.
+
+The same is in the status details, as google.rpc knows them: ErrorInfo with the code as its reason, BadRequest where a
+field is at fault, RetryInfo where it says when to come back.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,13 @@ import math
 from typing import Any, NoReturn
 
 import grpc
+from google.protobuf.any_pb2 import Any as Packed
+from google.protobuf.duration_pb2 import Duration
+from google.protobuf.message import Message
+from google.rpc.error_details_pb2 import BadRequest, ErrorInfo, RetryInfo
+from google.rpc.status_pb2 import Status
 
+from gateway.api.grpc.fields import FieldFaultError
 from gateway.api.problem import error_code
 from gateway.errors import GatewayError, LeaseTakenError, TooManyRequestsError, error_row
 from metaros.errors import MetarosError
@@ -14,6 +24,8 @@ from metaros.errors import MetarosError
 __all__ = ["CODE_KEY", "refuse", "status_of"]
 
 CODE_KEY = "metaros-code"
+DETAILS_KEY = "grpc-status-details-bin"
+DOMAIN = "metaros"
 DETAIL_CHARS = 1000
 
 
@@ -23,20 +35,45 @@ def status_of(error: MetarosError) -> grpc.StatusCode:
     return found
 
 
-def trailing(error: MetarosError) -> tuple[tuple[str, str], ...]:
-    """What a client's program goes by: the code, and what comes with some of them."""
-    pairs = [(CODE_KEY, error_code(error))]
+def trailing(error: MetarosError, text: str) -> tuple[tuple[str, str | bytes], ...]:
+    """What a client's program goes by: the code, what comes with some of them, and all of it as status details."""
+    pairs: list[tuple[str, str | bytes]] = [(CODE_KEY, error_code(error))]
     if isinstance(error, LeaseTakenError):
         pairs.append(("metaros-holder", printable(error.holder)))
     if isinstance(error, TooManyRequestsError):
         pairs.append(("retry-after", str(max(1, math.ceil(error.retry_after_s)))))
-    return tuple(pairs)
+    code, _ = status_of(error).value
+    status = Status(code=code, message=text, details=[packed(item) for item in details(error)])
+    return (*pairs, (DETAILS_KEY, status.SerializeToString()))
+
+
+def details(error: MetarosError) -> list[Message]:
+    """The error in the words of google.rpc."""
+    found: list[Message] = [ErrorInfo(reason=error_code(error), domain=DOMAIN)]
+    if isinstance(error, LeaseTakenError):
+        found = [ErrorInfo(reason=error_code(error), domain=DOMAIN, metadata={"holder": error.holder[:128]})]
+    if isinstance(error, FieldFaultError):
+        fault = BadRequest.FieldViolation(field=error.field, description=str(error)[:DETAIL_CHARS])
+        found.append(BadRequest(field_violations=[fault]))
+    if isinstance(error, TooManyRequestsError):
+        delay = Duration()
+        delay.FromMilliseconds(math.ceil(error.retry_after_s * 1000))
+        found.append(RetryInfo(retry_delay=delay))
+    return found
+
+
+def packed(message: Message) -> Packed:
+    """A message as one of the details."""
+    made = Packed()
+    made.Pack(message)
+    return made
 
 
 async def refuse(context: grpc.aio.ServicerContext[Any, Any], error: Exception) -> NoReturn:
     """End the call with the error; one that is none of ours tells nothing of itself."""
     known = error if isinstance(error, MetarosError) else GatewayError("the gateway failed; see its log")
-    await context.abort(status_of(known), str(known)[:DETAIL_CHARS], trailing_metadata=trailing(known))
+    text = str(known)[:DETAIL_CHARS]
+    await context.abort(status_of(known), text, trailing_metadata=trailing(known, text))
 
 
 def printable(text: str) -> str:

@@ -1,20 +1,17 @@
-"""The service Fleet: what REST does, for programs; every call has passed the gate, see serving.py."""
+"""FleetService: what REST does, for programs; every call has passed the gate, see serving.py."""
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import math
 from collections.abc import AsyncIterator
 from typing import Any
 
-import orjson
-
+from gateway.api.grpc.attended import attended
 from gateway.api.grpc.authenticate import Call
+from gateway.api.grpc.fields import document, speed, stamp
 from gateway.api.rest.orders import check_kind, seen_command
 from gateway.domain.command import Command
 from gateway.domain.lease import Lease
-from gateway.errors import InvalidRequestError
 from gateway.fleet.orders import Order
 from gateway.fleet.teleop import Drive
 from gateway.ingest.registry import RobotRecord
@@ -22,10 +19,6 @@ from metaros._proto import fleet_pb2
 from metaros.limits import LIMITS
 
 __all__ = ["FleetService"]
-
-MAX_SPEED = 100.0  # m/s and rad/s, as on the teleop socket
-MAX_STAMP = 2**62
-STILL_S = LIMITS.attendance_s
 
 
 class FleetService:
@@ -40,46 +33,6 @@ class FleetService:
         """One robot."""
         call.require(request.robot)
         return robot_view(call, call.services.registry.get(request.robot))
-
-    async def Publish(self, request: fleet_pb2.FleetPublishRequest, call: Call) -> Any:
-        """Publish once; ends after the agent's result."""
-        call.require(request.robot)
-        cdr = request.cdr if request.WhichOneof("message") == "cdr" else None
-        message = document(request.json, "json") if cdr is None else None
-        asked: dict[str, Any] = {"topic": request.topic, "type": request.type_name}
-        asked |= {"message": message} if cdr is None else {"cdr_bytes": len(cdr)}
-        order = Order(robot=request.robot, kind="publish", request=asked)
-        with call.services.orders.noted(order, call.principal):
-            await call.services.fleet.publish(
-                request.robot,
-                request.topic,
-                type_name=request.type_name,
-                message=message,
-                cdr=cdr,
-                size_hint_bytes=len(request.json),
-                lease_id=request.lease_id,
-                sent_ns=stamp(request.sent_ns),
-            )
-        return fleet_pb2.FleetPublishResponse()
-
-    async def CallService(self, request: fleet_pb2.FleetCallRequest, call: Call) -> Any:
-        """Call a service of the robot."""
-        call.require(request.robot)
-        timeout_s = request.timeout_s or LIMITS.command_timeout_s
-        value = document(request.json, "json")
-        asked = {"service": request.service, "type": request.type_name, "request": value}
-        order = Order(robot=request.robot, kind="call_service", request=asked, timeout_s=timeout_s)
-        with call.services.orders.noted(order, call.principal) as noted:
-            noted.result = await call.services.fleet.call(
-                request.robot,
-                request.service,
-                type_name=request.type_name,
-                request=value,
-                timeout_s=timeout_s,
-                lease_id=request.lease_id,
-                sent_ns=stamp(request.sent_ns),
-            )
-        return fleet_pb2.FleetCallResponse(json=text_of(noted.result))
 
     async def SendCommand(self, request: fleet_pb2.SendCommandRequest, call: Call) -> Any:
         """As POST /api/v1/robots/ROBOT/commands."""
@@ -143,8 +96,8 @@ class FleetService:
                         drive = await call.services.teleop.take(request.robot, request.holder)
                     await call.services.teleop.drive(
                         drive,
-                        linear=speed(request.linear),
-                        angular=speed(request.angular),
+                        linear=speed(request.linear, "linear"),
+                        angular=speed(request.angular, "angular"),
                         sent_ns=stamp(request.sent_ns),
                     )
                     rtt_ms = call.services.teleop.rtt_ms(drive.robot) or 0.0
@@ -154,33 +107,6 @@ class FleetService:
             finally:
                 if drive is not None:
                     await asyncio.shield(call.services.teleop.release(drive))
-
-
-@contextlib.asynccontextmanager
-async def attended(call: Call) -> AsyncIterator[None]:
-    """While a stream is open its credential is asked again and again; CredentialsError ends it."""
-    own, ended = asyncio.current_task(), list[Exception]()
-
-    async def ask() -> None:
-        while not ended:
-            await asyncio.sleep(STILL_S)
-            try:
-                await call.still()
-            except Exception as error:
-                ended.append(error)
-                if own is not None:
-                    own.cancel()
-
-    asking = asyncio.create_task(ask())
-    try:
-        yield
-    except asyncio.CancelledError:
-        if ended and own is not None:
-            own.uncancel()
-            raise ended[0] from None
-        raise
-    finally:
-        asking.cancel()
 
 
 def robot_view(call: Call, record: RobotRecord) -> fleet_pb2.FleetRobot:
@@ -221,37 +147,3 @@ def command_view(item: Command) -> fleet_pb2.FleetCommand:
 def lease_view(robot: str, lease_id: str, topic: str) -> fleet_pb2.FleetLease:
     """A lease for who took it."""
     return fleet_pb2.FleetLease(robot=robot, lease_id=lease_id, topic=topic, valid_ms=round(LIMITS.lease_s * 1000))
-
-
-def document(text: str, name: str) -> dict[str, Any]:
-    """A JSON object; "" is an empty one. InvalidRequestError names the field."""
-    if not text:
-        return {}
-    if len(text) > LIMITS.json_bytes:
-        raise InvalidRequestError(f"{name} has at most {LIMITS.json_bytes} bytes")
-    try:
-        value = orjson.loads(text)
-    except orjson.JSONDecodeError as error:
-        raise InvalidRequestError(f"{name} is no JSON: {error}") from error
-    if not isinstance(value, dict):
-        raise InvalidRequestError(f"{name} is a JSON object")
-    return value
-
-
-def text_of(value: Any) -> str:
-    """JSON as REST writes it."""
-    return orjson.dumps(value, option=orjson.OPT_SERIALIZE_NUMPY | orjson.OPT_NON_STR_KEYS).decode()
-
-
-def speed(value: float) -> float:
-    """A speed that may be sent on."""
-    if not (math.isfinite(value) and abs(value) <= MAX_SPEED):
-        raise InvalidRequestError(f"linear and angular are numbers from -{MAX_SPEED:g} to {MAX_SPEED:g}")
-    return value
-
-
-def stamp(sent_ns: int) -> int:
-    """A client's wall clock."""
-    if not 0 <= sent_ns < MAX_STAMP:
-        raise InvalidRequestError("sent_ns is in nanoseconds since 1970; 0 is now")
-    return sent_ns

@@ -1,4 +1,4 @@
-"""The service Fleet on a server: the gate looks at a call's metadata before a byte of its message is read.
+"""The services of the programs' port: the gate looks at a call's metadata before a byte of its message is read.
 
 gRPC would take in the whole message first, from anybody. So every method is served as one that reads a stream, which
 looks the same on the wire, and who is refused has sent no more than fits into HTTP/2's first window.
@@ -12,34 +12,55 @@ from contextlib import aclosing
 from typing import Any
 
 import grpc
-from google.protobuf.descriptor import MethodDescriptor
+from google.protobuf.descriptor import MethodDescriptor, ServiceDescriptor
 from google.protobuf.message import DecodeError
+from google.protobuf.message_factory import GetMessageClass
+from grpc_health.v1 import health_pb2
+from grpc_reflection.v1alpha import reflection_pb2
 
 from gateway.api.grpc.authenticate import Context, Gate
 from gateway.api.grpc.fleet import FleetService
+from gateway.api.grpc.health import HealthService
+from gateway.api.grpc.reflection import ReflectionService
+from gateway.api.grpc.telemetry import TelemetryService
 from gateway.errors import InvalidRequestError, RequestTimeoutError
-from metaros._proto import fleet_pb2
+from metaros._proto import fleet_pb2, telemetry_pb2
 from metaros.limits import LIMITS
 
-__all__ = ["add_fleet"]
+__all__ = ["add_programs", "served"]
 
 Requests = AsyncIterator[Any]
-_SERVICE = fleet_pb2.DESCRIPTOR.services_by_name["Fleet"]
+REFLECTION_V1 = "grpc.reflection.v1.ServerReflection"
 
 
-def add_fleet(server: grpc.aio.Server, gate: Gate) -> None:
-    """Serve every method of the description."""
-    service = FleetService()
-    handlers = {method.name: _handler(gate, service, method) for method in _SERVICE.methods}
-    server.add_generic_rpc_handlers((grpc.method_handlers_generic_handler(_SERVICE.full_name, handlers),))
-    server.add_registered_method_handlers(_SERVICE.full_name, handlers)
+def served() -> dict[str, tuple[ServiceDescriptor, object]]:
+    """Every service of the port by its full name: what describes it, and who answers."""
+    own: dict[ServiceDescriptor, object] = {
+        fleet_pb2.DESCRIPTOR.services_by_name["FleetService"]: FleetService(),
+        telemetry_pb2.DESCRIPTOR.services_by_name["TelemetryService"]: TelemetryService(),
+    }
+    health = health_pb2.DESCRIPTOR.services_by_name["Health"]
+    reflection = reflection_pb2.DESCRIPTOR.services_by_name["ServerReflection"]
+    names = [service.full_name for service in own]
+    own[health] = HealthService(names)
+    own[reflection] = ReflectionService([*names, health.full_name, reflection.full_name])
+    every = {service.full_name: (service, answers) for service, answers in own.items()}
+    return {**every, REFLECTION_V1: every[reflection.full_name]}
 
 
-def _handler(gate: Gate, service: FleetService, method: MethodDescriptor) -> grpc.RpcMethodHandler[Any, Any]:
-    path, behaviour = f"/{_SERVICE.full_name}/{method.name}", getattr(service, method.name)
-    coding = {
-        "request_deserializer": getattr(fleet_pb2, method.input_type.name).FromString,
-        "response_serializer": getattr(fleet_pb2, method.output_type.name).SerializeToString,
+def add_programs(server: grpc.aio.Server, gate: Gate) -> None:
+    """Serve every method of every description."""
+    for name, (service, answers) in served().items():
+        handlers = {method.name: _handler(gate, name, answers, method) for method in service.methods}
+        server.add_generic_rpc_handlers((grpc.method_handlers_generic_handler(name, handlers),))
+        server.add_registered_method_handlers(name, handlers)
+
+
+def _handler(gate: Gate, name: str, service: object, method: MethodDescriptor) -> grpc.RpcMethodHandler[Any, Any]:
+    path, behaviour = f"/{name}/{method.name}", getattr(service, method.name)
+    coding: dict[str, Any] = {
+        "request_deserializer": GetMessageClass(method.input_type).FromString,
+        "response_serializer": GetMessageClass(method.output_type).SerializeToString,
     }
 
     async def answer(requests: Requests, context: Context) -> Any:

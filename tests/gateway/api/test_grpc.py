@@ -21,8 +21,8 @@ from tests.support.certificates import make_certificate
 from tests.support.key_ring import bearer
 
 VIEWER = RING.add(role=Role.VIEWER)
-LIST = "/metaros.v1.Fleet/ListRobots"
-WATCH = "/metaros.v1.Fleet/WatchCommand"
+LIST = "/metaros.v1.FleetService/ListRobots"
+WATCH = "/metaros.v1.FleetService/WatchCommand"
 Metadata = tuple[tuple[str, str], ...]
 
 
@@ -53,7 +53,7 @@ async def refusal(channel: grpc.aio.Channel, method: str, body: bytes, key: str)
 
 async def robots(channel: grpc.aio.Channel, key: str) -> list[str]:
     """What ListRobots says."""
-    stub = fleet_pb2_grpc.FleetStub(channel)
+    stub = fleet_pb2_grpc.FleetServiceStub(channel)
     answer = await stub.ListRobots(fleet_pb2.ListRobotsRequest(), metadata=known_by(key), timeout=60)
     return [item.robot for item in answer.robots]
 
@@ -122,7 +122,7 @@ async def test_the_ready_line_and_the_status_name_the_port(tmp_path: Path) -> No
 @asynccontextmanager
 async def driven(ready: Ready, channel: grpc.aio.Channel, agent: ScriptedAgent, key: str) -> AsyncIterator[Any]:
     """A Drive stream whose robot granted the lease and heard the first speed."""
-    call = fleet_pb2_grpc.FleetStub(channel).Drive(metadata=known_by(key))
+    call = fleet_pb2_grpc.FleetServiceStub(channel).Drive(metadata=known_by(key))
     await call.write(fleet_pb2.DriveRequest(robot="sim_1", holder="me", linear=0.5))
     grant = (await agent.next("command")).command
     assert grant.WhichOneof("action") == "grant_lease"

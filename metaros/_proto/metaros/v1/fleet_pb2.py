@@ -24,7 +24,7 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16metaros/v1/fleet.proto\x12\nmetaros.v1\"\x13\n\x11ListRobotsRequest\"<\n\x12ListRobotsResponse\x12&\n\x06robots\x18\x01 \x03(\x0b\x32\x16.metaros.v1.FleetRobot\" \n\x0fGetRobotRequest\x12\r\n\x05robot\x18\x01 \x01(\t\"\xe0\x01\n\nFleetRobot\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x11\n\tnamespace\x18\x02 \x01(\t\x12\x10\n\x08hostname\x18\x03 \x01(\t\x12\x15\n\ragent_version\x18\x04 \x01(\t\x12\x0e\n\x06online\x18\x05 \x01(\x08\x12\x32\n\x06labels\x18\x06 \x03(\x0b\x32\".metaros.v1.FleetRobot.LabelsEntry\x12\x14\n\x0clease_holder\x18\x07 \x01(\t\x1a-\n\x0bLabelsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\t:\x02\x38\x01\"\x93\x01\n\x13\x46leetPublishRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\r\n\x05topic\x18\x02 \x01(\t\x12\x11\n\ttype_name\x18\x03 \x01(\t\x12\r\n\x03\x63\x64r\x18\x04 \x01(\x0cH\x00\x12\x0e\n\x04json\x18\x05 \x01(\tH\x00\x12\x10\n\x08lease_id\x18\x06 \x01(\t\x12\x0f\n\x07sent_ns\x18\x07 \x01(\x12\x42\t\n\x07message\"\x16\n\x14\x46leetPublishResponse\"\x89\x01\n\x10\x46leetCallRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x0f\n\x07service\x18\x02 \x01(\t\x12\x11\n\ttype_name\x18\x03 \x01(\t\x12\x0c\n\x04json\x18\x04 \x01(\t\x12\x11\n\ttimeout_s\x18\x05 \x01(\x01\x12\x10\n\x08lease_id\x18\x06 \x01(\t\x12\x0f\n\x07sent_ns\x18\x07 \x01(\x12\"!\n\x11\x46leetCallResponse\x12\x0c\n\x04json\x18\x01 \x01(\t\"\xb8\x01\n\x12SendCommandRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x0c\n\x04kind\x18\x02 \x01(\t\x12\x14\n\x0crequest_json\x18\x03 \x01(\t\x12\x0f\n\x07\x64urable\x18\x04 \x01(\x08\x12\x11\n\texpires_s\x18\x05 \x01(\x01\x12\x11\n\ttimeout_s\x18\x06 \x01(\x01\x12\x17\n\x0fidempotency_key\x18\x07 \x01(\t\x12\x0e\n\x06wait_s\x18\x08 \x01(\x01\x12\x0f\n\x07sent_ns\x18\t \x01(\x12\"$\n\x11GetCommandRequest\x12\x0f\n\x07\x63ommand\x18\x01 \x01(\t\"\x9c\x02\n\x0c\x46leetCommand\x12\x0f\n\x07\x63ommand\x18\x01 \x01(\t\x12\r\n\x05robot\x18\x02 \x01(\t\x12\x0c\n\x04kind\x18\x03 \x01(\t\x12\r\n\x05state\x18\x04 \x01(\t\x12\x0f\n\x07\x64urable\x18\x05 \x01(\x08\x12\x11\n\tissued_by\x18\x06 \x01(\t\x12\x14\n\x0crequest_json\x18\x07 \x01(\t\x12\x13\n\x0bresult_json\x18\x08 \x01(\t\x12\x0c\n\x04\x63ode\x18\t \x01(\t\x12\x0f\n\x07message\x18\n \x01(\t\x12\x11\n\tissued_ns\x18\x0b \x01(\x12\x12\x12\n\nexpires_ns\x18\x0c \x01(\x12\x12\x14\n\x0c\x64\x65livered_ns\x18\r \x01(\x12\x12\x12\n\nrunning_ns\x18\x0e \x01(\x12\x12\x10\n\x08\x65nded_ns\x18\x0f \x01(\x12\"4\n\x13\x41\x63quireLeaseRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x0e\n\x06holder\x18\x02 \x01(\t\"4\n\x11RenewLeaseRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x10\n\x08lease_id\x18\x02 \x01(\t\"6\n\x13ReleaseLeaseRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x10\n\x08lease_id\x18\x02 \x01(\t\"\x16\n\x14ReleaseLeaseResponse\"N\n\nFleetLease\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x10\n\x08lease_id\x18\x02 \x01(\t\x12\r\n\x05topic\x18\x03 \x01(\t\x12\x10\n\x08valid_ms\x18\x04 \x01(\r\"_\n\x0c\x44riveRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x0e\n\x06holder\x18\x02 \x01(\t\x12\x0e\n\x06linear\x18\x03 \x01(\x01\x12\x0f\n\x07\x61ngular\x18\x04 \x01(\x01\x12\x0f\n\x07sent_ns\x18\x05 \x01(\x12\"@\n\nDriveReply\x12\x10\n\x08lease_id\x18\x01 \x01(\t\x12\x10\n\x08valid_ms\x18\x02 \x01(\r\x12\x0e\n\x06rtt_ms\x18\x03 \x01(\x01\x32\xaa\x06\n\x05\x46leet\x12K\n\nListRobots\x12\x1d.metaros.v1.ListRobotsRequest\x1a\x1e.metaros.v1.ListRobotsResponse\x12?\n\x08GetRobot\x12\x1b.metaros.v1.GetRobotRequest\x1a\x16.metaros.v1.FleetRobot\x12L\n\x07Publish\x12\x1f.metaros.v1.FleetPublishRequest\x1a .metaros.v1.FleetPublishResponse\x12J\n\x0b\x43\x61llService\x12\x1c.metaros.v1.FleetCallRequest\x1a\x1d.metaros.v1.FleetCallResponse\x12G\n\x0bSendCommand\x12\x1e.metaros.v1.SendCommandRequest\x1a\x18.metaros.v1.FleetCommand\x12\x45\n\nGetCommand\x12\x1d.metaros.v1.GetCommandRequest\x1a\x18.metaros.v1.FleetCommand\x12I\n\x0cWatchCommand\x12\x1d.metaros.v1.GetCommandRequest\x1a\x18.metaros.v1.FleetCommand0\x01\x12G\n\x0c\x41\x63quireLease\x12\x1f.metaros.v1.AcquireLeaseRequest\x1a\x16.metaros.v1.FleetLease\x12\x43\n\nRenewLease\x12\x1d.metaros.v1.RenewLeaseRequest\x1a\x16.metaros.v1.FleetLease\x12Q\n\x0cReleaseLease\x12\x1f.metaros.v1.ReleaseLeaseRequest\x1a .metaros.v1.ReleaseLeaseResponse\x12=\n\x05\x44rive\x12\x18.metaros.v1.DriveRequest\x1a\x16.metaros.v1.DriveReply(\x01\x30\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16metaros/v1/fleet.proto\x12\nmetaros.v1\"\x13\n\x11ListRobotsRequest\"<\n\x12ListRobotsResponse\x12&\n\x06robots\x18\x01 \x03(\x0b\x32\x16.metaros.v1.FleetRobot\" \n\x0fGetRobotRequest\x12\r\n\x05robot\x18\x01 \x01(\t\"\xe0\x01\n\nFleetRobot\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x11\n\tnamespace\x18\x02 \x01(\t\x12\x10\n\x08hostname\x18\x03 \x01(\t\x12\x15\n\ragent_version\x18\x04 \x01(\t\x12\x0e\n\x06online\x18\x05 \x01(\x08\x12\x32\n\x06labels\x18\x06 \x03(\x0b\x32\".metaros.v1.FleetRobot.LabelsEntry\x12\x14\n\x0clease_holder\x18\x07 \x01(\t\x1a-\n\x0bLabelsEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\t:\x02\x38\x01\"\xb8\x01\n\x12SendCommandRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x0c\n\x04kind\x18\x02 \x01(\t\x12\x14\n\x0crequest_json\x18\x03 \x01(\t\x12\x0f\n\x07\x64urable\x18\x04 \x01(\x08\x12\x11\n\texpires_s\x18\x05 \x01(\x01\x12\x11\n\ttimeout_s\x18\x06 \x01(\x01\x12\x17\n\x0fidempotency_key\x18\x07 \x01(\t\x12\x0e\n\x06wait_s\x18\x08 \x01(\x01\x12\x0f\n\x07sent_ns\x18\t \x01(\x12\"$\n\x11GetCommandRequest\x12\x0f\n\x07\x63ommand\x18\x01 \x01(\t\"\x9c\x02\n\x0c\x46leetCommand\x12\x0f\n\x07\x63ommand\x18\x01 \x01(\t\x12\r\n\x05robot\x18\x02 \x01(\t\x12\x0c\n\x04kind\x18\x03 \x01(\t\x12\r\n\x05state\x18\x04 \x01(\t\x12\x0f\n\x07\x64urable\x18\x05 \x01(\x08\x12\x11\n\tissued_by\x18\x06 \x01(\t\x12\x14\n\x0crequest_json\x18\x07 \x01(\t\x12\x13\n\x0bresult_json\x18\x08 \x01(\t\x12\x0c\n\x04\x63ode\x18\t \x01(\t\x12\x0f\n\x07message\x18\n \x01(\t\x12\x11\n\tissued_ns\x18\x0b \x01(\x12\x12\x12\n\nexpires_ns\x18\x0c \x01(\x12\x12\x14\n\x0c\x64\x65livered_ns\x18\r \x01(\x12\x12\x12\n\nrunning_ns\x18\x0e \x01(\x12\x12\x10\n\x08\x65nded_ns\x18\x0f \x01(\x12\"4\n\x13\x41\x63quireLeaseRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x0e\n\x06holder\x18\x02 \x01(\t\"4\n\x11RenewLeaseRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x10\n\x08lease_id\x18\x02 \x01(\t\"6\n\x13ReleaseLeaseRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x10\n\x08lease_id\x18\x02 \x01(\t\"\x16\n\x14ReleaseLeaseResponse\"N\n\nFleetLease\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x10\n\x08lease_id\x18\x02 \x01(\t\x12\r\n\x05topic\x18\x03 \x01(\t\x12\x10\n\x08valid_ms\x18\x04 \x01(\r\"_\n\x0c\x44riveRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x0e\n\x06holder\x18\x02 \x01(\t\x12\x0e\n\x06linear\x18\x03 \x01(\x01\x12\x0f\n\x07\x61ngular\x18\x04 \x01(\x01\x12\x0f\n\x07sent_ns\x18\x05 \x01(\x12\"@\n\nDriveReply\x12\x10\n\x08lease_id\x18\x01 \x01(\t\x12\x10\n\x08valid_ms\x18\x02 \x01(\r\x12\x0e\n\x06rtt_ms\x18\x03 \x01(\x01\x32\x97\x05\n\x0c\x46leetService\x12K\n\nListRobots\x12\x1d.metaros.v1.ListRobotsRequest\x1a\x1e.metaros.v1.ListRobotsResponse\x12?\n\x08GetRobot\x12\x1b.metaros.v1.GetRobotRequest\x1a\x16.metaros.v1.FleetRobot\x12G\n\x0bSendCommand\x12\x1e.metaros.v1.SendCommandRequest\x1a\x18.metaros.v1.FleetCommand\x12\x45\n\nGetCommand\x12\x1d.metaros.v1.GetCommandRequest\x1a\x18.metaros.v1.FleetCommand\x12I\n\x0cWatchCommand\x12\x1d.metaros.v1.GetCommandRequest\x1a\x18.metaros.v1.FleetCommand0\x01\x12G\n\x0c\x41\x63quireLease\x12\x1f.metaros.v1.AcquireLeaseRequest\x1a\x16.metaros.v1.FleetLease\x12\x43\n\nRenewLease\x12\x1d.metaros.v1.RenewLeaseRequest\x1a\x16.metaros.v1.FleetLease\x12Q\n\x0cReleaseLease\x12\x1f.metaros.v1.ReleaseLeaseRequest\x1a .metaros.v1.ReleaseLeaseResponse\x12=\n\x05\x44rive\x12\x18.metaros.v1.DriveRequest\x1a\x16.metaros.v1.DriveReply(\x01\x30\x01\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -43,34 +43,26 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_FLEETROBOT']._serialized_end=380
   _globals['_FLEETROBOT_LABELSENTRY']._serialized_start=335
   _globals['_FLEETROBOT_LABELSENTRY']._serialized_end=380
-  _globals['_FLEETPUBLISHREQUEST']._serialized_start=383
-  _globals['_FLEETPUBLISHREQUEST']._serialized_end=530
-  _globals['_FLEETPUBLISHRESPONSE']._serialized_start=532
-  _globals['_FLEETPUBLISHRESPONSE']._serialized_end=554
-  _globals['_FLEETCALLREQUEST']._serialized_start=557
-  _globals['_FLEETCALLREQUEST']._serialized_end=694
-  _globals['_FLEETCALLRESPONSE']._serialized_start=696
-  _globals['_FLEETCALLRESPONSE']._serialized_end=729
-  _globals['_SENDCOMMANDREQUEST']._serialized_start=732
-  _globals['_SENDCOMMANDREQUEST']._serialized_end=916
-  _globals['_GETCOMMANDREQUEST']._serialized_start=918
-  _globals['_GETCOMMANDREQUEST']._serialized_end=954
-  _globals['_FLEETCOMMAND']._serialized_start=957
-  _globals['_FLEETCOMMAND']._serialized_end=1241
-  _globals['_ACQUIRELEASEREQUEST']._serialized_start=1243
-  _globals['_ACQUIRELEASEREQUEST']._serialized_end=1295
-  _globals['_RENEWLEASEREQUEST']._serialized_start=1297
-  _globals['_RENEWLEASEREQUEST']._serialized_end=1349
-  _globals['_RELEASELEASEREQUEST']._serialized_start=1351
-  _globals['_RELEASELEASEREQUEST']._serialized_end=1405
-  _globals['_RELEASELEASERESPONSE']._serialized_start=1407
-  _globals['_RELEASELEASERESPONSE']._serialized_end=1429
-  _globals['_FLEETLEASE']._serialized_start=1431
-  _globals['_FLEETLEASE']._serialized_end=1509
-  _globals['_DRIVEREQUEST']._serialized_start=1511
-  _globals['_DRIVEREQUEST']._serialized_end=1606
-  _globals['_DRIVEREPLY']._serialized_start=1608
-  _globals['_DRIVEREPLY']._serialized_end=1672
-  _globals['_FLEET']._serialized_start=1675
-  _globals['_FLEET']._serialized_end=2485
+  _globals['_SENDCOMMANDREQUEST']._serialized_start=383
+  _globals['_SENDCOMMANDREQUEST']._serialized_end=567
+  _globals['_GETCOMMANDREQUEST']._serialized_start=569
+  _globals['_GETCOMMANDREQUEST']._serialized_end=605
+  _globals['_FLEETCOMMAND']._serialized_start=608
+  _globals['_FLEETCOMMAND']._serialized_end=892
+  _globals['_ACQUIRELEASEREQUEST']._serialized_start=894
+  _globals['_ACQUIRELEASEREQUEST']._serialized_end=946
+  _globals['_RENEWLEASEREQUEST']._serialized_start=948
+  _globals['_RENEWLEASEREQUEST']._serialized_end=1000
+  _globals['_RELEASELEASEREQUEST']._serialized_start=1002
+  _globals['_RELEASELEASEREQUEST']._serialized_end=1056
+  _globals['_RELEASELEASERESPONSE']._serialized_start=1058
+  _globals['_RELEASELEASERESPONSE']._serialized_end=1080
+  _globals['_FLEETLEASE']._serialized_start=1082
+  _globals['_FLEETLEASE']._serialized_end=1160
+  _globals['_DRIVEREQUEST']._serialized_start=1162
+  _globals['_DRIVEREQUEST']._serialized_end=1257
+  _globals['_DRIVEREPLY']._serialized_start=1259
+  _globals['_DRIVEREPLY']._serialized_end=1323
+  _globals['_FLEETSERVICE']._serialized_start=1326
+  _globals['_FLEETSERVICE']._serialized_end=1989
 # @@protoc_insertion_point(module_scope)

@@ -25,7 +25,7 @@ if _version_not_supported:
     )
 
 
-class FleetStub:
+class FleetServiceStub:
     """Missing associated documentation comment in .proto file."""
 
     def __init__(self, channel):
@@ -35,63 +35,53 @@ class FleetStub:
             channel: A grpc.Channel.
         """
         self.ListRobots = channel.unary_unary(
-                '/metaros.v1.Fleet/ListRobots',
+                '/metaros.v1.FleetService/ListRobots',
                 request_serializer=metaros_dot_v1_dot_fleet__pb2.ListRobotsRequest.SerializeToString,
                 response_deserializer=metaros_dot_v1_dot_fleet__pb2.ListRobotsResponse.FromString,
                 _registered_method=True)
         self.GetRobot = channel.unary_unary(
-                '/metaros.v1.Fleet/GetRobot',
+                '/metaros.v1.FleetService/GetRobot',
                 request_serializer=metaros_dot_v1_dot_fleet__pb2.GetRobotRequest.SerializeToString,
                 response_deserializer=metaros_dot_v1_dot_fleet__pb2.FleetRobot.FromString,
                 _registered_method=True)
-        self.Publish = channel.unary_unary(
-                '/metaros.v1.Fleet/Publish',
-                request_serializer=metaros_dot_v1_dot_fleet__pb2.FleetPublishRequest.SerializeToString,
-                response_deserializer=metaros_dot_v1_dot_fleet__pb2.FleetPublishResponse.FromString,
-                _registered_method=True)
-        self.CallService = channel.unary_unary(
-                '/metaros.v1.Fleet/CallService',
-                request_serializer=metaros_dot_v1_dot_fleet__pb2.FleetCallRequest.SerializeToString,
-                response_deserializer=metaros_dot_v1_dot_fleet__pb2.FleetCallResponse.FromString,
-                _registered_method=True)
         self.SendCommand = channel.unary_unary(
-                '/metaros.v1.Fleet/SendCommand',
+                '/metaros.v1.FleetService/SendCommand',
                 request_serializer=metaros_dot_v1_dot_fleet__pb2.SendCommandRequest.SerializeToString,
                 response_deserializer=metaros_dot_v1_dot_fleet__pb2.FleetCommand.FromString,
                 _registered_method=True)
         self.GetCommand = channel.unary_unary(
-                '/metaros.v1.Fleet/GetCommand',
+                '/metaros.v1.FleetService/GetCommand',
                 request_serializer=metaros_dot_v1_dot_fleet__pb2.GetCommandRequest.SerializeToString,
                 response_deserializer=metaros_dot_v1_dot_fleet__pb2.FleetCommand.FromString,
                 _registered_method=True)
         self.WatchCommand = channel.unary_stream(
-                '/metaros.v1.Fleet/WatchCommand',
+                '/metaros.v1.FleetService/WatchCommand',
                 request_serializer=metaros_dot_v1_dot_fleet__pb2.GetCommandRequest.SerializeToString,
                 response_deserializer=metaros_dot_v1_dot_fleet__pb2.FleetCommand.FromString,
                 _registered_method=True)
         self.AcquireLease = channel.unary_unary(
-                '/metaros.v1.Fleet/AcquireLease',
+                '/metaros.v1.FleetService/AcquireLease',
                 request_serializer=metaros_dot_v1_dot_fleet__pb2.AcquireLeaseRequest.SerializeToString,
                 response_deserializer=metaros_dot_v1_dot_fleet__pb2.FleetLease.FromString,
                 _registered_method=True)
         self.RenewLease = channel.unary_unary(
-                '/metaros.v1.Fleet/RenewLease',
+                '/metaros.v1.FleetService/RenewLease',
                 request_serializer=metaros_dot_v1_dot_fleet__pb2.RenewLeaseRequest.SerializeToString,
                 response_deserializer=metaros_dot_v1_dot_fleet__pb2.FleetLease.FromString,
                 _registered_method=True)
         self.ReleaseLease = channel.unary_unary(
-                '/metaros.v1.Fleet/ReleaseLease',
+                '/metaros.v1.FleetService/ReleaseLease',
                 request_serializer=metaros_dot_v1_dot_fleet__pb2.ReleaseLeaseRequest.SerializeToString,
                 response_deserializer=metaros_dot_v1_dot_fleet__pb2.ReleaseLeaseResponse.FromString,
                 _registered_method=True)
         self.Drive = channel.stream_stream(
-                '/metaros.v1.Fleet/Drive',
+                '/metaros.v1.FleetService/Drive',
                 request_serializer=metaros_dot_v1_dot_fleet__pb2.DriveRequest.SerializeToString,
                 response_deserializer=metaros_dot_v1_dot_fleet__pb2.DriveReply.FromString,
                 _registered_method=True)
 
 
-class FleetServicer:
+class FleetServiceServicer:
     """Missing associated documentation comment in .proto file."""
 
     def ListRobots(self, request, context):
@@ -101,18 +91,6 @@ class FleetServicer:
         raise NotImplementedError('Method not implemented!')
 
     def GetRobot(self, request, context):
-        """Missing associated documentation comment in .proto file."""
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def Publish(self, request, context):
-        """Missing associated documentation comment in .proto file."""
-        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
-        context.set_details('Method not implemented!')
-        raise NotImplementedError('Method not implemented!')
-
-    def CallService(self, request, context):
         """Missing associated documentation comment in .proto file."""
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -163,7 +141,7 @@ class FleetServicer:
         raise NotImplementedError('Method not implemented!')
 
 
-def add_FleetServicer_to_server(servicer, server):
+def add_FleetServiceServicer_to_server(servicer, server):
     rpc_method_handlers = {
             'ListRobots': grpc.unary_unary_rpc_method_handler(
                     servicer.ListRobots,
@@ -174,16 +152,6 @@ def add_FleetServicer_to_server(servicer, server):
                     servicer.GetRobot,
                     request_deserializer=metaros_dot_v1_dot_fleet__pb2.GetRobotRequest.FromString,
                     response_serializer=metaros_dot_v1_dot_fleet__pb2.FleetRobot.SerializeToString,
-            ),
-            'Publish': grpc.unary_unary_rpc_method_handler(
-                    servicer.Publish,
-                    request_deserializer=metaros_dot_v1_dot_fleet__pb2.FleetPublishRequest.FromString,
-                    response_serializer=metaros_dot_v1_dot_fleet__pb2.FleetPublishResponse.SerializeToString,
-            ),
-            'CallService': grpc.unary_unary_rpc_method_handler(
-                    servicer.CallService,
-                    request_deserializer=metaros_dot_v1_dot_fleet__pb2.FleetCallRequest.FromString,
-                    response_serializer=metaros_dot_v1_dot_fleet__pb2.FleetCallResponse.SerializeToString,
             ),
             'SendCommand': grpc.unary_unary_rpc_method_handler(
                     servicer.SendCommand,
@@ -222,13 +190,13 @@ def add_FleetServicer_to_server(servicer, server):
             ),
     }
     generic_handler = grpc.method_handlers_generic_handler(
-            'metaros.v1.Fleet', rpc_method_handlers)
+            'metaros.v1.FleetService', rpc_method_handlers)
     server.add_generic_rpc_handlers((generic_handler,))
-    server.add_registered_method_handlers('metaros.v1.Fleet', rpc_method_handlers)
+    server.add_registered_method_handlers('metaros.v1.FleetService', rpc_method_handlers)
 
 
  # This class is part of an EXPERIMENTAL API.
-class Fleet:
+class FleetService:
     """Missing associated documentation comment in .proto file."""
 
     @staticmethod
@@ -245,7 +213,7 @@ class Fleet:
         return grpc.experimental.unary_unary(
             request,
             target,
-            '/metaros.v1.Fleet/ListRobots',
+            '/metaros.v1.FleetService/ListRobots',
             metaros_dot_v1_dot_fleet__pb2.ListRobotsRequest.SerializeToString,
             metaros_dot_v1_dot_fleet__pb2.ListRobotsResponse.FromString,
             options,
@@ -272,63 +240,9 @@ class Fleet:
         return grpc.experimental.unary_unary(
             request,
             target,
-            '/metaros.v1.Fleet/GetRobot',
+            '/metaros.v1.FleetService/GetRobot',
             metaros_dot_v1_dot_fleet__pb2.GetRobotRequest.SerializeToString,
             metaros_dot_v1_dot_fleet__pb2.FleetRobot.FromString,
-            options,
-            channel_credentials,
-            insecure,
-            call_credentials,
-            compression,
-            wait_for_ready,
-            timeout,
-            metadata,
-            _registered_method=True)
-
-    @staticmethod
-    def Publish(request,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.unary_unary(
-            request,
-            target,
-            '/metaros.v1.Fleet/Publish',
-            metaros_dot_v1_dot_fleet__pb2.FleetPublishRequest.SerializeToString,
-            metaros_dot_v1_dot_fleet__pb2.FleetPublishResponse.FromString,
-            options,
-            channel_credentials,
-            insecure,
-            call_credentials,
-            compression,
-            wait_for_ready,
-            timeout,
-            metadata,
-            _registered_method=True)
-
-    @staticmethod
-    def CallService(request,
-            target,
-            options=(),
-            channel_credentials=None,
-            call_credentials=None,
-            insecure=False,
-            compression=None,
-            wait_for_ready=None,
-            timeout=None,
-            metadata=None):
-        return grpc.experimental.unary_unary(
-            request,
-            target,
-            '/metaros.v1.Fleet/CallService',
-            metaros_dot_v1_dot_fleet__pb2.FleetCallRequest.SerializeToString,
-            metaros_dot_v1_dot_fleet__pb2.FleetCallResponse.FromString,
             options,
             channel_credentials,
             insecure,
@@ -353,7 +267,7 @@ class Fleet:
         return grpc.experimental.unary_unary(
             request,
             target,
-            '/metaros.v1.Fleet/SendCommand',
+            '/metaros.v1.FleetService/SendCommand',
             metaros_dot_v1_dot_fleet__pb2.SendCommandRequest.SerializeToString,
             metaros_dot_v1_dot_fleet__pb2.FleetCommand.FromString,
             options,
@@ -380,7 +294,7 @@ class Fleet:
         return grpc.experimental.unary_unary(
             request,
             target,
-            '/metaros.v1.Fleet/GetCommand',
+            '/metaros.v1.FleetService/GetCommand',
             metaros_dot_v1_dot_fleet__pb2.GetCommandRequest.SerializeToString,
             metaros_dot_v1_dot_fleet__pb2.FleetCommand.FromString,
             options,
@@ -407,7 +321,7 @@ class Fleet:
         return grpc.experimental.unary_stream(
             request,
             target,
-            '/metaros.v1.Fleet/WatchCommand',
+            '/metaros.v1.FleetService/WatchCommand',
             metaros_dot_v1_dot_fleet__pb2.GetCommandRequest.SerializeToString,
             metaros_dot_v1_dot_fleet__pb2.FleetCommand.FromString,
             options,
@@ -434,7 +348,7 @@ class Fleet:
         return grpc.experimental.unary_unary(
             request,
             target,
-            '/metaros.v1.Fleet/AcquireLease',
+            '/metaros.v1.FleetService/AcquireLease',
             metaros_dot_v1_dot_fleet__pb2.AcquireLeaseRequest.SerializeToString,
             metaros_dot_v1_dot_fleet__pb2.FleetLease.FromString,
             options,
@@ -461,7 +375,7 @@ class Fleet:
         return grpc.experimental.unary_unary(
             request,
             target,
-            '/metaros.v1.Fleet/RenewLease',
+            '/metaros.v1.FleetService/RenewLease',
             metaros_dot_v1_dot_fleet__pb2.RenewLeaseRequest.SerializeToString,
             metaros_dot_v1_dot_fleet__pb2.FleetLease.FromString,
             options,
@@ -488,7 +402,7 @@ class Fleet:
         return grpc.experimental.unary_unary(
             request,
             target,
-            '/metaros.v1.Fleet/ReleaseLease',
+            '/metaros.v1.FleetService/ReleaseLease',
             metaros_dot_v1_dot_fleet__pb2.ReleaseLeaseRequest.SerializeToString,
             metaros_dot_v1_dot_fleet__pb2.ReleaseLeaseResponse.FromString,
             options,
@@ -515,7 +429,7 @@ class Fleet:
         return grpc.experimental.stream_stream(
             request_iterator,
             target,
-            '/metaros.v1.Fleet/Drive',
+            '/metaros.v1.FleetService/Drive',
             metaros_dot_v1_dot_fleet__pb2.DriveRequest.SerializeToString,
             metaros_dot_v1_dot_fleet__pb2.DriveReply.FromString,
             options,
