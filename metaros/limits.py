@@ -75,6 +75,8 @@ class Limits:
     sockets_open: int = 512  # of one user, key or address, beside robots' links
     socket_message_bytes: int = 64 * KIB  # of a client on the stream and teleop sockets
     socket_frames_per_s: float = 150.0  # of a client, control frames and fragments too; a robot's link: 60 times
+    rosbridge_message_bytes: int = 4 * MIB  # one message of a rosbridge client, in pieces too; and one shown to it
+    rosbridge_fragment_s: float = 600.0  # within which all pieces of a message come
     programs_connections: int = 1024  # to the gRPC port of people's programs
     health_watch_s: float = 600.0  # a watch of the gateway's health over gRPC; its client begins again
     robots_connections: int = 32_768  # to the gRPC port of robots: three of each
