@@ -199,6 +199,7 @@ class SocketProtocol(Counted, WebSocketsSansIOProtocol):
         self._pinged = False
         self._frames_seen = 0
         self._budget: Buckets | None = None
+        self.conn.debug = False  # its log of what comes has the whole address, and with it tokens
         self._count_frames()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:

@@ -77,6 +77,7 @@ PERMISSIONS: tuple[Permission, ...] = (
     Permission("rollouts.manage", _A, "start, pause, resume and end rollouts", mutates=True),
     Permission("store.read", _V, "what the store holds and will delete"),
     Permission("keys.own", _V, "make, list and revoke one's own keys", mutates=True),
+    Permission("tickets.make", _V, "make a short-lived ticket for a viewer", mutates=True),
     Permission("keys.manage", _A, "everybody's keys", mutates=True),
     Permission("users.manage", _A, "users, their roles and robots", mutates=True),
     Permission("robots.enrol", _A, "make and list enrolment tokens", mutates=True),

@@ -48,6 +48,7 @@ EXPECTED = {
     "self.read": "s++++bf",
     "self.write": "ss+++bf",
     "keys.own": "ss+++bf",
+    "tickets.make": "ss+++bf",
     "robots.read": "s++++bf",
     "telemetry.read": "s++++bf",
     "history.read": "s++++bf",
