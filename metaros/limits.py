@@ -215,3 +215,18 @@ class Limits:
 
 
 LIMITS = Limits()
+    graph_entities: int = 8192  # nodes and endpoints that an agent tells of its robot's graph; more are counted
+    graph_types: int = 256  # types of services and actions that it tells with them
+    graph_robot_bytes: int = 4 * MIB  # of both, in a gateway's memory
+    graphs_bytes: int = 128 * MIB  # of all robots; then those go that were longest without a link
+    graph_report_s: float = 0.5  # two reports are so far apart
+    goals_open: int = 64  # of one robot, begun through a gateway and not at their end; more are refused
+    goals_kept: int = 256  # of one robot, by its agent and by a gateway, ended ones included
+    goal_kept_s: float = 600.0  # a goal can be asked for so long after its end
+    goal_lost_s: float = 120.0  # without a link for so long, or back without it, the robot's goal is lost
+    goal_feedback_bytes: int = 64 * KIB  # one message of feedback; a longer one is left out
+    goal_feedback_hz: float = 20.0  # of one goal; the newest waits
+    goal_readers: int = 16  # of one goal's events at a time
+    offers: int = 64  # services and actions of one robot that clients of a gateway serve
+    offer_asks: int = 64  # requests and goals of them that wait for their answers; more are refused
+    offer_answer_s: float = 60.0  # within which a request is answered

@@ -13,7 +13,10 @@ from gateway.api.rate import Rates
 from gateway.domain.lease import LeaseTable
 from gateway.events.journal import EventJournal
 from gateway.fleet.desk import FleetDesk
+from gateway.fleet.goals import GoalDesk
+from gateway.fleet.graph_book import GraphBook
 from gateway.fleet.node_feature import Nodes
+from gateway.fleet.offers import OfferDesk
 from gateway.fleet.orders import OrderDesk
 from gateway.fleet.rollouts import RolloutDesk
 from gateway.fleet.teleop import TeleopDesk
@@ -62,6 +65,9 @@ class Services:
     hub: Hub
     fleet: FleetDesk
     orders: OrderDesk
+    graphs: GraphBook
+    goals: GoalDesk
+    offers: OfferDesk
     teleop: TeleopDesk
     twins: Twins
     nodes: Nodes

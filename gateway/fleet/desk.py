@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from gateway.domain.lease import LeaseTable
 from gateway.errors import InvalidRequestError
 from gateway.fleet.commands import CommandDesk
+from gateway.fleet.graph import RobotGraph
 from gateway.fleet.robots import FindRobot, require_online
+from gateway.fleet.ros_errors import UnknownServiceError
+from gateway.fleet.typed import catalogue_for, decode, encode
 from gateway.fleet.types import TypeBook, full_type_name
 from metaros._proto import link_pb2
 from metaros.clock import Clock
-from metaros.idl import names
+from metaros.idl import names, type_hash
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS
 
@@ -41,6 +44,11 @@ class FleetDesk:
         self._clock = clock
         self._actuators = tuple(Glob(pattern) for pattern in actuator_topics)
         self._types = TypeBook()
+        self._graph_of: Callable[[str], RobotGraph] = lambda robot_id: RobotGraph(robot=robot_id)
+
+    def know(self, graph_of: Callable[[str], RobotGraph]) -> None:
+        """Where robots' services are told, with their types."""
+        self._graph_of = graph_of
 
     async def publish(
         self,
@@ -85,7 +93,7 @@ class FleetDesk:
         """The command that publishes; LeaseRequiredError on an actuator topic without its lease."""
         view = self._find(robot_id)
         full = names.resolve(topic, view.robot.namespace)
-        self._check_lease(robot_id, full, lease_id)
+        self.check_lease(robot_id, full, lease_id)
         channel = view.channel_of(full)
         if not type_name and channel is None:
             raise InvalidRequestError(f"type is missing, and robot {robot_id} announces no topic {full}")
@@ -115,39 +123,67 @@ class FleetDesk:
         robot_id: str,
         service: str,
         *,
-        type_name: str,
-        request: Any,
+        type_name: str = "",
+        request: Any = None,
+        cdr: bytes | None = None,
+        raw: bool = False,
         timeout_s: float = LIMITS.command_timeout_s,
         lease_id: str = "",
         sent_ns: int = 0,
         look: bool = False,
     ) -> Any:
-        """Call a service of the robot and return its response as JSON-able values; `look`: it changes nothing."""
+        """Call a service of the robot and return its response as JSON-able values, or its CDR where `raw`.
+
+        `cdr` wins over `request`; without `type_name` the robot's graph says it. `look`: it changes nothing.
+        """
         if not 0 < timeout_s <= MAX_TIMEOUT_S:
             raise InvalidRequestError(f"timeout_s is more than 0 and at most {MAX_TIMEOUT_S:g}")
         require_online(self._find(robot_id))
-        command = self.calling(robot_id, service, type_name=type_name, request=request, lease_id=lease_id)
+        command = self.calling(robot_id, service, type_name=type_name, request=request, cdr=cdr, lease_id=lease_id)
         command.sent_ns = sent_ns
         result = await self._commands.run(robot_id, command, timeout_s=timeout_s, look=look)
+        if raw:
+            return result.payload
         if len(result.payload) > LARGE_JSON_BYTES:  # the robot chose it
-            return await asyncio.to_thread(self.response, command, result.payload)
-        return self.response(command, result.payload)
+            return await asyncio.to_thread(self.response, command, result.payload, robot_id)
+        return self.response(command, result.payload, robot_id)
 
     def calling(
-        self, robot_id: str, service: str, *, type_name: str, request: Any, lease_id: str = ""
+        self,
+        robot_id: str,
+        service: str,
+        *,
+        type_name: str = "",
+        request: Any = None,
+        cdr: bytes | None = None,
+        lease_id: str = "",
     ) -> link_pb2.Command:
-        """The command that calls; LeaseRequiredError for a service that moves the robot, without its lease."""
+        """The command that calls; LeaseRequiredError for a service that moves the robot, without its lease.
+
+        UnknownServiceError when no type is given and the robot's graph has no such service.
+        """
         full = names.resolve(service, self._find(robot_id).robot.namespace)
-        self._check_lease(robot_id, full, lease_id)
-        name = full_type_name(type_name, "srv")
-        payload, _ = self._types.encode(f"{name}_Request", request)
-        call = link_pb2.CallService(service=full, type_name=name, type_hash=self._types.hash_of(name), request=payload)
+        self.check_lease(robot_id, full, lease_id)
+        graph = self._graph_of(robot_id)
+        info = graph.services.get(full)
+        if not type_name and info is None:
+            raise UnknownServiceError(f"type is missing, and robot {robot_id} has no service {full}")
+        name = full_type_name(type_name or (info.type_name if info else ""), "srv")
+        known = info.type_hash if info is not None and info.type_name == name else ""
+        catalogue = catalogue_for(graph, name, known)
+        payload = cdr if cdr is not None else encode(f"{name}_Request", request, catalogue)
+        call = link_pb2.CallService(
+            service=full, type_name=name, type_hash=known or type_hash(name, catalogue), request=payload
+        )
         return link_pb2.Command(call_service=call, lease_id=lease_id)
 
-    def response(self, command: link_pb2.Command, payload: bytes) -> Any:
+    def response(self, command: link_pb2.Command, payload: bytes, robot_id: str = "") -> Any:
         """What a called service answered, as JSON-able values."""
-        return self._types.decode(f"{command.call_service.type_name}_Response", payload)
+        call = command.call_service
+        catalogue = catalogue_for(self._graph_of(robot_id), call.type_name, call.type_hash)
+        return decode(f"{call.type_name}_Response", payload, catalogue)
 
-    def _check_lease(self, robot_id: str, full: str, lease_id: str) -> None:
+    def check_lease(self, robot_id: str, full: str, lease_id: str) -> None:
+        """LeaseRequiredError when a topic, service or action moves the robot and its lease is not held."""
         if any(glob.matches(full) for glob in self._actuators):
             self._leases.check(robot_id, lease_id, now_s=self._clock.monotonic_s())

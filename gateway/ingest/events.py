@@ -19,6 +19,7 @@ __all__ = [
     "RecordingArrived",
     "Reported",
     "Resulted",
+    "RosTold",
     "RowsArrived",
     "Send",
     "WriterKnown",
@@ -118,6 +119,13 @@ class LeasesAnswered:
 
 
 @dataclass(frozen=True, slots=True)
+class RosTold:
+    """A frame about the robot's ROS graph: the graph itself, goals of actions, what is offered in it."""
+
+    frame: link_pb2.AgentFrame
+
+
+@dataclass(frozen=True, slots=True)
 class Resulted:
     """A command's result."""
 
@@ -158,6 +166,7 @@ Event = (
     | RecordingArrived
     | Reported
     | Resulted
+    | RosTold
     | TwinReported
     | LeasesAnswered
     | OverQuota

@@ -6,14 +6,15 @@ from typing import Final
 
 from gateway.domain.recording import is_recording_id
 from gateway.errors import ProtocolError
-from gateway.ingest.events import LeasesAnswered, RecordingArrived, TwinReported
+from gateway.ingest.events import LeasesAnswered, RecordingArrived, RosTold, TwinReported
 from gateway.ingest.hello import LANES
 from metaros._proto import link_pb2
 from metaros.limits import Limits
 
-__all__ = ["read_moment", "read_part", "read_twin"]
+__all__ = ["ROS_FRAMES", "read_moment", "read_part", "read_ros", "read_twin"]
 
 CONTROL, _, BACKFILL = LANES
+ROS_FRAMES: Final = ("graph", "goals", "offer_states", "asked")
 TWIN_STATES: Final = frozenset({"applied", "applying", "confirming", "reverted", "refused"})
 
 
@@ -42,3 +43,12 @@ def read_moment(lane: int, taken: link_pb2.LeasesTaken) -> LeasesAnswered:
     if lane != CONTROL or taken.boot_ns <= 0:
         raise ProtocolError("an answer to leases has a bad lane or time")
     return LeasesAnswered(taken.boot_ns)
+
+
+def read_ros(lane: int, frame: link_pb2.AgentFrame) -> RosTold:
+    """Something of the robot's ROS graph. Raises ProtocolError."""
+    if lane != CONTROL:
+        raise ProtocolError("what is told of the ROS graph travels on the control lane")
+    if any(len(event.goal_id) != 16 for event in frame.goals.events):
+        raise ProtocolError("a goal has an id of 16 bytes")
+    return RosTold(frame)

@@ -6,11 +6,10 @@ No gRPC here: a lane is a `LaneOutbox` and frames that somebody feeds in.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 from gateway.domain.identity import Admitted
-from gateway.domain.sample import Run
 from gateway.errors import FencedError, ForkedError, RobotOfflineError, StoreError, UnprovenError, UnsettledError
 from gateway.ingest.events import (
     Announced,
@@ -25,6 +24,7 @@ from gateway.ingest.events import (
     RecordingArrived,
     Reported,
     Resulted,
+    RosTold,
     RowsArrived,
     Send,
     TwinReported,
@@ -32,6 +32,7 @@ from gateway.ingest.events import (
 )
 from gateway.ingest.gate import Gate, OpenGate
 from gateway.ingest.hello import LANES, check_hello
+from gateway.ingest.hooks import LinkHooks
 from gateway.ingest.knocks import Knocks
 from gateway.ingest.outbox import LaneOutbox
 from gateway.ingest.quota import Meter, Quota
@@ -52,21 +53,6 @@ SEEN_EVERY_S = 60.0
 FENCED_RETRY_MS = 5000
 QUOTA_SAID_S = 60.0
 RETRY_MS = 250  # how long agents keep durable frames while the store cannot take them
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkHooks:
-    """Whom to tell; `app.py` connects them to the other features."""
-
-    on_samples: Callable[[Run], None]
-    on_values: Callable[[str, dict[str, tuple[int, float]]], None]
-    on_channels: Callable[[str], None]
-    on_online: Callable[[str, bool], None]
-    on_result: Callable[[str, link_pb2.CommandResult], None]
-    on_recording: Callable[[str, link_pb2.RecordingPart], None] = lambda robot, part: None
-    on_twin: Callable[[str, link_pb2.TwinReport], None] = lambda robot, report: None
-    on_leases: Callable[[str, int], None] = lambda robot, boot_ns: None
-    fetch_token: Callable[[str], str] = lambda robot: ""
 
 
 @dataclass(slots=True)
@@ -314,6 +300,8 @@ class Links:
             self._hooks.on_result(robot_id, event.result)
         elif isinstance(event, TwinReported):
             self._hooks.on_twin(robot_id, event.report)
+        elif isinstance(event, RosTold):
+            self._hooks.on_ros(robot_id, event.frame)
         elif isinstance(event, LeasesAnswered):
             self._hooks.on_leases(robot_id, event.boot_ns)
         elif isinstance(event, OverQuota):

@@ -33,7 +33,7 @@ from gateway.ingest.events import (
     Send,
     WriterKnown,
 )
-from gateway.ingest.forms import read_moment, read_part, read_twin
+from gateway.ingest.forms import ROS_FRAMES, read_moment, read_part, read_ros, read_twin
 from gateway.ingest.hello import LANES, check_hello, read_channel, read_series
 from gateway.ingest.quota import Meter
 from gateway.ingest.streams import StreamTable
@@ -103,6 +103,7 @@ class Session:
             "twin": lambda lane, frame, now_s, wall_ns: [read_twin(lane, frame.twin, limits=limits)],
             "leases_taken": lambda lane, frame, now_s, wall_ns: [read_moment(lane, frame.leases_taken)],
         }
+            **dict.fromkeys(ROS_FRAMES, lambda lane, frame, now_s, wall_ns: [read_ros(lane, frame)]),
         self._token = 0
         self._schema_bytes = 0
 
@@ -238,6 +239,7 @@ class Session:
             ],
             twin=True,
         )
+            graph=True,
         return link_pb2.GatewayFrame(welcome=welcome)
 
     @staticmethod

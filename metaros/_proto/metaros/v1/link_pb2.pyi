@@ -26,6 +26,14 @@ class Compression(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
     COMPRESSION_NONE: _ClassVar[Compression]
     COMPRESSION_ZSTD: _ClassVar[Compression]
+
+class EndpointKind(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    ENDPOINT_KIND_UNSPECIFIED: _ClassVar[EndpointKind]
+    ENDPOINT_KIND_PUBLISHER: _ClassVar[EndpointKind]
+    ENDPOINT_KIND_SUBSCRIPTION: _ClassVar[EndpointKind]
+    ENDPOINT_KIND_SERVER: _ClassVar[EndpointKind]
+    ENDPOINT_KIND_CLIENT: _ClassVar[EndpointKind]
 LANE_UNSPECIFIED: Lane
 LANE_CONTROL: Lane
 LANE_DATA: Lane
@@ -37,9 +45,14 @@ DELIVERY_CLASS_BULK: DeliveryClass
 DELIVERY_CLASS_LIVE: DeliveryClass
 COMPRESSION_NONE: Compression
 COMPRESSION_ZSTD: Compression
+ENDPOINT_KIND_UNSPECIFIED: EndpointKind
+ENDPOINT_KIND_PUBLISHER: EndpointKind
+ENDPOINT_KIND_SUBSCRIPTION: EndpointKind
+ENDPOINT_KIND_SERVER: EndpointKind
+ENDPOINT_KIND_CLIENT: EndpointKind
 
 class AgentFrame(_message.Message):
-    __slots__ = ("hello", "announce", "batches", "metrics", "gap", "statistics", "result", "heartbeat", "resumed", "recording", "proof", "twin", "leases_taken")
+    __slots__ = ("hello", "announce", "batches", "metrics", "gap", "statistics", "result", "heartbeat", "resumed", "recording", "proof", "twin", "leases_taken", "graph", "goals", "offer_states", "asked")
     HELLO_FIELD_NUMBER: _ClassVar[int]
     ANNOUNCE_FIELD_NUMBER: _ClassVar[int]
     BATCHES_FIELD_NUMBER: _ClassVar[int]
@@ -53,6 +66,10 @@ class AgentFrame(_message.Message):
     PROOF_FIELD_NUMBER: _ClassVar[int]
     TWIN_FIELD_NUMBER: _ClassVar[int]
     LEASES_TAKEN_FIELD_NUMBER: _ClassVar[int]
+    GRAPH_FIELD_NUMBER: _ClassVar[int]
+    GOALS_FIELD_NUMBER: _ClassVar[int]
+    OFFER_STATES_FIELD_NUMBER: _ClassVar[int]
+    ASKED_FIELD_NUMBER: _ClassVar[int]
     hello: Hello
     announce: Announce
     batches: Batches
@@ -66,10 +83,14 @@ class AgentFrame(_message.Message):
     proof: Proof
     twin: TwinReport
     leases_taken: LeasesTaken
-    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., announce: _Optional[_Union[Announce, _Mapping]] = ..., batches: _Optional[_Union[Batches, _Mapping]] = ..., metrics: _Optional[_Union[MetricBatch, _Mapping]] = ..., gap: _Optional[_Union[Gap, _Mapping]] = ..., statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ..., result: _Optional[_Union[CommandResult, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., resumed: _Optional[_Union[Resumed, _Mapping]] = ..., recording: _Optional[_Union[RecordingPart, _Mapping]] = ..., proof: _Optional[_Union[Proof, _Mapping]] = ..., twin: _Optional[_Union[TwinReport, _Mapping]] = ..., leases_taken: _Optional[_Union[LeasesTaken, _Mapping]] = ...) -> None: ...
+    graph: GraphReport
+    goals: GoalEvents
+    offer_states: OfferStates
+    asked: OfferAsked
+    def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., announce: _Optional[_Union[Announce, _Mapping]] = ..., batches: _Optional[_Union[Batches, _Mapping]] = ..., metrics: _Optional[_Union[MetricBatch, _Mapping]] = ..., gap: _Optional[_Union[Gap, _Mapping]] = ..., statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ..., result: _Optional[_Union[CommandResult, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., resumed: _Optional[_Union[Resumed, _Mapping]] = ..., recording: _Optional[_Union[RecordingPart, _Mapping]] = ..., proof: _Optional[_Union[Proof, _Mapping]] = ..., twin: _Optional[_Union[TwinReport, _Mapping]] = ..., leases_taken: _Optional[_Union[LeasesTaken, _Mapping]] = ..., graph: _Optional[_Union[GraphReport, _Mapping]] = ..., goals: _Optional[_Union[GoalEvents, _Mapping]] = ..., offer_states: _Optional[_Union[OfferStates, _Mapping]] = ..., asked: _Optional[_Union[OfferAsked, _Mapping]] = ...) -> None: ...
 
 class GatewayFrame(_message.Message):
-    __slots__ = ("welcome", "ack", "demand", "command", "teleop", "heartbeat", "goodbye", "retry_later", "recording_wanted", "challenge", "twin", "twin_confirmed", "node_leases", "result_stored")
+    __slots__ = ("welcome", "ack", "demand", "command", "teleop", "heartbeat", "goodbye", "retry_later", "recording_wanted", "challenge", "twin", "twin_confirmed", "node_leases", "result_stored", "offers", "offer_answer")
     WELCOME_FIELD_NUMBER: _ClassVar[int]
     ACK_FIELD_NUMBER: _ClassVar[int]
     DEMAND_FIELD_NUMBER: _ClassVar[int]
@@ -84,6 +105,8 @@ class GatewayFrame(_message.Message):
     TWIN_CONFIRMED_FIELD_NUMBER: _ClassVar[int]
     NODE_LEASES_FIELD_NUMBER: _ClassVar[int]
     RESULT_STORED_FIELD_NUMBER: _ClassVar[int]
+    OFFERS_FIELD_NUMBER: _ClassVar[int]
+    OFFER_ANSWER_FIELD_NUMBER: _ClassVar[int]
     welcome: Welcome
     ack: Ack
     demand: Demand
@@ -98,7 +121,9 @@ class GatewayFrame(_message.Message):
     twin_confirmed: TwinConfirmed
     node_leases: NodeLeases
     result_stored: ResultStored
-    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ack: _Optional[_Union[Ack, _Mapping]] = ..., demand: _Optional[_Union[Demand, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., teleop: _Optional[_Union[Teleop, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ..., retry_later: _Optional[_Union[RetryLater, _Mapping]] = ..., recording_wanted: _Optional[_Union[RecordingWanted, _Mapping]] = ..., challenge: _Optional[_Union[Challenge, _Mapping]] = ..., twin: _Optional[_Union[TwinDesired, _Mapping]] = ..., twin_confirmed: _Optional[_Union[TwinConfirmed, _Mapping]] = ..., node_leases: _Optional[_Union[NodeLeases, _Mapping]] = ..., result_stored: _Optional[_Union[ResultStored, _Mapping]] = ...) -> None: ...
+    offers: Offers
+    offer_answer: OfferAnswer
+    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ack: _Optional[_Union[Ack, _Mapping]] = ..., demand: _Optional[_Union[Demand, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., teleop: _Optional[_Union[Teleop, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ..., retry_later: _Optional[_Union[RetryLater, _Mapping]] = ..., recording_wanted: _Optional[_Union[RecordingWanted, _Mapping]] = ..., challenge: _Optional[_Union[Challenge, _Mapping]] = ..., twin: _Optional[_Union[TwinDesired, _Mapping]] = ..., twin_confirmed: _Optional[_Union[TwinConfirmed, _Mapping]] = ..., node_leases: _Optional[_Union[NodeLeases, _Mapping]] = ..., result_stored: _Optional[_Union[ResultStored, _Mapping]] = ..., offers: _Optional[_Union[Offers, _Mapping]] = ..., offer_answer: _Optional[_Union[OfferAnswer, _Mapping]] = ...) -> None: ...
 
 class Hello(_message.Message):
     __slots__ = ("protocol", "robot_id", "session_id", "session_number", "lane", "agent_version", "namespace", "hostname", "labels", "streams", "writers", "epochs", "certificates")
@@ -166,7 +191,7 @@ class StreamState(_message.Message):
     def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., last_seq: _Optional[int] = ..., base_seq: _Optional[int] = ...) -> None: ...
 
 class Welcome(_message.Message):
-    __slots__ = ("gateway_id", "store_id", "watermarks", "window_bytes", "window_batches", "heartbeat_s", "stored_writers", "fetch_token", "twin")
+    __slots__ = ("gateway_id", "store_id", "watermarks", "window_bytes", "window_batches", "heartbeat_s", "stored_writers", "fetch_token", "twin", "graph")
     GATEWAY_ID_FIELD_NUMBER: _ClassVar[int]
     STORE_ID_FIELD_NUMBER: _ClassVar[int]
     WATERMARKS_FIELD_NUMBER: _ClassVar[int]
@@ -176,6 +201,7 @@ class Welcome(_message.Message):
     STORED_WRITERS_FIELD_NUMBER: _ClassVar[int]
     FETCH_TOKEN_FIELD_NUMBER: _ClassVar[int]
     TWIN_FIELD_NUMBER: _ClassVar[int]
+    GRAPH_FIELD_NUMBER: _ClassVar[int]
     gateway_id: str
     store_id: str
     watermarks: _containers.RepeatedCompositeFieldContainer[Watermark]
@@ -185,7 +211,8 @@ class Welcome(_message.Message):
     stored_writers: _containers.RepeatedCompositeFieldContainer[EpochWriter]
     fetch_token: str
     twin: bool
-    def __init__(self, gateway_id: _Optional[str] = ..., store_id: _Optional[str] = ..., watermarks: _Optional[_Iterable[_Union[Watermark, _Mapping]]] = ..., window_bytes: _Optional[int] = ..., window_batches: _Optional[int] = ..., heartbeat_s: _Optional[float] = ..., stored_writers: _Optional[_Iterable[_Union[EpochWriter, _Mapping]]] = ..., fetch_token: _Optional[str] = ..., twin: _Optional[bool] = ...) -> None: ...
+    graph: bool
+    def __init__(self, gateway_id: _Optional[str] = ..., store_id: _Optional[str] = ..., watermarks: _Optional[_Iterable[_Union[Watermark, _Mapping]]] = ..., window_bytes: _Optional[int] = ..., window_batches: _Optional[int] = ..., heartbeat_s: _Optional[float] = ..., stored_writers: _Optional[_Iterable[_Union[EpochWriter, _Mapping]]] = ..., fetch_token: _Optional[str] = ..., twin: _Optional[bool] = ..., graph: _Optional[bool] = ...) -> None: ...
 
 class EpochWriter(_message.Message):
     __slots__ = ("epoch", "writer")
@@ -267,7 +294,7 @@ class Batches(_message.Message):
     def __init__(self, batches: _Optional[_Iterable[_Union[Batch, _Mapping]]] = ...) -> None: ...
 
 class Batch(_message.Message):
-    __slots__ = ("stream_id", "epoch", "first_seq", "count", "stamps", "lengths", "payload", "chunk_index", "chunk_count", "compression")
+    __slots__ = ("stream_id", "epoch", "first_seq", "count", "stamps", "lengths", "payload", "chunk_index", "chunk_count", "compression", "trace")
     STREAM_ID_FIELD_NUMBER: _ClassVar[int]
     EPOCH_FIELD_NUMBER: _ClassVar[int]
     FIRST_SEQ_FIELD_NUMBER: _ClassVar[int]
@@ -278,6 +305,7 @@ class Batch(_message.Message):
     CHUNK_INDEX_FIELD_NUMBER: _ClassVar[int]
     CHUNK_COUNT_FIELD_NUMBER: _ClassVar[int]
     COMPRESSION_FIELD_NUMBER: _ClassVar[int]
+    TRACE_FIELD_NUMBER: _ClassVar[int]
     stream_id: int
     epoch: int
     first_seq: int
@@ -288,7 +316,26 @@ class Batch(_message.Message):
     chunk_index: int
     chunk_count: int
     compression: Compression
-    def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., count: _Optional[int] = ..., stamps: _Optional[bytes] = ..., lengths: _Optional[bytes] = ..., payload: _Optional[bytes] = ..., chunk_index: _Optional[int] = ..., chunk_count: _Optional[int] = ..., compression: _Optional[_Union[Compression, str]] = ...) -> None: ...
+    trace: SampleTrace
+    def __init__(self, stream_id: _Optional[int] = ..., epoch: _Optional[int] = ..., first_seq: _Optional[int] = ..., count: _Optional[int] = ..., stamps: _Optional[bytes] = ..., lengths: _Optional[bytes] = ..., payload: _Optional[bytes] = ..., chunk_index: _Optional[int] = ..., chunk_count: _Optional[int] = ..., compression: _Optional[_Union[Compression, str]] = ..., trace: _Optional[_Union[SampleTrace, _Mapping]] = ...) -> None: ...
+
+class SampleTrace(_message.Message):
+    __slots__ = ("seq", "traceparent", "tapped_ns", "taken_ns", "accepted_ns", "sent_ns", "clock_offset_ns")
+    SEQ_FIELD_NUMBER: _ClassVar[int]
+    TRACEPARENT_FIELD_NUMBER: _ClassVar[int]
+    TAPPED_NS_FIELD_NUMBER: _ClassVar[int]
+    TAKEN_NS_FIELD_NUMBER: _ClassVar[int]
+    ACCEPTED_NS_FIELD_NUMBER: _ClassVar[int]
+    SENT_NS_FIELD_NUMBER: _ClassVar[int]
+    CLOCK_OFFSET_NS_FIELD_NUMBER: _ClassVar[int]
+    seq: int
+    traceparent: str
+    tapped_ns: int
+    taken_ns: int
+    accepted_ns: int
+    sent_ns: int
+    clock_offset_ns: int
+    def __init__(self, seq: _Optional[int] = ..., traceparent: _Optional[str] = ..., tapped_ns: _Optional[int] = ..., taken_ns: _Optional[int] = ..., accepted_ns: _Optional[int] = ..., sent_ns: _Optional[int] = ..., clock_offset_ns: _Optional[int] = ...) -> None: ...
 
 class MetricBatch(_message.Message):
     __slots__ = ("epoch", "first_seq", "count", "series_ids", "stamps", "values", "stream_id")
@@ -431,7 +478,7 @@ class DemandEntry(_message.Message):
     def __init__(self, channel_id: _Optional[int] = ..., max_rate_hz: _Optional[float] = ...) -> None: ...
 
 class Command(_message.Message):
-    __slots__ = ("command_id", "timeout_ms", "lease_id", "publish", "call_service", "grant_lease", "release_lease", "set_uplink", "save_recording", "node_verb", "read_log", "expires_ns", "durable", "sent_ns")
+    __slots__ = ("command_id", "timeout_ms", "lease_id", "publish", "call_service", "grant_lease", "release_lease", "set_uplink", "save_recording", "node_verb", "read_log", "send_goal", "cancel_goal", "expires_ns", "durable", "sent_ns")
     COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
     TIMEOUT_MS_FIELD_NUMBER: _ClassVar[int]
     LEASE_ID_FIELD_NUMBER: _ClassVar[int]
@@ -443,6 +490,8 @@ class Command(_message.Message):
     SAVE_RECORDING_FIELD_NUMBER: _ClassVar[int]
     NODE_VERB_FIELD_NUMBER: _ClassVar[int]
     READ_LOG_FIELD_NUMBER: _ClassVar[int]
+    SEND_GOAL_FIELD_NUMBER: _ClassVar[int]
+    CANCEL_GOAL_FIELD_NUMBER: _ClassVar[int]
     EXPIRES_NS_FIELD_NUMBER: _ClassVar[int]
     DURABLE_FIELD_NUMBER: _ClassVar[int]
     SENT_NS_FIELD_NUMBER: _ClassVar[int]
@@ -457,10 +506,12 @@ class Command(_message.Message):
     save_recording: SaveRecording
     node_verb: NodeVerb
     read_log: ReadLog
+    send_goal: SendGoal
+    cancel_goal: CancelGoal
     expires_ns: int
     durable: bool
     sent_ns: int
-    def __init__(self, command_id: _Optional[bytes] = ..., timeout_ms: _Optional[int] = ..., lease_id: _Optional[str] = ..., publish: _Optional[_Union[PublishMessage, _Mapping]] = ..., call_service: _Optional[_Union[CallService, _Mapping]] = ..., grant_lease: _Optional[_Union[GrantLease, _Mapping]] = ..., release_lease: _Optional[_Union[ReleaseLease, _Mapping]] = ..., set_uplink: _Optional[_Union[SetUplink, _Mapping]] = ..., save_recording: _Optional[_Union[SaveRecording, _Mapping]] = ..., node_verb: _Optional[_Union[NodeVerb, _Mapping]] = ..., read_log: _Optional[_Union[ReadLog, _Mapping]] = ..., expires_ns: _Optional[int] = ..., durable: _Optional[bool] = ..., sent_ns: _Optional[int] = ...) -> None: ...
+    def __init__(self, command_id: _Optional[bytes] = ..., timeout_ms: _Optional[int] = ..., lease_id: _Optional[str] = ..., publish: _Optional[_Union[PublishMessage, _Mapping]] = ..., call_service: _Optional[_Union[CallService, _Mapping]] = ..., grant_lease: _Optional[_Union[GrantLease, _Mapping]] = ..., release_lease: _Optional[_Union[ReleaseLease, _Mapping]] = ..., set_uplink: _Optional[_Union[SetUplink, _Mapping]] = ..., save_recording: _Optional[_Union[SaveRecording, _Mapping]] = ..., node_verb: _Optional[_Union[NodeVerb, _Mapping]] = ..., read_log: _Optional[_Union[ReadLog, _Mapping]] = ..., send_goal: _Optional[_Union[SendGoal, _Mapping]] = ..., cancel_goal: _Optional[_Union[CancelGoal, _Mapping]] = ..., expires_ns: _Optional[int] = ..., durable: _Optional[bool] = ..., sent_ns: _Optional[int] = ...) -> None: ...
 
 class NodeVerb(_message.Message):
     __slots__ = ("node", "verb", "signal")
@@ -509,6 +560,26 @@ class CallService(_message.Message):
     type_hash: str
     request: bytes
     def __init__(self, service: _Optional[str] = ..., type_name: _Optional[str] = ..., type_hash: _Optional[str] = ..., request: _Optional[bytes] = ...) -> None: ...
+
+class SendGoal(_message.Message):
+    __slots__ = ("action", "type_name", "goal_id", "goal", "type_hash")
+    ACTION_FIELD_NUMBER: _ClassVar[int]
+    TYPE_NAME_FIELD_NUMBER: _ClassVar[int]
+    GOAL_ID_FIELD_NUMBER: _ClassVar[int]
+    GOAL_FIELD_NUMBER: _ClassVar[int]
+    TYPE_HASH_FIELD_NUMBER: _ClassVar[int]
+    action: str
+    type_name: str
+    goal_id: bytes
+    goal: bytes
+    type_hash: str
+    def __init__(self, action: _Optional[str] = ..., type_name: _Optional[str] = ..., goal_id: _Optional[bytes] = ..., goal: _Optional[bytes] = ..., type_hash: _Optional[str] = ...) -> None: ...
+
+class CancelGoal(_message.Message):
+    __slots__ = ("goal_id",)
+    GOAL_ID_FIELD_NUMBER: _ClassVar[int]
+    goal_id: bytes
+    def __init__(self, goal_id: _Optional[bytes] = ...) -> None: ...
 
 class GrantLease(_message.Message):
     __slots__ = ("lease_id", "holder", "valid_ms")
@@ -719,3 +790,171 @@ class Goodbye(_message.Message):
     message: str
     retry_after_ms: int
     def __init__(self, code: _Optional[str] = ..., message: _Optional[str] = ..., retry_after_ms: _Optional[int] = ...) -> None: ...
+
+class GraphReport(_message.Message):
+    __slots__ = ("revision", "anew", "more", "nodes", "nodes_gone", "endpoints", "endpoints_gone", "types", "left_out")
+    REVISION_FIELD_NUMBER: _ClassVar[int]
+    ANEW_FIELD_NUMBER: _ClassVar[int]
+    MORE_FIELD_NUMBER: _ClassVar[int]
+    NODES_FIELD_NUMBER: _ClassVar[int]
+    NODES_GONE_FIELD_NUMBER: _ClassVar[int]
+    ENDPOINTS_FIELD_NUMBER: _ClassVar[int]
+    ENDPOINTS_GONE_FIELD_NUMBER: _ClassVar[int]
+    TYPES_FIELD_NUMBER: _ClassVar[int]
+    LEFT_OUT_FIELD_NUMBER: _ClassVar[int]
+    revision: int
+    anew: bool
+    more: bool
+    nodes: _containers.RepeatedScalarFieldContainer[str]
+    nodes_gone: _containers.RepeatedScalarFieldContainer[str]
+    endpoints: _containers.RepeatedCompositeFieldContainer[GraphEndpoint]
+    endpoints_gone: _containers.RepeatedScalarFieldContainer[int]
+    types: _containers.RepeatedCompositeFieldContainer[TypeText]
+    left_out: int
+    def __init__(self, revision: _Optional[int] = ..., anew: _Optional[bool] = ..., more: _Optional[bool] = ..., nodes: _Optional[_Iterable[str]] = ..., nodes_gone: _Optional[_Iterable[str]] = ..., endpoints: _Optional[_Iterable[_Union[GraphEndpoint, _Mapping]]] = ..., endpoints_gone: _Optional[_Iterable[int]] = ..., types: _Optional[_Iterable[_Union[TypeText, _Mapping]]] = ..., left_out: _Optional[int] = ...) -> None: ...
+
+class GraphEndpoint(_message.Message):
+    __slots__ = ("number", "kind", "node", "name", "type_name", "type_hash", "qos")
+    NUMBER_FIELD_NUMBER: _ClassVar[int]
+    KIND_FIELD_NUMBER: _ClassVar[int]
+    NODE_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    TYPE_NAME_FIELD_NUMBER: _ClassVar[int]
+    TYPE_HASH_FIELD_NUMBER: _ClassVar[int]
+    QOS_FIELD_NUMBER: _ClassVar[int]
+    number: int
+    kind: EndpointKind
+    node: str
+    name: str
+    type_name: str
+    type_hash: str
+    qos: str
+    def __init__(self, number: _Optional[int] = ..., kind: _Optional[_Union[EndpointKind, str]] = ..., node: _Optional[str] = ..., name: _Optional[str] = ..., type_name: _Optional[str] = ..., type_hash: _Optional[str] = ..., qos: _Optional[str] = ...) -> None: ...
+
+class TypeText(_message.Message):
+    __slots__ = ("type_name", "type_hash", "parts")
+    TYPE_NAME_FIELD_NUMBER: _ClassVar[int]
+    TYPE_HASH_FIELD_NUMBER: _ClassVar[int]
+    PARTS_FIELD_NUMBER: _ClassVar[int]
+    type_name: str
+    type_hash: str
+    parts: _containers.RepeatedCompositeFieldContainer[TypePart]
+    def __init__(self, type_name: _Optional[str] = ..., type_hash: _Optional[str] = ..., parts: _Optional[_Iterable[_Union[TypePart, _Mapping]]] = ...) -> None: ...
+
+class TypePart(_message.Message):
+    __slots__ = ("name", "text")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    TEXT_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    text: str
+    def __init__(self, name: _Optional[str] = ..., text: _Optional[str] = ...) -> None: ...
+
+class GoalEvents(_message.Message):
+    __slots__ = ("events", "all_told", "goal_ids")
+    EVENTS_FIELD_NUMBER: _ClassVar[int]
+    ALL_TOLD_FIELD_NUMBER: _ClassVar[int]
+    GOAL_IDS_FIELD_NUMBER: _ClassVar[int]
+    events: _containers.RepeatedCompositeFieldContainer[GoalEvent]
+    all_told: bool
+    goal_ids: _containers.RepeatedScalarFieldContainer[bytes]
+    def __init__(self, events: _Optional[_Iterable[_Union[GoalEvent, _Mapping]]] = ..., all_told: _Optional[bool] = ..., goal_ids: _Optional[_Iterable[bytes]] = ...) -> None: ...
+
+class GoalEvent(_message.Message):
+    __slots__ = ("goal_id", "action", "type_name", "status", "ended", "feedback", "result", "code", "message", "stamp_ns", "skipped", "type_hash")
+    GOAL_ID_FIELD_NUMBER: _ClassVar[int]
+    ACTION_FIELD_NUMBER: _ClassVar[int]
+    TYPE_NAME_FIELD_NUMBER: _ClassVar[int]
+    STATUS_FIELD_NUMBER: _ClassVar[int]
+    ENDED_FIELD_NUMBER: _ClassVar[int]
+    FEEDBACK_FIELD_NUMBER: _ClassVar[int]
+    RESULT_FIELD_NUMBER: _ClassVar[int]
+    CODE_FIELD_NUMBER: _ClassVar[int]
+    MESSAGE_FIELD_NUMBER: _ClassVar[int]
+    STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    SKIPPED_FIELD_NUMBER: _ClassVar[int]
+    TYPE_HASH_FIELD_NUMBER: _ClassVar[int]
+    goal_id: bytes
+    action: str
+    type_name: str
+    status: int
+    ended: bool
+    feedback: bytes
+    result: bytes
+    code: str
+    message: str
+    stamp_ns: int
+    skipped: int
+    type_hash: str
+    def __init__(self, goal_id: _Optional[bytes] = ..., action: _Optional[str] = ..., type_name: _Optional[str] = ..., status: _Optional[int] = ..., ended: _Optional[bool] = ..., feedback: _Optional[bytes] = ..., result: _Optional[bytes] = ..., code: _Optional[str] = ..., message: _Optional[str] = ..., stamp_ns: _Optional[int] = ..., skipped: _Optional[int] = ..., type_hash: _Optional[str] = ...) -> None: ...
+
+class Offers(_message.Message):
+    __slots__ = ("revision", "offers")
+    REVISION_FIELD_NUMBER: _ClassVar[int]
+    OFFERS_FIELD_NUMBER: _ClassVar[int]
+    revision: int
+    offers: _containers.RepeatedCompositeFieldContainer[Offer]
+    def __init__(self, revision: _Optional[int] = ..., offers: _Optional[_Iterable[_Union[Offer, _Mapping]]] = ...) -> None: ...
+
+class Offer(_message.Message):
+    __slots__ = ("number", "action", "name", "type_name", "type_hash", "type")
+    NUMBER_FIELD_NUMBER: _ClassVar[int]
+    ACTION_FIELD_NUMBER: _ClassVar[int]
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    TYPE_NAME_FIELD_NUMBER: _ClassVar[int]
+    TYPE_HASH_FIELD_NUMBER: _ClassVar[int]
+    TYPE_FIELD_NUMBER: _ClassVar[int]
+    number: int
+    action: bool
+    name: str
+    type_name: str
+    type_hash: str
+    type: TypeText
+    def __init__(self, number: _Optional[int] = ..., action: _Optional[bool] = ..., name: _Optional[str] = ..., type_name: _Optional[str] = ..., type_hash: _Optional[str] = ..., type: _Optional[_Union[TypeText, _Mapping]] = ...) -> None: ...
+
+class OfferStates(_message.Message):
+    __slots__ = ("states",)
+    STATES_FIELD_NUMBER: _ClassVar[int]
+    states: _containers.RepeatedCompositeFieldContainer[OfferState]
+    def __init__(self, states: _Optional[_Iterable[_Union[OfferState, _Mapping]]] = ...) -> None: ...
+
+class OfferState(_message.Message):
+    __slots__ = ("number", "code", "message")
+    NUMBER_FIELD_NUMBER: _ClassVar[int]
+    CODE_FIELD_NUMBER: _ClassVar[int]
+    MESSAGE_FIELD_NUMBER: _ClassVar[int]
+    number: int
+    code: str
+    message: str
+    def __init__(self, number: _Optional[int] = ..., code: _Optional[str] = ..., message: _Optional[str] = ...) -> None: ...
+
+class OfferAsked(_message.Message):
+    __slots__ = ("number", "ask", "request", "goal_id", "cancel", "gone")
+    NUMBER_FIELD_NUMBER: _ClassVar[int]
+    ASK_FIELD_NUMBER: _ClassVar[int]
+    REQUEST_FIELD_NUMBER: _ClassVar[int]
+    GOAL_ID_FIELD_NUMBER: _ClassVar[int]
+    CANCEL_FIELD_NUMBER: _ClassVar[int]
+    GONE_FIELD_NUMBER: _ClassVar[int]
+    number: int
+    ask: int
+    request: bytes
+    goal_id: bytes
+    cancel: bool
+    gone: bool
+    def __init__(self, number: _Optional[int] = ..., ask: _Optional[int] = ..., request: _Optional[bytes] = ..., goal_id: _Optional[bytes] = ..., cancel: _Optional[bool] = ..., gone: _Optional[bool] = ...) -> None: ...
+
+class OfferAnswer(_message.Message):
+    __slots__ = ("ask", "ended", "ok", "payload", "message", "status")
+    ASK_FIELD_NUMBER: _ClassVar[int]
+    ENDED_FIELD_NUMBER: _ClassVar[int]
+    OK_FIELD_NUMBER: _ClassVar[int]
+    PAYLOAD_FIELD_NUMBER: _ClassVar[int]
+    MESSAGE_FIELD_NUMBER: _ClassVar[int]
+    STATUS_FIELD_NUMBER: _ClassVar[int]
+    ask: int
+    ended: bool
+    ok: bool
+    payload: bytes
+    message: str
+    status: int
+    def __init__(self, ask: _Optional[int] = ..., ended: _Optional[bool] = ..., ok: _Optional[bool] = ..., payload: _Optional[bytes] = ..., message: _Optional[str] = ..., status: _Optional[int] = ...) -> None: ...
