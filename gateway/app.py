@@ -29,8 +29,8 @@ from gateway.fleet.orders import OrderDesk
 from gateway.fleet.presence import Presence
 from gateway.fleet.rollout_side import TwinSide
 from gateway.fleet.rollouts import RolloutDesk
-from gateway.fleet.teleop import TeleopDesk
 from gateway.fleet.ros_side import RosSide
+from gateway.fleet.teleop import TeleopDesk
 from gateway.fleet.twin_feature import Twins
 from gateway.history.desk import HistoryDesk
 from gateway.identity.accounts import Accounts
@@ -145,6 +145,7 @@ class Gateway:
             clock=self.clock,
             actuator_topics=self.settings.actuator_topics,
         )
+        self.ros = RosSide(self.registry.get, self.commands, self.fleet, self.links.send, clock=self.clock)
         self.orders = OrderDesk(
             self.store,
             self.commands,
@@ -160,7 +161,6 @@ class Gateway:
         self.twins.book.watch(self.events.on_twin)
         self.failover = Failover(self.store, self.twins, self.links.send, clock=self.clock)
         parts = (self.twins, self.registry.get, self.commands, self.fleet, self.orders)
-        self.ros = RosSide(self.registry.get, self.commands, self.fleet, self.links.send, clock=self.clock)
         self.nodes = Nodes(*parts, clock=self.clock, holder_of=self.failover.holder_of)
 
     def _make_updates(self, master: MasterKey) -> None:
@@ -194,6 +194,9 @@ class Gateway:
             recordings=self.recordings,
             hub=self.hub,
             fleet=self.fleet,
+            graphs=self.ros.graphs,
+            goals=self.ros.goals,
+            offers=self.ros.offers,
             orders=self.orders,
             teleop=self.teleop,
             twins=self.twins,
@@ -209,9 +212,6 @@ class Gateway:
         )
 
     async def start(self) -> None:
-            graphs=self.ros.graphs,
-            goals=self.ros.goals,
-            offers=self.ros.offers,
         """Know the robots of earlier days; start the store."""
         self.store.start(self.links.committed, self.links.refused)
         await self._check_binding()
@@ -256,7 +256,7 @@ class Gateway:
         """Heartbeats and demand, until cancelled."""
         async with asyncio.TaskGroup() as group:
             group.create_task(self._tick())
-            group.create_task(self.demand.run())
+            group.create_task(self._tell_demand())
             for part in (self.recordings, self.twins, self.failover, self.updates, self.events, self.ros):
                 group.create_task(part.run())
             for desk in (self.rollouts, self.presence, self.orders, self.attendance, self.audit):
@@ -300,6 +300,7 @@ class Gateway:
             on_recording=lambda robot, part: self.recordings.on_part(robot, part),
             on_twin=lambda robot, report: self.twins.on_report(robot, report),
             on_leases=lambda robot, boot_ns: self.failover.on_answer(robot, boot_ns),
+            on_ros=lambda robot, frame: self.ros.on_frame(robot, frame),
             fetch_token=lambda robot: self.fetch_tokens.make(robot),
         )
 
@@ -317,7 +318,6 @@ class Gateway:
     def _labels_said(self, robot_id: str) -> dict[str, str]:
         record = self.registry.find(robot_id)
         return dict(record.robot.labels) if record is not None else {}
-            on_ros=lambda robot, frame: self.ros.on_frame(robot, frame),
 
     async def _save_recording(self, robot_id: str, request: Mapping[str, Any]) -> dict[str, str]:
         asked = await self.recordings.request(
@@ -352,6 +352,7 @@ class Gateway:
             self.commands.on_offline(robot_id)
             self.teleop.on_offline(robot_id)
         self.recordings.on_online(robot_id, online)
+        self.ros.on_online(robot_id, online)
         self.twins.on_online(robot_id, online)
         self.failover.on_online(robot_id, online)
         self.presence.on_online(robot_id)
@@ -379,7 +380,6 @@ class Gateway:
                 self._tell(robot_id)
                 await asyncio.sleep(0)
 
-        self.ros.on_online(robot_id, online)
     def _tell(self, robot_id: str) -> None:
         record, now_s = self.registry.get(robot_id), self.clock.monotonic_s()
         if not record.online:

@@ -211,10 +211,6 @@ class Limits:
     node_tails_of_one: int = 8  # and for one who asks
     node_tail_s: float = 900.0  # for which one goes on; its reader asks again from there
     nodes_listed: int = 10_000  # in one answer about many robots
-    type_cache: int = 4096  # compiled codecs and classes kept
-
-
-LIMITS = Limits()
     graph_entities: int = 8192  # nodes and endpoints that an agent tells of its robot's graph; more are counted
     graph_types: int = 256  # types of services and actions that it tells with them
     graph_robot_bytes: int = 4 * MIB  # of both, in a gateway's memory
@@ -230,3 +226,7 @@ LIMITS = Limits()
     offers: int = 64  # services and actions of one robot that clients of a gateway serve
     offer_asks: int = 64  # requests and goals of them that wait for their answers; more are refused
     offer_answer_s: float = 60.0  # within which a request is answered
+    type_cache: int = 4096  # compiled codecs and classes kept
+
+
+LIMITS = Limits()

@@ -64,10 +64,10 @@ class Services:
     recordings: RecordingDesk
     hub: Hub
     fleet: FleetDesk
-    orders: OrderDesk
     graphs: GraphBook
     goals: GoalDesk
     offers: OfferDesk
+    orders: OrderDesk
     teleop: TeleopDesk
     twins: Twins
     nodes: Nodes

@@ -102,8 +102,8 @@ class Session:
             "recording": lambda lane, frame, now_s, wall_ns: [read_part(lane, frame.recording, limits=limits)],
             "twin": lambda lane, frame, now_s, wall_ns: [read_twin(lane, frame.twin, limits=limits)],
             "leases_taken": lambda lane, frame, now_s, wall_ns: [read_moment(lane, frame.leases_taken)],
-        }
             **dict.fromkeys(ROS_FRAMES, lambda lane, frame, now_s, wall_ns: [read_ros(lane, frame)]),
+        }
         self._token = 0
         self._schema_bytes = 0
 
@@ -238,8 +238,8 @@ class Session:
                 for epoch, writer in self._streams.stored_writers(hello).items()
             ],
             twin=True,
-        )
             graph=True,
+        )
         return link_pb2.GatewayFrame(welcome=welcome)
 
     @staticmethod
