@@ -7,7 +7,7 @@ entry point `node` of the group `metaros.cli.afar`.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -16,7 +16,7 @@ from gateway.cli_node_values import add_values
 from gateway.cli_pairs import pairs
 from gateway.cli_twin import Confirm, DryRun, Reason, read_document, send, show_change, show_changes
 from gateway.errors import GatewayError
-from metaros.cli.gateway_http import Answer, GatewayClient, GatewayOption, open_gateway, path_part
+from metaros.cli.gateway_http import GatewayClient, GatewayOption, events, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, counted
 from metaros.errors import UsageError
@@ -240,19 +240,6 @@ def _follow(out: Output, http: GatewayClient, path: str, query: str) -> None:
                     raise GatewayError(str(data["message"]))
             else:
                 raise GatewayError("the gateway ended the log")
-
-
-def events(answer: Answer) -> Iterator[tuple[str, Any]]:
-    """The server-sent events of an answer: name and data."""
-    rest, name = b"", ""
-    for piece in answer.pieces():
-        *lines, rest = (rest + piece).split(b"\n")
-        for line in lines:
-            key, _, value = line.decode().partition(": ")
-            if key == "event":
-                name = value
-            elif key == "data":
-                yield name, json.loads(value)
 
 
 def _crashes(node: NodeName, robot: OneRobot, gateway: GatewayOption = "", output: FormatOption = Format.TEXT) -> None:

@@ -9,6 +9,7 @@ import typer
 from metaros.cli.gateway_http import GatewayOption, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output
+from metaros.cli.watching import WatchOption, watch
 from metaros.errors import UsageError
 from metaros.inert import inert
 
@@ -23,7 +24,7 @@ RobotId = Annotated[
 def register(app: typer.Typer) -> None:
     """Add the noun to `metaros`."""
     noun = typer.Typer(no_args_is_help=True, help="Robots of the fleet: who they are, and how they come to belong.")
-    for name, command in (("token", _token), ("list", _list), ("label", _label), ("revoke", _revoke)):
+    for name, command in _VERBS:
         noun.command(name)(command)
     app.add_typer(noun, name="robot")
 
@@ -41,7 +42,35 @@ def _token(
     out.note(f"run it on the robot before {inert(made['expires'][:16])}Z; it works once and is not shown again")
 
 
-def _list(gateway: GatewayOption = "", output: FormatOption = Format.TEXT) -> None:
+def _list(
+    selector: Annotated[
+        str, typer.Option("--selector", "-l", metavar="TERMS", help="Only those named: label=value, label in (a, b).")
+    ] = "",
+    again: WatchOption = False,
+    gateway: GatewayOption = "",
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """The robots that ever connected: which are there now, and who drives them."""
+    out, http = Output(output), open_gateway(gateway)
+
+    def find() -> Any:
+        return list(http.pages("/api/v1/robots", "robots", selector=selector or None))
+
+    def show(found: Any) -> None:
+        out.listing(("Robot", "State", "Since (UTC)", "Labels", "Driven by", "Agent"), found, _robot, empty="no robots")
+
+    watch(out, find, show, again=again)
+
+
+def _robot(item: dict[str, Any]) -> tuple[str, ...]:
+    labels = ",".join(f"{key}={value}" for key, value in sorted(item["labels"].items()))
+    since = (item.get("since") or "")[:16].replace("T", " ")
+    lease = (item.get("lease") or {}).get("holder", "")
+    state = "online" if item["online"] else "offline"
+    return item["id"], state, since or "–", labels or "–", lease or "–", item.get("agent_version") or "–"
+
+
+def _identities(gateway: GatewayOption = "", output: FormatOption = Format.TEXT) -> None:
     """The identities there are, and what looks wrong with them."""
     out = Output(output)
     found = open_gateway(gateway).get("/api/v1/identities")["identities"]
@@ -92,9 +121,18 @@ def _one_label(text: str) -> tuple[str, str | None]:
 
 
 def _revoke(
-    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="The robot, as `metaros robot list` shows it.")],
+    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="The robot, as `metaros robot identities` shows it.")],
     reason: Annotated[str, typer.Option("--reason", metavar="TEXT", help="Why, for whoever looks later.")] = "",
     gateway: GatewayOption = "",
 ) -> None:
     """End a robot's identity: its link is cut within seconds, and only a token for this robot brings it back."""
     open_gateway(gateway).post(f"/api/v1/robots/{path_part(robot)}/revoke", {"reason": reason})
+
+
+_VERBS = (
+    ("list", _list),
+    ("token", _token),
+    ("identities", _identities),
+    ("label", _label),
+    ("revoke", _revoke),
+)

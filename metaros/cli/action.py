@@ -10,6 +10,7 @@ from metaros.cli import action_goal
 from metaros.cli.visit import Visit, visiting
 
 if TYPE_CHECKING:
+    from metaros.cli.afar.graph import FarGraph
     from metaros.cli.graph_model import Link
     from metaros.wire import Graph
 
@@ -94,7 +95,7 @@ def info(
 group.command("send_goal")(action_goal.send_goal)
 
 
-def _actions(graph: Graph) -> dict[str, Link]:
+def _actions(graph: Graph | FarGraph) -> dict[str, Link]:
     """By name; each with its servers as sources and its clients as sinks."""
     from metaros.cli.graph_model import draw
 
@@ -102,10 +103,9 @@ def _actions(graph: Graph) -> dict[str, Link]:
 
 
 def _one(action: str, at: Visit) -> Link:
-    from metaros.cli.connection import absolute
     from metaros.cli.names import no_such
 
-    name = absolute(action)
+    name = at.absolute(action)
     with at.look() as graph:
         found = _actions(graph)
     if name not in found:

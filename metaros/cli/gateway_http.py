@@ -17,7 +17,7 @@ from metaros.cli.credentials import key_for, local_gateway
 from metaros.cli.trust import distrust, open_connection
 from metaros.errors import ConfigError, PeerError, RefusedError, UnavailableError
 
-__all__ = ["Answer", "GatewayClient", "GatewayOption", "open_gateway", "path_part"]
+__all__ = ["Answer", "GatewayClient", "GatewayOption", "events", "open_gateway", "path_part"]
 
 DEFAULT_URL = "http://127.0.0.1:8080"
 PIECE_BYTES = 256 * 1024
@@ -29,7 +29,7 @@ GatewayOption = Annotated[
         metavar="URL",
         envvar="METAROS_GATEWAY_URL",
         show_envvar=False,
-        help=f"The gateway's address; default: the one that runs on this machine, else {DEFAULT_URL}.",
+        help=f"The gateway's address; default: the context's, else the one on this machine, else {DEFAULT_URL}.",
     ),
 ]
 
@@ -77,13 +77,23 @@ class GatewayClient:
             raise ConfigError(f"--gateway {url}: not the address of a gateway\nit looks like {DEFAULT_URL}")
         self.url = f"{parts.scheme}://{parts.netloc}"
         self._timeout_s = timeout_s
+        # The headers that say who asks.
         own = key_for(self.url) if key is None else key
-        self._identity = {"Authorization": f"Bearer {own}"} if own else {}
+        self.identity = {"Authorization": f"Bearer {own}"} if own else {}
 
     def get(self, path: str, **query: Any) -> Any:
         """The JSON of a GET; a value of `query` may be a list, None leaves it out."""
         with self.open("GET", path, query=query) as answer:
             return _document(answer)
+
+    def pages(self, path: str, name: str, **query: Any) -> Iterator[Any]:
+        """The items of a list that comes in pages, under `name`, until the gateway names no `next` one."""
+        cursor: Any = None
+        while True:
+            page = self.get(path, **{**query, "after": cursor} if cursor is not None else query)
+            yield from page[name]
+            if (cursor := page.get("next")) is None:
+                return
 
     def post(self, path: str, body: Mapping[str, Any]) -> Any:
         """The JSON that answers a POST."""
@@ -93,6 +103,11 @@ class GatewayClient:
     def send(self, path: str, file: Path, *, kind: str, **query: Any) -> Any:
         """The JSON that answers a POST of a file."""
         with self.open("POST", path, query=query, headers={"Content-Type": kind}, file=file) as answer:
+            return _document(answer)
+
+    def send_bytes(self, path: str, content: bytes, *, kind: str, **query: Any) -> Any:
+        """The JSON that answers a POST of a few bytes."""
+        with self.open("POST", path, query=query, headers={"Content-Type": kind}, content=content) as answer:
             return _document(answer)
 
     def patch(self, path: str, body: Mapping[str, Any]) -> Any:
@@ -115,8 +130,9 @@ class GatewayClient:
         body: Mapping[str, Any] | None = None,
         headers: Mapping[str, str] | None = None,
         file: Path | None = None,
+        content: bytes | None = None,
     ) -> Iterator[Answer]:
-        """One request and its good answer; `file` is sent as it is, piece by piece, under a type in `headers`.
+        """One request and its good answer; `file`, piece by piece, and `content` go under a type in `headers`.
 
         Raises:
             UnavailableError: nobody answers at the address.
@@ -125,16 +141,16 @@ class GatewayClient:
         asked = urlencode({k: v for k, v in (query or {}).items() if v is not None}, doseq=True)
         kind = {} if body is None else {"Content-Type": "application/json"}
         connection, response = open_connection(self.url, timeout_s=self._timeout_s), None
-        content: Any = None if body is None else json.dumps(body).encode()
+        sent: Any = content if body is None else json.dumps(body).encode()
         if file is not None:
-            content, kind = file.open("rb"), {"Content-Length": str(file.stat().st_size)}
+            sent, kind = file.open("rb"), {"Content-Length": str(file.stat().st_size)}
         try:
             try:
                 connection.request(
                     method,
                     f"{path}?{asked}" if asked else path,
-                    body=content,
-                    headers={**self._identity, **kind, **(headers or {})},
+                    body=sent,
+                    headers={**self.identity, **kind, **(headers or {})},
                 )
                 response = connection.getresponse()
             except (OSError, http.client.HTTPException) as error:
@@ -148,7 +164,7 @@ class GatewayClient:
                 response.close()
             connection.close()
             if file is not None:
-                content.close()
+                sent.close()
 
 
 def _silence(url: str, error: Exception) -> str:
@@ -159,8 +175,25 @@ def _silence(url: str, error: Exception) -> str:
     return f"no gateway answers at {url}: {error}\n{fix}"
 
 
+def events(answer: Answer) -> Iterator[tuple[str, Any]]:
+    """The server-sent events of an answer: name and data."""
+    rest, name = b"", ""
+    for piece in answer.pieces():
+        *lines, rest = (rest + piece).split(b"\n")
+        for line in lines:
+            key, _, value = line.decode().partition(": ")
+            if key == "event":
+                name = value
+            elif key == "data":
+                yield name, json.loads(value)
+
+
 def open_gateway(url: str) -> GatewayClient:
-    """The gateway at `url`, or where that is empty, the one of this user's running `metaros up`."""
+    """The gateway at `url`; "": the context's, else the one of this user's running `metaros up`."""
+    if not url:
+        from metaros.cli.contexts import current_gateway
+
+        url = current_gateway()
     if not url:
         from metaros.cli.instance import running_instances
 

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, SpinTime, ZenohPort
+from metaros.cli.gateway_http import GatewayOption
+from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, RobotOption, SpinTime, ZenohPort
 
 if TYPE_CHECKING:
     from metaros.cli.graph_model import Picture
@@ -69,6 +70,8 @@ def graph(
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
     spin_time: SpinTime = 1.0,
+    robot: RobotOption = "",
+    gateway: GatewayOption = "",
     output: Annotated[
         GraphFormat,
         typer.Option(
@@ -80,21 +83,44 @@ def graph(
     ] = GraphFormat.TEXT,
 ) -> None:
     """Show nodes, what they publish and serve, and who reads it; what does not match is marked with the reason."""
-    from metaros.cli.connection import look_with_session
-    from metaros.cli.graph_model import draw
     from metaros.cli.options import Format
     from metaros.cli.output import Output
 
     _check_svg(svg)
     out = Output(Format.JSON if output is GraphFormat.JSON else Format.TEXT)
-    with look_with_session(zenoh_port, domain, spin_time=spin_time) as (session, found):
-        rates = _rates(session, measure) if svg and measure else None
-        whole = draw([node.full_name for node in found.nodes()], found.tokens(), everything=everything)
+    seconds = measure if svg else 0.0
+    if robot:
+        whole, rates = _afar(robot, gateway, everything=everything)
+    else:
+        whole, rates = _here(zenoh_port, domain, spin_time, seconds, everything=everything)
     picture = _part(whole, word)
     if svg:
-        _draw(out, picture if services or everything else picture.without_idle_services(), rates, svg, domain)
+        picture = picture if services or everything else picture.without_idle_services()
+        _draw(out, picture, rates if seconds else None, svg, f"robot {robot}" if robot else f"domain {domain}")
     else:
         _print(out, picture, output)
+
+
+def _here(
+    zenoh_port: int, domain: int, spin_time: float, seconds: float, *, everything: bool
+) -> tuple[Picture, dict[str, Rates]]:
+    from metaros.cli.connection import look_with_session
+    from metaros.cli.graph_model import draw
+
+    with look_with_session(zenoh_port, domain, spin_time=spin_time) as (session, found):
+        rates = _rates(session, seconds) if seconds else {}
+        return draw([node.full_name for node in found.nodes()], found.tokens(), everything=everything), rates
+
+
+def _afar(robot: str, gateway: str, *, everything: bool) -> tuple[Picture, dict[str, Rates]]:
+    """What the robot's agent has told: rates need no measuring of ours."""
+    from metaros.cli.afar.graph import FarGraph
+    from metaros.cli.afar.place import RobotPlace
+    from metaros.cli.graph_model import draw
+
+    place = RobotPlace(robot, gateway)
+    found = FarGraph(place.graph())
+    return draw([node.full_name for node in found.nodes()], found.tokens(), everything=everything), place.rates()
 
 
 def _check_svg(file: str) -> None:
@@ -131,12 +157,12 @@ def _part(whole: Picture, word: str) -> Picture:
     return picture
 
 
-def _draw(out: Output, picture: Picture, rates: dict[str, Rates] | None, file: str, domain: int) -> None:
+def _draw(out: Output, picture: Picture, rates: dict[str, Rates] | None, file: str, where: str) -> None:
     from metaros.cli.graph_svg import svg
     from metaros.cli.graph_text import summary
 
     counts = summary(picture, lambda words, _: words).replace("  ", " · ")
-    text = svg(picture, rates, heading=f"ROS graph\n{counts} · domain {domain}")
+    text = svg(picture, rates, heading=f"ROS graph\n{counts} · {where}")
     if file == STDOUT:
         out.line(text.rstrip("\n"))
     else:

@@ -12,6 +12,8 @@ import typer
 from metaros.cli.visit import Visit, visiting
 
 if TYPE_CHECKING:
+    from metaros.cli.afar.graph import FarGraph
+    from metaros.cli.afar.node import FarNode
     from metaros.node import Node
     from metaros.wire import Graph
 
@@ -124,7 +126,7 @@ def set_(
         raise PeerError(f"Transitioning failed: {name} is {state.label}")
 
 
-def _lifecycle_nodes(graph: Graph) -> list[str]:
+def _lifecycle_nodes(graph: Graph | FarGraph) -> list[str]:
     """As ros2 tells them: by their service `get_state`."""
     return sorted(
         {
@@ -139,17 +141,18 @@ def _lifecycle_nodes(graph: Graph) -> list[str]:
 class _Asker:
     """Asks lifecycle nodes; `names` are those there are."""
 
-    own: Node
+    at: Visit
+    own: Node | FarNode
     names: list[str]
     known: list[str]
     timeout_s: float
 
     def find(self, node: str) -> str:
         """The full name of a lifecycle node; UnavailableError with a hint otherwise."""
-        from metaros.cli.connection import absolute, closest
+        from metaros.cli.connection import closest
         from metaros.errors import UnavailableError
 
-        name = absolute(node)
+        name = self.at.absolute(node)
         if name in self.names:
             return name
         if name in self.known:
@@ -193,9 +196,6 @@ class _Asker:
 @contextmanager
 def _asking(at: Visit, *, timeout_s: float) -> Iterator[_Asker]:
     """A node of ours beside a settled graph."""
-    from metaros.node import Node
-
-    with at.connect() as context:
-        names, known = _lifecycle_nodes(context.graph), [node.full_name for node in context.graph.nodes()]
-        with Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False) as own:
-            yield _Asker(own, names, known, timeout_s)
+    with at.node() as own:
+        known = [node.full_name for node in own.graph.nodes()]
+        yield _Asker(at, own, _lifecycle_nodes(own.graph), known, timeout_s)

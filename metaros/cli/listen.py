@@ -1,7 +1,8 @@
-"""A raw subscription read by the main thread, and the rate of what arrives.
+"""A topic's bytes read by the main thread, and the rate of what arrives.
 
-Zenoh's thread only stamps a sample and puts it into a queue of at most `LIMITS.ingress_bytes`; when that is full, new
-samples are dropped and counted, because someone who looks on must not hold up whom he watches.
+They come from this machine's graph (`GraphSource`) or, of a robot elsewhere, by its gateway (`afar.listen`). Zenoh's
+thread only stamps a sample and puts it into a queue of at most `LIMITS.ingress_bytes`; when that is full, new samples
+are dropped and counted, because someone who looks on must not hold up whom he watches.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from metaros.limits import LIMITS
 if TYPE_CHECKING:
     from metaros.cli.topic_find import FoundTopic
 
-__all__ = ["Listener", "Meter", "Rate"]
+__all__ = ["GraphSource", "Listener", "Meter", "Rate", "Source"]
 
 _SLICE_S = 0.1  # waiting in slices keeps Ctrl-C immediate on every platform
 _REPORT_S = 1.0
@@ -39,8 +40,60 @@ class Meter(Protocol):
         """What is known by `now`; a `window` below 2 means that there is nothing to say."""
 
 
+class Source(Protocol):
+    """Where a topic's samples come from."""
+
+    dropped: int
+
+    def open(self, stack: ExitStack) -> FoundTopic:
+        """Begin; what has to be closed is pushed on the stack. UnavailableError where there is no such topic."""
+
+    def next(self, timeout_s: float) -> tuple[float, bytes] | None:
+        """The next sample and when it came, by the monotonic clock; None when none came in time."""
+
+
 class Listener:
     """Subscribe in a context manager; `payloads()` gives CDR bytes as they come."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._clock = SystemClock()
+        self._stack = ExitStack()
+        self.found: FoundTopic
+
+    def __enter__(self) -> Listener:
+        with ExitStack() as stack:
+            self.found = self._source.open(stack)
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def payloads(self, *, timeout_s: float = 0.0) -> Iterator[bytes]:
+        """Each message's bytes; TimeoutError_ after `timeout_s` (0: never) of silence."""
+        last = self._clock.monotonic_s()
+        while True:
+            if (item := self._source.next(_SLICE_S)) is not None:
+                last = self._clock.monotonic_s()
+                yield item[1]
+            elif timeout_s and self._clock.monotonic_s() - last >= timeout_s:
+                raise TimeoutError_(f"no message on {self.found.name} within {timeout_s:g} s")
+
+    def reports(self, meter: Meter) -> Iterator[dict[str, Any]]:
+        """Feed `meter` and give its report once a second."""
+        due = self._clock.monotonic_s() + _REPORT_S
+        while True:
+            wait = due - self._clock.monotonic_s()
+            if wait <= 0:
+                due += _REPORT_S
+                yield {**meter.report(self._clock.monotonic_s()), "dropped": self._source.dropped}
+            elif (item := self._source.next(min(wait, _SLICE_S))) is not None:
+                meter.add(*item)
+
+
+class GraphSource:
+    """A raw subscription in this machine's graph."""
 
     def __init__(
         self, topic: str, type_name: str, *, zenoh_port: int, domain: int, spin_time: float, raw: bool
@@ -54,47 +107,26 @@ class Listener:
         self._in_bytes = 0  # written by Zenoh's thread only
         self._out_bytes = 0  # written by the main thread only
         self.dropped = 0
-        self._stack = ExitStack()
-        self.found: FoundTopic
 
-    def __enter__(self) -> Listener:
+    def open(self, stack: ExitStack) -> FoundTopic:
+        """See Source."""
         from metaros.node import Node
 
-        with ExitStack() as stack:
-            context = stack.enter_context(connect(*self._where))
-            self.found = find_topic(context, *self._ask, spin_time=self._spin_time, raw=self._raw)
-            node = stack.enter_context(
-                Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False)
-            )
-            found = self.found
-            reader = node.create_raw_subscription(found.name, found.type_name, found.type_hash, found.qos, self._take)
-            stack.callback(reader.close)
-            self._stack = stack.pop_all()
-        return self
+        context = stack.enter_context(connect(*self._where))
+        found = find_topic(context, *self._ask, spin_time=self._spin_time, raw=self._raw)
+        node = stack.enter_context(Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False))
+        reader = node.create_raw_subscription(found.name, found.type_name, found.type_hash, found.qos, self._take)
+        stack.callback(reader.close)
+        return found
 
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
-
-    def payloads(self, *, timeout_s: float = 0.0) -> Iterator[bytes]:
-        """Each message's bytes; TimeoutError_ after `timeout_s` (0: never) of silence."""
-        last = self._clock.monotonic_s()
-        while True:
-            if (item := self._next(_SLICE_S)) is not None:
-                last = self._clock.monotonic_s()
-                yield item[1]
-            elif timeout_s and self._clock.monotonic_s() - last >= timeout_s:
-                raise TimeoutError_(f"no message on {self.found.name} within {timeout_s:g} s")
-
-    def reports(self, meter: Meter) -> Iterator[dict[str, Any]]:
-        """Feed `meter` and give its report once a second."""
-        due = self._clock.monotonic_s() + _REPORT_S
-        while True:
-            wait = due - self._clock.monotonic_s()
-            if wait <= 0:
-                due += _REPORT_S
-                yield {**meter.report(self._clock.monotonic_s()), "dropped": self.dropped}
-            elif (item := self._next(min(wait, _SLICE_S))) is not None:
-                meter.add(*item)
+    def next(self, timeout_s: float) -> tuple[float, bytes] | None:
+        """See Source."""
+        try:
+            item = self._queue.get(timeout=timeout_s)
+        except queue.Empty:
+            return None
+        self._out_bytes += len(item[1])
+        return item
 
     def _take(self, sample: Any) -> None:
         """On Zenoh's thread."""
@@ -104,14 +136,6 @@ class Listener:
             return
         self._in_bytes += len(payload)
         self._queue.put((self._clock.monotonic_s(), payload))
-
-    def _next(self, timeout_s: float) -> tuple[float, bytes] | None:
-        try:
-            item = self._queue.get(timeout=timeout_s)
-        except queue.Empty:
-            return None
-        self._out_bytes += len(item[1])
-        return item
 
 
 class Rate:

@@ -66,10 +66,15 @@ def _root(
     ca: Annotated[
         Path | None, typer.Option("--ca", metavar="FILE", help="PEM of the roots that alone vouch for a gateway.")
     ] = None,
+    context: Annotated[
+        str, typer.Option("--context", metavar="NAME", help="Ask the gateway of that name, see `metaros context`.")
+    ] = "",
 ) -> None:
     """Robots on the ROS 2 wire, and the cloud-edge gateway above them."""
     if ca is not None:
         os.environ["METAROS_CA"] = str(ca)
+    if context:
+        os.environ["METAROS_CONTEXT"] = context
 
 
 def main(argv: Sequence[str] | None = None) -> None:

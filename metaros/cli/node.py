@@ -73,11 +73,12 @@ def list_(
     robot: Robot = "",
     selector: Selector = "",
     state: Annotated[str, typer.Option("--state", metavar="STATE", help="From afar: only those, as running.")] = "",
+    ros: Annotated[bool, typer.Option("--ros", help="With --robot: the nodes of its ROS graph.")] = False,
     gateway: Gateway = "",
 ) -> None:
     """List the nodes of the graph, or those that robots run."""
     out = at.out
-    if robot or selector:
+    if (robot and not ros) or selector:
         _afar().list_nodes(out, robot=robot, selector=selector, state=state, gateway=gateway)
         return
     with at.look() as graph:
@@ -111,15 +112,14 @@ def info(
     gateway: Gateway = "",
 ) -> None:
     """Show a node's publishers, subscribers, services, clients and actions; of a robot's node, how it does."""
-    from metaros.cli.connection import absolute
     from metaros.cli.graph_model import draw
     from metaros.cli.names import is_hidden, no_such
 
     out = at.out
-    if robot:
+    if robot and not node.startswith("/"):
         _afar().show_node(out, node, robot=robot, gateway=gateway)
         return
-    name = absolute(node)
+    name = at.absolute(node)
     with at.look() as graph:
         known = {item.full_name for item in graph.nodes()}
         endpoints = graph.endpoints()

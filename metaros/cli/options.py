@@ -15,6 +15,7 @@ __all__ = [
     "Format",
     "FormatOption",
     "ProfileOption",
+    "RobotOption",
     "SpinTime",
     "StatusFile",
     "ZenohPort",
@@ -28,13 +29,18 @@ class Format(StrEnum):
     """How a command prints."""
 
     TEXT = "text"
+    TABLE = "table"  # the same, by its other name
     JSON = "json"
+    YAML = "yaml"
 
 
 FormatOption = Annotated[
     Format,
     typer.Option(
-        "--output", "-o", metavar="text|json", help="For people, or for machines (streams: one JSON object a line)."
+        "--output",
+        "-o",
+        metavar="table|json|yaml",
+        help="For people, or for machines (streams: a JSON object a line, YAML documents).",
     ),
 ]
 ZenohPort = Annotated[
@@ -49,6 +55,23 @@ Domain = Annotated[
 SpinTime = Annotated[
     float,
     typer.Option("--spin-time", min=0.0, max=60.0, metavar="SECONDS", help="How long at most to look for what exists."),
+]
+
+
+def _robots(incomplete: str) -> list[str]:
+    from metaros.cli.completion import robots
+
+    return robots(incomplete)
+
+
+RobotOption = Annotated[
+    str,
+    typer.Option(
+        "--robot",
+        metavar="ROBOT",
+        help="Of this robot, anywhere, by its gateway; none: this machine.",
+        autocompletion=_robots,
+    ),
 ]
 
 

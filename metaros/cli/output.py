@@ -6,7 +6,7 @@ import json
 import os
 import re
 import sys
-from collections.abc import Callable, Container, Iterable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from typing import Any, Final, Literal
 
 from metaros.cli.options import Format
@@ -21,7 +21,8 @@ class Output:
     """One command's standard output."""
 
     def __init__(self, format_: Format = Format.TEXT) -> None:
-        self.json = format_ is Format.JSON
+        self.json = format_ in (Format.JSON, Format.YAML)  # for machines
+        self._yaml = format_ is Format.YAML
         self.tty = sys.stdout.isatty() and os.environ.get("TERM") != "dumb"
         self.colour = self.tty and "NO_COLOR" not in os.environ
         self._styles: set[str] = set()  # that this command uses; others come from outside
@@ -74,12 +75,18 @@ class Output:
                 self.line(inert(name))
 
     def objects(self, value: Any) -> None:
-        """One JSON document."""
-        self._write(inert_json(json.dumps(value, indent=2 if self.tty else None, ensure_ascii=False)))
+        """One JSON, or YAML, document."""
+        if self._yaml:
+            self._write(_yaml(value).rstrip("\n"))
+        else:
+            self._write(inert_json(json.dumps(value, indent=2 if self.tty else None, ensure_ascii=False)))
 
-    def object_line(self, value: Mapping[str, Any]) -> None:
-        """One JSON object of a stream, flushed so that a pipe sees it now."""
-        self._write(inert_json(json.dumps(value, ensure_ascii=False)))
+    def object_line(self, value: Any) -> None:
+        """One JSON value of a stream, or a YAML document, flushed so that a pipe sees it now."""
+        if self._yaml:
+            self._write(f"{_yaml(value)}---")
+        else:
+            self._write(inert_json(json.dumps(value, ensure_ascii=False)))
 
     def line(self, text: str = "") -> None:
         """Plain text, with colours of `style`; nothing else in it is obeyed by a terminal."""
@@ -130,6 +137,17 @@ class Output:
         for row in rows:
             table.add_row(*(Text(cell) for cell in row))
         Console().print(table)
+
+
+def _yaml(value: Any) -> str:
+    """The value as YAML; where something in it is no plain text, everything beyond ASCII is written out."""
+    import yaml
+
+    plain = json.loads(json.dumps(value))
+    text = yaml.safe_dump(plain, allow_unicode=True, sort_keys=False, width=120)
+    if not text.replace("\n", "").isprintable():
+        text = yaml.safe_dump(plain, allow_unicode=False, sort_keys=False, width=120)
+    return text.removesuffix("...\n")
 
 
 def _but_tabs(text: str) -> str:

@@ -229,16 +229,13 @@ def delete(
 @contextmanager
 def _asking(node: str, at: Visit) -> Iterator[tuple[Any, str]]:
     """A short-lived node of ours, and the full name of the node that is meant; it must offer parameters."""
-    from metaros.cli.connection import absolute
     from metaros.cli.param_view import check_node
-    from metaros.node import Node
 
-    target = absolute(node) if node else ""
-    with at.connect() as context:
+    target = at.absolute(node) if node else ""
+    with at.node() as own:
         if target:
-            check_node(context.graph, target)
-        with Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False) as own:
-            yield own, target
+            check_node(own.graph, target)
+        yield own, target
 
 
 @contextmanager

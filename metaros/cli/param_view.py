@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from metaros.cli.connection import closest
 from metaros.errors import ParameterError, PeerError, UnavailableError, UnknownParameterError, UsageError
 from metaros.node.parameters import ParameterClient, ParameterDescriptor, SetResult
 from metaros.node.parameters.values import ParameterType, Value, fit
 from metaros.wire import Graph
+
+if TYPE_CHECKING:
+    from metaros.cli.afar.graph import FarGraph
 
 __all__ = [
     "check_node",
@@ -44,12 +47,12 @@ _WORDS: Final = {
 }
 
 
-def parameter_nodes(graph: Graph) -> list[str]:
+def parameter_nodes(graph: Graph | FarGraph) -> list[str]:
     """The nodes that offer parameters."""
     return sorted({end.node_full_name for end in graph.endpoints(kind="SS") if end.type_name == _LIST})
 
 
-def check_node(graph: Graph, name: str) -> None:
+def check_node(graph: Graph | FarGraph, name: str) -> None:
     """UnavailableError with a hint where there is no such node, or where it offers no parameters."""
     if name in parameter_nodes(graph):
         return

@@ -9,6 +9,7 @@ import typer
 from metaros.cli.visit import Visit, visiting
 
 if TYPE_CHECKING:
+    from metaros.cli.afar.graph import FarGraph
     from metaros.wire import Graph
 
 __all__ = ["register"]
@@ -53,9 +54,8 @@ def list_(
 @visiting
 def type_(at: Visit, service: ServiceArgument) -> None:
     """Print a service's type."""
-    from metaros.cli.connection import absolute
 
-    out, name = at.out, absolute(service)
+    out, name = at.out, at.absolute(service)
     with at.look() as graph:
         _type_of(graph, name, "")  # says what is wrong where nobody serves it
         types = _services(graph)[name]
@@ -87,11 +87,10 @@ def info(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Each server and client, with its hash.")] = False,
 ) -> None:
     """Show a service's type, servers and clients."""
-    from metaros.cli.connection import absolute
     from metaros.cli.endpoints import endpoint_facts, print_endpoints
     from metaros.cli.names import no_such
 
-    out, name = at.out, absolute(service)
+    out, name = at.out, at.absolute(service)
     with at.look() as graph:
         known, ends = graph.services(), [item for item in graph.endpoints(topic=name) if item.kind in ("SS", "SC")]
     if not ends:
@@ -115,41 +114,38 @@ def call(
     ] = 10.0,
 ) -> None:
     """Call a service and print its response."""
-    from metaros.cli.connection import absolute
     from metaros.cli.render import message_yaml, plain
     from metaros.cli.types import full_type, parse_values
     from metaros.errors import TimeoutError_
     from metaros.idl import message_class
     from metaros.idl.json import from_json
-    from metaros.node import Node
 
     out = at.out
-    name = absolute(service)
+    name = at.absolute(service)
     if type_or_values.lstrip().startswith("{"):  # the type was left out
         type_or_values, values = "", type_or_values
-    with at.connect() as context:
-        full = _type_of(context.graph, name, full_type(type_or_values, "srv") if type_or_values else "")
+    with at.node() as node:
+        full = _type_of(node.graph, name, full_type(type_or_values, "srv") if type_or_values else "")
         kind: Any = message_class(full)
         request = from_json(kind.Request, parse_values(values, f"{full}_Request"))
-        with Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False) as node:
-            client = node.create_client(kind, name)
-            if not client.wait_for_service(min(timeout, max(at.spin_time, 0.1))):
-                raise TimeoutError_(f"{name} does not answer: its node may have stopped")
-            response = client.call(request, timeout_s=timeout)
+        client = node.create_client(kind, name)
+        if not client.wait_for_service(min(timeout, max(at.spin_time, 0.1))):
+            raise TimeoutError_(f"{name} does not answer: its node may have stopped")
+        response = client.call(request, timeout_s=timeout)
     if out.json:
         out.objects(plain(response))
     else:
         out.line(message_yaml(response))
 
 
-def _services(graph: Graph) -> dict[str, list[str]]:
+def _services(graph: Graph | FarGraph) -> dict[str, list[str]]:
     found: dict[str, set[str]] = {}
     for item in graph.endpoints(kind="SS"):
         found.setdefault(item.topic, set()).add(item.type_name)
     return {name: sorted(types) for name, types in sorted(found.items())}
 
 
-def _type_of(graph: Graph, name: str, wanted: str) -> str:
+def _type_of(graph: Graph | FarGraph, name: str, wanted: str) -> str:
     """The type that the service's server declares; UnavailableError where there is none."""
     from metaros.cli.names import no_such
     from metaros.errors import UsageError

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
+from metaros.cli.gateway_http import GatewayOption
+from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, RobotOption, SpinTime, ZenohPort
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -47,16 +48,20 @@ def top(
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
     spin_time: SpinTime = 1.0,
+    robot: RobotOption = "",
+    gateway: GatewayOption = "",
     output: FormatOption = Format.TEXT,
 ) -> None:
     """Show topics with rate, bandwidth, publishers and subscribers, nodes with the CPU of their process, and who drops.
 
-    It receives what is published in the domain while it runs, and counts it.
+    It receives what is published in the domain while it runs, and counts it. Of a robot elsewhere it shows what its
+    agent counts; processes and drops stay there.
     """
     from metaros.cli.output import Output
 
     out = Output(output)
-    with suppress(KeyboardInterrupt), _watch(zenoh_port, domain, spin_time, word, sort) as look:
+    watch = _afar(robot, gateway, word, sort) if robot else _watch(zenoh_port, domain, spin_time, word, sort)
+    with suppress(KeyboardInterrupt), watch as look:
         if once:
             _pause(interval)
             screenful = look()
@@ -88,6 +93,28 @@ def _print(out: Output, screenful: Screenful) -> None:
         out.line()
         out.table(DROP_COLUMNS, [drop_cells(row) for row in screenful.dropping], right=range(2, len(DROP_COLUMNS)))
     out.note(f"\n{summary(screenful)}")
+
+
+@contextmanager
+def _afar(robot: str, gateway: str, word: str, sort: Sort) -> Iterator[Callable[[], Screenful]]:
+    """The same of a robot elsewhere."""
+    from metaros.cli.afar.graph import FarGraph
+    from metaros.cli.afar.place import RobotPlace
+    from metaros.cli.graph_model import draw
+    from metaros.cli.top_rows import Screenful, node_rows, topic_rows
+
+    place = RobotPlace(robot, gateway)
+
+    def look() -> Screenful:
+        graph = FarGraph(place.graph())
+        ends = graph.endpoints()
+        return Screenful(
+            topic_rows(ends, place.rates(), word=word, sort=sort.value),
+            node_rows(graph.nodes(), ends, {}, word=word),
+            len(draw([], graph.tokens()).faults),
+        )
+
+    yield look
 
 
 @contextmanager

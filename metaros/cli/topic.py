@@ -66,12 +66,11 @@ def info(
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Each publisher and subscriber, with QoS.")] = False,
 ) -> None:
     """Show a topic's type, publishers and subscribers."""
-    from metaros.cli.connection import absolute
     from metaros.cli.endpoints import endpoint_facts, print_endpoints
     from metaros.cli.names import no_such
     from metaros.cli.topic_problems import print_problems, problems
 
-    out, name = at.out, absolute(topic)
+    out, name = at.out, at.absolute(topic)
     with at.look() as graph:
         ends = [item for item in graph.endpoints(topic=name) if item.kind in ("MP", "MS")]
         known, found = list(graph.topics()), problems(graph.tokens(), name)

@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, ZenohPort
+from metaros.cli.gateway_http import GatewayOption
+from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, RobotOption, ZenohPort
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from metaros.cli.output import Output
     from metaros.node import Context
 
@@ -36,8 +39,14 @@ def pub(
         float, typer.Option("--max-wait-time-secs", min=0.0, metavar="SECONDS", help="Publish anyway after so long.")
     ] = 3.0,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Do not print what is published.")] = False,
+    lease: Annotated[
+        str,
+        typer.Option("--lease", metavar="ID", show_default=False, help="With --robot, for what moves it."),
+    ] = "",
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
+    robot: RobotOption = "",
+    gateway: GatewayOption = "",
 ) -> None:
     """Publish to a topic; `--once` waits for a subscriber, so that the one message is heard."""
     from metaros.cli.connection import absolute, connect, wait_for
@@ -48,8 +57,13 @@ def pub(
     from metaros.node import Node
 
     out = Output()
-    name, full = absolute(topic), full_type(type_name)
+    full = full_type(type_name)
     message = from_json(message_class(full), parse_values(values, full))
+    if robot:
+        send = _afar(robot, gateway, topic, full, lease)
+        _publish(send, message, out, rate=rate, times=1 if once else times, quiet=quiet)
+        return
+    name = absolute(topic)
     with (
         connect(zenoh_port, domain) as context,
         Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False) as node,
@@ -58,20 +72,34 @@ def pub(
         needed = wait if wait is not None else int(once or times > 0)
         if needed and not wait_for(lambda: _subscribers(context, name, full) >= needed, timeout_s=wait_timeout):
             out.note(f"no subscriber on {name} within {wait_timeout:g} s: publishing all the same")
-        _publish(publisher, message, out, rate=rate, times=1 if once else times, quiet=quiet)
+        _publish(publisher.publish, message, out, rate=rate, times=1 if once else times, quiet=quiet)
 
 
 def _subscribers(context: Context, topic: str, type_name: str) -> int:
     return sum(item.type_name == type_name for item in context.graph.endpoints(topic=topic, kind="MS"))
 
 
-def _publish(publisher: Any, message: Any, out: Output, *, rate: float, times: int, quiet: bool) -> None:
+def _afar(robot: str, gateway: str, topic: str, type_name: str, lease: str) -> Callable[[Any], object]:
+    """How a message gets to a robot elsewhere: byte for byte, and told when the robot has published it."""
+    from metaros.cdr import codec
+    from metaros.cli.afar.place import RobotPlace
+
+    place, encode = RobotPlace(robot, gateway), codec(type_name).encode
+    query = {"topic": place.absolute(topic), "type": type_name, "lease_id": lease or None}
+    return lambda message: place.http.send_bytes(
+        place.path("publish"), encode(message), kind="application/cdr", **query
+    )
+
+
+def _publish(
+    publish: Callable[[Any], object], message: Any, out: Output, *, rate: float, times: int, quiet: bool
+) -> None:
     from metaros.clock import SystemClock
 
     clock, pause = SystemClock(), threading.Event()
     due, count = clock.monotonic_s(), 0
     while True:
-        publisher.publish(message)
+        publish(message)
         count += 1
         if not quiet:
             out.line(f"publishing #{count}: {message!r}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
+from metaros.cli.visit import Visit, visiting
 
 if TYPE_CHECKING:
     from metaros.cli.output import Output
@@ -18,7 +18,9 @@ TopicArgument = Annotated[str, typer.Argument(metavar="TOPIC", help="Such as /si
 Window = Annotated[int, typer.Option("--window", "-w", min=2, metavar="N", help="Over how many of the last messages.")]
 
 
+@visiting
 def echo(
+    at: Visit,
     topic: TopicArgument,
     type_name: Annotated[
         str, typer.Argument(metavar="TYPE", help="Needed only while nobody is there, or of several types.")
@@ -38,18 +40,11 @@ def echo(
             "--timeout", min=0.0, metavar="SECONDS", show_default=False, help="Give up when silent for so many seconds."
         ),
     ] = 0.0,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Print a topic's messages."""
-    from metaros.cli.listen import Listener
-    from metaros.cli.output import Output
-
-    out = Output(output)
+    out = at.out
     wanted = 1 if once else number
-    with Listener(topic, type_name, zenoh_port=zenoh_port, domain=domain, spin_time=spin_time, raw=raw) as listener:
+    with at.listen(topic, type_name, raw=raw) as listener:
         show = _shower(listener, out, raw=raw, field=field, full=full)
         for count, payload in enumerate(listener.payloads(timeout_s=timeout), start=1):
             show(payload)
@@ -70,7 +65,7 @@ def _shower(listener: Any, out: Output, *, raw: bool, field: str, full: bool) ->
         message = decode(payload)
         value = field_of(message, field) if field else message
         if out.json:
-            out.line(_json(plain(value)))
+            out.object_line(plain(value))
         elif hasattr(type(value), "__metaros_name__"):
             out.line(f"{message_yaml(value, full=full)}\n---")
         else:
@@ -89,23 +84,20 @@ def _text(value: Any) -> str:
     return value if isinstance(value, str) else _json(value)
 
 
+@visiting
 def hz(
+    at: Visit,
     topic: TopicArgument,
     window: Window = 10_000,
     number: Annotated[
         int, typer.Option("-n", "--number", min=0, metavar="N", show_default=False, help="Stop after so many reports.")
     ] = 0,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Measure how often a topic is published, once a second."""
-    from metaros.cli.listen import Listener, Rate
-    from metaros.cli.output import Output
+    from metaros.cli.listen import Rate
 
-    out = Output(output)
-    with Listener(topic, "", zenoh_port=zenoh_port, domain=domain, spin_time=spin_time, raw=True) as listener:
+    out = at.out
+    with at.listen(topic, raw=True) as listener:
         rate = Rate(window)
         for count, report in enumerate(listener.reports(rate), start=1):
             if out.json:
@@ -119,23 +111,21 @@ def hz(
                 return
 
 
+@visiting
 def bw(
+    at: Visit,
     topic: TopicArgument,
     window: Window = 100,
     number: Annotated[
         int, typer.Option("-n", "--number", min=0, metavar="N", show_default=False, help="Stop after so many reports.")
     ] = 0,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Measure how many bytes a topic takes, once a second."""
-    from metaros.cli.listen import Listener, Rate
-    from metaros.cli.output import Output, human_bytes
+    from metaros.cli.listen import Rate
+    from metaros.cli.output import human_bytes
 
-    out = Output(output)
-    with Listener(topic, "", zenoh_port=zenoh_port, domain=domain, spin_time=spin_time, raw=True) as listener:
+    out = at.out
+    with at.listen(topic, raw=True) as listener:
         rate = Rate(window)
         for count, report in enumerate(listener.reports(rate), start=1):
             if out.json:
@@ -152,25 +142,21 @@ def bw(
                 return
 
 
+@visiting
 def delay(
+    at: Visit,
     topic: TopicArgument,
     window: Window = 10_000,
     number: Annotated[
         int, typer.Option("-n", "--number", min=0, metavar="N", show_default=False, help="Stop after so many reports.")
     ] = 0,
-    zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
-    domain: Domain = 0,
-    spin_time: SpinTime = 1.0,
-    output: FormatOption = Format.TEXT,
 ) -> None:
     """Measure how old messages are when they arrive, by the stamp in their header, once a second."""
     from metaros.cli.delay import Delay
-    from metaros.cli.listen import Listener
-    from metaros.cli.output import Output
     from metaros.clock import SystemClock
 
-    out = Output(output)
-    with Listener(topic, "", zenoh_port=zenoh_port, domain=domain, spin_time=spin_time, raw=False) as listener:
+    out = at.out
+    with at.listen(topic) as listener:
         found = listener.found
         meter = Delay(window, found.type_name, clock=SystemClock(), catalogue=found.catalogue)
         for count, report in enumerate(listener.reports(meter), start=1):

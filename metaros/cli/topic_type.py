@@ -14,10 +14,9 @@ __all__ = ["find", "type_"]
 @visiting
 def type_(at: Visit, topic: Annotated[str, typer.Argument(metavar="TOPIC", help="Such as /sim_1/odom.")]) -> None:
     """Print a topic's type."""
-    from metaros.cli.connection import absolute
     from metaros.cli.names import no_such
 
-    out, name = at.out, absolute(topic)
+    out, name = at.out, at.absolute(topic)
     with at.look() as graph:
         topics = graph.topics()
     if name not in topics:

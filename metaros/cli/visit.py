@@ -6,23 +6,30 @@
         with at.look() as graph:
             at.out.names(...)
 
-has the four options of `OPTIONS` besides its own argument.
+has the options of `OPTIONS` besides its own argument. With `--robot ID` the graph is that of a robot elsewhere, as its
+gateway tells it: the command says the same of either.
 """
 
 from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, SpinTime, ZenohPort
+from metaros.cli.gateway_http import GatewayOption
+from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, RobotOption, SpinTime, ZenohPort
 from metaros.cli.output import Output
+from metaros.errors import UsageError
 
 if TYPE_CHECKING:
-    from metaros.node import Context
+    from metaros.cli.afar.graph import FarGraph
+    from metaros.cli.afar.node import FarNode
+    from metaros.cli.afar.place import RobotPlace
+    from metaros.cli.listen import Listener
+    from metaros.node import Context, Node
     from metaros.wire import Graph
 
 __all__ = ["OPTIONS", "Visit", "visiting"]
@@ -31,6 +38,8 @@ OPTIONS: tuple[tuple[str, Any, Any], ...] = (
     ("zenoh_port", ZenohPort, DEFAULT_ZENOH_PORT),
     ("domain", Domain, 0),
     ("spin_time", SpinTime, 1.0),
+    ("robot", RobotOption, ""),
+    ("gateway", GatewayOption, ""),
     ("output", FormatOption, Format.TEXT),
 )
 
@@ -43,18 +52,61 @@ class Visit:
     domain: int
     spin_time: float
     out: Output
+    place: RobotPlace | None = None  # the robot that is meant; None: this machine's graph
 
-    def look(self) -> AbstractContextManager[Graph]:
+    def look(self) -> AbstractContextManager[Graph | FarGraph]:
         """The graph alone, settled: for commands that only look."""
+        if self.place is not None:
+            from metaros.cli.afar.graph import FarGraph
+
+            return nullcontext(FarGraph(self.place.graph()))
         from metaros.cli.connection import look
 
         return look(self.zenoh_port, self.domain, spin_time=self.spin_time)
 
     def connect(self) -> AbstractContextManager[Context]:
-        """A context whose graph has settled."""
+        """A context whose graph has settled; UsageError for what cannot be done from afar."""
+        if self.place is not None:
+            raise UsageError("this needs the graph of this machine: leave --robot out")
         from metaros.cli.connection import connect
 
         return connect(self.zenoh_port, self.domain, spin_time=self.spin_time)
+
+    @contextmanager
+    def node(self) -> Iterator[Node | FarNode]:
+        """A short-lived node that calls services, in a graph that has settled."""
+        if self.place is not None:
+            from metaros.cli.afar.node import FarNode
+
+            yield FarNode(self.place)
+            return
+        from metaros.node import Node
+
+        with self.connect() as context:
+            with Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False) as own:
+                yield own
+
+    def listen(self, topic: str, type_name: str = "", *, raw: bool = False) -> Listener:
+        """A topic's messages as they come; `raw`: only their bytes matter."""
+        from metaros.cli.listen import GraphSource, Listener, Source
+
+        source: Source
+        if self.place is not None:
+            from metaros.cli.afar.listen import FarSource
+
+            source = FarSource(self.place, topic, type_name, raw=raw)
+        else:
+            where = {"zenoh_port": self.zenoh_port, "domain": self.domain}
+            source = GraphSource(topic, type_name, **where, spin_time=self.spin_time, raw=raw)
+        return Listener(source)
+
+    def absolute(self, name: str) -> str:
+        """A name as typed, from the root; of a robot elsewhere a relative one lies in its namespace."""
+        if self.place is not None:
+            return self.place.absolute(name)
+        from metaros.cli.connection import absolute
+
+        return absolute(name)
 
 
 def visiting(command: Callable[..., None]) -> Callable[..., None]:
@@ -64,14 +116,26 @@ def visiting(command: Callable[..., None]) -> Callable[..., None]:
     shared = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
         for name, annotation, default in OPTIONS
+        if name not in signature.parameters
     ]
 
     @functools.wraps(command)
     def visit(**given: Any) -> None:
-        zenoh_port, domain, spin_time, output = (given.pop(name) for name, _, _ in OPTIONS)
-        command(Visit(zenoh_port, domain, spin_time, Output(output)), **given)
+        said = {parameter.name: given.pop(parameter.name) for parameter in shared}
+        asked = {**given, **said}  # a command may have its own words for --robot
+        place = _place(asked["robot"], asked["gateway"])
+        at = Visit(said["zenoh_port"], said["domain"], said["spin_time"], Output(said["output"]), place)
+        command(at, **given)
 
     visit.__signature__ = signature.replace(parameters=[*own, *shared])  # type: ignore[attr-defined]
     # typer asks for the hints, too
     visit.__annotations__ = {parameter.name: parameter.annotation for parameter in (*own, *shared)} | {"return": None}
     return visit
+
+
+def _place(robot: str, gateway: str) -> RobotPlace | None:
+    if not robot:
+        return None
+    from metaros.cli.afar.place import RobotPlace
+
+    return RobotPlace(robot, gateway)

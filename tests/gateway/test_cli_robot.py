@@ -41,9 +41,9 @@ async def test_token_list_revoke(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         async with client(ready, key="") as http:
             body = {"token": command.split()[3], "robot": "arm", "csr": ask(new_key())}
             assert (await http.post("/api/v1/enrol", json=body)).status_code == 201
-        listed = await asyncio.to_thread(run, "robot", "list", *at)
+        listed = await asyncio.to_thread(run, "robot", "identities", *at)
         assert "arm" in listed
         assert "active" in listed
         await asyncio.to_thread(run, "robot", "revoke", "arm", "--reason", "lost", *at)
-        (found,) = json.loads(await asyncio.to_thread(run, "robot", "list", *at, "--output", "json"))
+        (found,) = json.loads(await asyncio.to_thread(run, "robot", "identities", *at, "--output", "json"))
         assert (found["state"], found["reason"]) == ("revoked", "lost")

@@ -85,7 +85,7 @@ def facts(text: str) -> dict[str, Any]:
 MANY = [facts(text) for text in ALL]
 LISTS = {
     ("audit", "list"): {"rows": MANY},
-    ("robot", "list"): {"identities": MANY},
+    ("robot", "identities"): {"identities": MANY},
     ("user", "list"): {"users": MANY},
     ("key", "list"): {"keys": MANY},
     ("recording", "list"): {"recordings": MANY},

@@ -115,7 +115,7 @@ def test_two_commands_make_a_robot_that_speaks_mtls(
         # Without TLS, and with TLS but no certificate, the robots' port ends it before a frame is read.
         assert (reach(stack, None), reach(stack, data / "root.pem")) == ("UNAVAILABLE", "UNAVAILABLE")
 
-        listed = run("metaros robot list -o json", office)
+        listed = run("metaros robot identities -o json", office)
         assert '"arm_1"' in listed
         assert '"active"' in listed
         run('metaros robot revoke arm_1 --reason "lost on the way"', office)

@@ -9,6 +9,7 @@ import sys
 
 import pytest
 
+from metaros.cli.options import Format
 from metaros.cli.output import Output, human_bytes, human_seconds
 
 
@@ -56,3 +57,12 @@ def test_colours_on_a_terminal_only_and_not_with_no_color(no_color: str, styled:
     os.close(reader)
     assert b"Meta-ROS" in page
     assert (b"\x1b[" in page) is styled
+
+
+def test_yaml_is_a_document_and_obeys_nobody(capsys: pytest.CaptureFixture[str]) -> None:
+    Output(Format.YAML).objects([{"name": "a", "values": [1, 2.5, None], "text": "größer"}])
+    assert capsys.readouterr().out == "- name: a\n  values:\n  - 1\n  - 2.5\n  - null\n  text: größer\n"
+    Output(Format.YAML).object_line({"name": "\x1b[2J\u202e"})
+    out = capsys.readouterr().out
+    assert out.replace("\n", "").isprintable()
+    assert out.endswith("\n---\n")

@@ -1,0 +1,79 @@
+"""A node of ours in a robot's graph, as far as a command needs one: it calls services, by the gateway."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from metaros.cli.afar.graph import FarGraph
+from metaros.cli.afar.place import RobotPlace
+from metaros.errors import RefusedError, TimeoutError_, UnavailableError
+
+if TYPE_CHECKING:
+    from metaros.node.parameters import ParameterClient
+
+__all__ = ["FarClient", "FarNode"]
+
+
+class FarNode:
+    """What `metaros.Node` is to a command."""
+
+    def __init__(self, place: RobotPlace) -> None:
+        self._place = place
+        self.graph = FarGraph(place.graph())
+
+    def resolve(self, name: str) -> str:
+        """A name from the root."""
+        return self._place.absolute(name)
+
+    def create_client(self, service_type: Any, name: str, qos: object = None) -> FarClient:
+        """A client of a service of the robot; the profile is the agent's business."""
+        return FarClient(self._place, self.graph, service_type, self.resolve(name))
+
+    def create_parameter_client(self, target: str) -> ParameterClient:
+        """Another node's parameters."""
+        from metaros.node.parameters import ParameterClient
+
+        return ParameterClient(self, target)  # type: ignore[arg-type]  # it calls services and looks, no more
+
+
+class FarClient:
+    """Calls one service."""
+
+    def __init__(self, place: RobotPlace, graph: FarGraph, service_type: Any, name: str) -> None:
+        self.service_type = service_type
+        self._place = place
+        self._graph = graph
+        self._name = name
+
+    def wait_for_service(self, timeout_s: float | None = None) -> bool:
+        """Whether somebody serves it."""
+        return bool(self._graph.endpoints(self._name, "SS"))
+
+    def call(self, request: Any, *, timeout_s: float = 10.0) -> Any:
+        """The response.
+
+        Raises:
+            UnavailableError: nobody serves it, or the robot is not there.
+            TimeoutError_: no answer in time.
+            RefusedError: the gateway says why not.
+        """
+        from metaros.idl.json import from_json, to_json
+
+        body = {
+            "service": self._name,
+            "type": self.service_type.__metaros_name__,
+            "request": to_json(request),
+            "timeout_s": timeout_s,
+        }
+        try:
+            answer = self._place.http.post(self._place.path("services", "call"), body)
+        except RefusedError as error:
+            if error.reason in ("robot_offline", "service_unavailable"):
+                raise UnavailableError(str(error)) from error
+            if error.reason in ("timeout", "command_timeout"):
+                raise TimeoutError_(str(error)) from error
+            raise
+        return from_json(self.service_type.Response, answer["response"])
+
+    def close(self) -> None:
+        """Nothing is held."""
