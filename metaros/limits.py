@@ -163,6 +163,8 @@ class Limits:
     event_bytes: int = 16 * KIB  # what one event of the journal tells, as JSON
     events_waiting: int = 8192  # that wait for the database; further ones are counted as lost
     events_in_memory: int = 1024  # the newest, for those who watch
+    event_streams: int = 1024  # of all who follow the events of a gateway
+    event_streams_each: int = 64  # of one user, key, or nobody
     events_kept: int = 200_000  # of one store, the newest
     events_kept_s: float = 30 * 86_400.0  # and for so long
     audit_heads: int = 1000  # exported heads that one proof compares, the newest

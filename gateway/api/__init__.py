@@ -21,6 +21,7 @@ from gateway.api.rest import (
     auth,
     commands,
     enrol,
+    events,
     export,
     health,
     history,
@@ -51,6 +52,7 @@ __all__ = ["ROUTERS", "create_api", "route_paths"]
 ROUTERS: tuple[APIRouter, ...] = (
     health.router,
     robots.router,
+    events.router,
     metrics.router,
     commands.router,
     orders.router,

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections import deque
-from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
+from collections import Counter, deque
+from collections.abc import AsyncGenerator, Callable, Iterable, Mapping, Sequence
 from itertools import islice
 from typing import Any, Protocol, TypeVar
 
 import orjson
 
 from gateway.domain.event import EVERYTHING, Event, EventFilter, EventPage
-from gateway.errors import StoreError
+from gateway.errors import StoreError, TooManyError
 from gateway.events.kinds import event_kind
 from gateway.store.engine import StoreEngine
 from gateway.store.events import add_events, event_bounds, newest_events, purge_events, read_events
@@ -69,6 +69,7 @@ class EventJournal:
         self._head = 0
         self._news = asyncio.Event()
         self._watchers = 0
+        self._seats: Counter[str] = Counter()
 
     @property
     def head(self) -> int:
@@ -108,14 +109,16 @@ class EventJournal:
             return await self._forward(after, limit, wanted)
         return await self._backward(before, limit, wanted)
 
-    async def watch(self, *, after: int | None = None, wanted: EventFilter = EVERYTHING) -> AsyncIterator[EventPage]:
+    async def watch(
+        self, *, after: int | None = None, wanted: EventFilter = EVERYTHING
+    ) -> AsyncGenerator[EventPage, None]:
         """Pages of what follows a cursor (None: what happens from now on), for ever: cancel it.
 
         Every page has events, or says how many are not kept any more. Raises StoreError when the store cannot be read.
         """
         self._watchers += 1
         try:
-            cursor = after if after is not None else (await self._read(event_bounds))[1]
+            cursor = after if after is not None else await self.newest()
             while True:
                 news = self._news  # from before the look: no event comes between
                 page = await self._forward(cursor, BATCH, wanted)
@@ -127,9 +130,32 @@ class EventJournal:
         finally:
             self._watchers -= 1
 
+    async def newest(self) -> int:
+        """The newest cursor of the store: where what happens from now on begins. Raises StoreError."""
+        return (await self._read(event_bounds))[1]
+
+    def enter(self, who: str) -> Callable[[], None]:
+        """Take a place among those who watch; call what is returned to give it back.
+
+        Raises:
+            TooManyError: there is none left, of all or for `who`.
+        """
+        if self._seats.total() >= self._limits.event_streams:
+            raise TooManyError(f"{self._limits.event_streams} follow the events already")
+        if self._seats[who] >= self._limits.event_streams_each:
+            raise TooManyError(f"you follow the events {self._limits.event_streams_each} times already")
+        self._seats[who] += 1
+
+        def leave() -> None:
+            self._seats[who] -= 1
+            if not self._seats[who]:
+                del self._seats[who]
+
+        return leave
+
     async def start(self) -> None:
         """Know where the journal stands."""
-        self._head = (await self._read(event_bounds))[1]
+        self._head = await self.newest()
 
     async def run(self) -> None:
         """Store, look at what others appended, delete what is old; until cancelled."""

@@ -47,8 +47,9 @@ class CommandRows:
                     table.add_command(engine, command, most_open=0)
 
         await self._database.run(job)
-        for command in commands if self._ended is not None else ():
-            self._ended(command)
+        if self._ended is not None:
+            for command in commands:
+                self._ended(command)
 
     async def same(self, command: Command) -> Command | None:
         """The command under its issuer's idempotency key; IdempotencyConflictError where it is another request."""

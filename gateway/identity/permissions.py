@@ -62,6 +62,7 @@ PERMISSIONS: tuple[Permission, ...] = (
     Permission("robots.call", _O, "call a robot's service", robots=True, mutates=True),
     Permission("robots.drive", _O, "drive a robot", robots=True, mutates=True),
     Permission("robots.configure", _O, "change a robot's byte budget", robots=True, mutates=True),
+    Permission("events.read", _V, "what happened: events of robots, nodes, commands, rollouts"),
     Permission("twin.read", _V, "a robot's desired and reported state, templates", robots=True),
     Permission("twin.write", _O, "change a robot's desired state", robots=True, mutates=True),
     Permission("templates.write", _A, "change what many robots are to be", mutates=True),

@@ -66,6 +66,7 @@ EXPECTED = {
     "robots.enrol": "ssff+bf",
     "robots.revoke": "ssff+bf",
     "audit.read": "ssff+bf",
+    "events.read": "s++++bf",
     "twin.read": "s++++bf",
     "twin.write": "ssf++bf",
     "templates.write": "ssff+bf",
