@@ -16,6 +16,7 @@ from gateway.errors import GatewayError
 from metaros.cli.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, counted
+from metaros.cli.watching import WatchOption, watch
 from metaros.errors import UsageError
 from metaros.inert import inert
 
@@ -97,17 +98,21 @@ def _list(
     state: Annotated[str, typer.Option("--state", metavar="STATE", help="Only those in it, as issued or failed.")] = "",
     issuer: Annotated[str, typer.Option("--issuer", metavar="NAME", help="Only those of this user or key.")] = "",
     limit: Annotated[int, typer.Option("--limit", "-n", min=1, max=1000, metavar="COUNT", help="The newest.")] = 50,
+    again: WatchOption = False,
     gateway: GatewayOption = "",
     output: FormatOption = Format.TEXT,
 ) -> None:
     """The commands of a gateway, the newest first."""
-    out = Output(output)
+    out, http = Output(output), open_gateway(gateway)
     query = {"robot": robot or None, "state": state or None, "issuer": issuer or None, "limit": limit}
-    found = open_gateway(gateway).get("/api/v1/commands", **query)["commands"]
-    if out.json:
-        out.objects(found)
-    else:
-        _table(out, found)
+
+    def show(found: Any) -> None:
+        if out.json:
+            out.objects(found)
+        else:
+            _table(out, found)
+
+    watch(out, lambda: http.get("/api/v1/commands", **query)["commands"], show, again=again)
 
 
 def _show(command_id: Id, gateway: GatewayOption = "", output: FormatOption = Format.TEXT) -> None:

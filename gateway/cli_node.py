@@ -19,6 +19,7 @@ from gateway.errors import GatewayError
 from metaros.cli.gateway_http import GatewayClient, GatewayOption, events, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, counted
+from metaros.cli.watching import watch
 from metaros.errors import UsageError
 from metaros.inert import inert
 
@@ -50,23 +51,27 @@ def register(noun: typer.Typer) -> None:
     add_values(noun)
 
 
-def list_nodes(out: Output, *, robot: str, selector: str, state: str, gateway: str) -> None:
-    """`metaros node list` of one robot, or of each that the selector names."""
+def list_nodes(out: Output, *, robot: str, selector: str, state: str, gateway: str, again: bool) -> None:
+    """`metaros node list` of one robot, or of each that the selector names; `again`: until Ctrl-C."""
     http = open_gateway(gateway)
-    if robot:
-        nodes = http.get(f"/api/v1/robots/{path_part(robot)}/nodes")["nodes"]
-        nodes = [node for node in nodes if state in ("", node["state"])]
-        more = False
-    else:
+    more = False
+
+    def find() -> Any:
+        nonlocal more
+        if robot:
+            nodes = http.get(f"/api/v1/robots/{path_part(robot)}/nodes")["nodes"]
+            return [node for node in nodes if state in ("", node["state"])]
         found = http.get("/api/v1/nodes", selector=selector, state=state)
-        nodes, more = found["nodes"], found["more"]
-    if out.json:
-        out.objects(nodes)
-        return
-    columns = ("Robot", "Node", "State", "Pid", "Restarts", "Since (UTC)", "Version", "Note")
-    out.table(columns, [_row(node) for node in nodes], empty="no nodes", right=(3, 4))
-    if more:
-        out.note("there are further ones: name fewer robots, or a --state")
+        more = found["more"]
+        return found["nodes"]
+
+    def show(nodes: Any) -> None:
+        columns = ("Robot", "Node", "State", "Pid", "Restarts", "Since (UTC)", "Version", "Note")
+        out.listing(columns, nodes, _row, empty="no nodes", right=(3, 4))
+        if more and not out.json:
+            out.note("there are further ones: name fewer robots, or a --state")
+
+    watch(out, find, show, again=again)
 
 
 def show_node(out: Output, name: str, *, robot: str, gateway: str) -> None:

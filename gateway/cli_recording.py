@@ -17,6 +17,7 @@ from gateway.errors import GatewayError
 from metaros.cli.gateway_http import GatewayClient, GatewayOption, open_gateway, path_part
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, human_bytes
+from metaros.cli.watching import WatchOption, watch
 from metaros.errors import ConfigError, PeerError, UsageError
 from metaros.inert import inert
 
@@ -51,14 +52,18 @@ def register(app: typer.Typer) -> None:
 def _list(
     robot: Annotated[str | None, typer.Argument(metavar="[ROBOT]", help="Only this robot's.")] = None,
     limit: Annotated[int, typer.Option("--limit", "-n", min=1, max=1000, metavar="COUNT", help="The newest.")] = 50,
+    again: WatchOption = False,
     gateway: GatewayOption = "",
     output: FormatOption = Format.TEXT,
 ) -> None:
     """The recordings of a gateway, the newest first."""
-    out = Output(output)
-    found = open_gateway(gateway).get("/api/v1/recordings", robot=robot, limit=limit)["recordings"]
+    out, http = Output(output), open_gateway(gateway)
     names = ("Id", "Robot", "State", "From (UTC)", "Span", "Messages", "Size")
-    out.listing(names, found, _row, empty="no recordings", right=(4, 5, 6))
+
+    def show(found: Any) -> None:
+        out.listing(names, found, _row, empty="no recordings", right=(4, 5, 6))
+
+    watch(out, lambda: http.get("/api/v1/recordings", robot=robot, limit=limit)["recordings"], show, again=again)
 
 
 def _save(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from metaros.cli.visit import Visit, visiting
+from metaros.cli.watching import WatchOption
 from metaros.errors import UsageError
 
 if TYPE_CHECKING:
@@ -73,13 +74,14 @@ def list_(
     robot: Robot = "",
     selector: Selector = "",
     state: Annotated[str, typer.Option("--state", metavar="STATE", help="From afar: only those, as running.")] = "",
+    again: WatchOption = False,
     ros: Annotated[bool, typer.Option("--ros", help="With --robot: the nodes of its ROS graph.")] = False,
     gateway: Gateway = "",
 ) -> None:
     """List the nodes of the graph, or those that robots run."""
     out = at.out
     if (robot and not ros) or selector:
-        _afar().list_nodes(out, robot=robot, selector=selector, state=state, gateway=gateway)
+        _afar().list_nodes(out, robot=robot, selector=selector, state=state, gateway=gateway, again=again)
         return
     with at.look() as graph:
         nodes = sorted(graph.nodes(), key=lambda node: node.full_name)
