@@ -38,6 +38,7 @@ from gateway.api.rest import (
     templates,
     tickets,
     twin,
+    types,
     updates,
     uplink,
     users,
@@ -52,6 +53,7 @@ __all__ = ["ROUTERS", "create_api", "route_paths"]
 ROUTERS: tuple[APIRouter, ...] = (
     health.router,
     robots.router,
+    types.router,
     events.router,
     metrics.router,
     commands.router,

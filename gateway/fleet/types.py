@@ -6,6 +6,7 @@ from typing import Any
 
 from gateway.domain.channel import Channel
 from gateway.errors import InvalidRequestError
+from gateway.fleet.shapes import shape_of
 from metaros.cdr import codec
 from metaros.cdr.layout import check_size, least_bytes
 from metaros.errors import TypeHashError
@@ -55,6 +56,10 @@ class TypeBook:
         if channel is not None and channel.schema_name == name and channel.type_hash not in ("", mine):
             raise TypeHashError(f"the robot's {name} has hash {channel.type_hash}, ours {mine}: their fields differ")
         return mine
+
+    def shape(self, name: str, channel: Channel | None = None) -> dict[str, Any]:
+        """What a type is made of, see `shape_of`."""
+        return shape_of(name, self._catalogue(name, channel))
 
     def _catalogue(self, name: str, channel: Channel | None) -> Catalogue:
         shipped = default_catalogue()

@@ -1,0 +1,33 @@
+"""Types: what the messages of a robot's topics, services and actions are made of."""
+
+from __future__ import annotations
+
+import asyncio
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import Response
+
+from gateway.api import models
+from gateway.api.allow import allow
+from gateway.api.models_types import TypeShape
+from gateway.api.problem import JsonResponse
+from gateway.api.services import services_of
+from gateway.fleet.types import TypeBook
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/v1/robots", tags=["robots"], default_response_class=JsonResponse)
+
+
+@router.get(
+    "/{robot_id}/types/{package}/{kind}/{name}",
+    dependencies=[allow("robots.read")],
+    responses={200: {"model": TypeShape}, 404: {"model": models.Problem}},
+)
+async def get_type(request: Request, robot_id: str, package: str, kind: str, name: str) -> Response:
+    """What a type is made of: as the robot announced it with a topic, else as the library ships it."""
+    services, full = services_of(request), f"{package}/{kind}/{name}"
+    topics = services.registry.get(robot_id).topics()
+    announced = next((state.channel for state in topics if state.channel.schema_name == full), None)
+    return JsonResponse(await asyncio.to_thread(TypeBook().shape, full, announced))
