@@ -17,7 +17,7 @@ from gateway.api.services import Services
 from gateway.api.views import robot_view
 from gateway.binding import can_sign_in, check_binding
 from gateway.choices import identity_choices, rates_of
-from gateway.domain.channel import LIVE
+from gateway.domain.channel import Channel
 from gateway.domain.lease import LeaseTable
 from gateway.errors import RobotOfflineError, StoreError
 from gateway.events.feature import Events
@@ -46,7 +46,7 @@ from gateway.identity.tickets import Tickets
 from gateway.ingest.links import LinkHooks, Links
 from gateway.ingest.quota import Quota
 from gateway.ingest.registry import Registry, RobotRecord, SeriesState
-from gateway.live.demand import DemandBook
+from gateway.live.demand_desk import DemandDesk
 from gateway.live.hub import Hub
 from gateway.objects import open_objects
 from gateway.private_dir import make_private
@@ -89,7 +89,7 @@ class Gateway:
         self.storage = StorageDesk(self.store, account, clock=clock)
         self.history = HistoryDesk(self.store)
         self.registry = Registry()
-        self.hub = Hub()
+        self.hub = Hub(clock=clock, tick_s=settings.tick_s)
         self.events = Events(self.store, clock=clock)
         self.leases = LeaseTable(valid_s=LIMITS.lease_s, listener=self.events.on_lease)
         beat_s = settings.heartbeat_s
@@ -112,10 +112,9 @@ class Gateway:
         self.door = Doors(self.local_key, self.fetch_tokens, self.tickets, stored, *filter(None, [door]))
         self.attendance = Attendance(self.door)
         self.rates = rates_of(settings, clock)
-        self._demand = DemandBook()
-        self._demand_revision = 0
-        self._stale: set[str] = set()
-        self._stirred = asyncio.Event()
+        self.demand = DemandDesk(
+            self.hub, online=self._online, channels_of=self._channels_of, send=self.links.send, clock=clock
+        )
         self.tls: HttpTls | None = None  # of the HTTP port, once started
         self._guests = door is not None
         self.grpc_port = 0  # where robots connect, once the server is bound
@@ -205,8 +204,7 @@ class Gateway:
             rollouts=self.rollouts,
             events=self.events.journal,
             leases=self.leases,
-            on_subscriptions=self._on_subscriptions,
-            demand_of=self._demand.told,
+            demand_of=self.demand.told,
             describe=self.describe,
             checks=self.checks,
         )
@@ -256,7 +254,7 @@ class Gateway:
         """Heartbeats and demand, until cancelled."""
         async with asyncio.TaskGroup() as group:
             group.create_task(self._tick())
-            group.create_task(self._tell_demand())
+            group.create_task(self.demand.run())
             for part in (self.recordings, self.twins, self.failover, self.updates, self.events, self.ros):
                 group.create_task(part.run())
             for desk in (self.rollouts, self.presence, self.orders, self.attendance, self.audit):
@@ -267,6 +265,7 @@ class Gateway:
         """Commit what is queued and close the store; the servers are down by now."""
         self.local_key.remove()
         self.accounts.close()
+        self.hub.close()
         self.history.close()
         self.updates.close()
         await self.recordings.close()
@@ -294,7 +293,7 @@ class Gateway:
         return LinkHooks(
             on_samples=lambda run: self.hub.publish(run),
             on_values=lambda robot, values: self.hub.values(robot, values),
-            on_channels=self._on_channels,
+            on_channels=lambda robot: self.demand.channels_changed(robot),
             on_online=self._on_online,
             on_result=self._on_result,
             on_recording=lambda robot, part: self.recordings.on_part(robot, part),
@@ -341,12 +340,14 @@ class Gateway:
 
         return RobotSide(command=self.commands.run, tell=tell, online=online, clock_offset_ns=offset_ns)
 
-    def _on_channels(self, robot_id: str) -> None:
-        self._stale.add(robot_id)
-        self._stirred.set()
+    def _online(self) -> list[str]:
+        return [record.robot.id for record in self.registry.all() if record.online]
+
+    def _channels_of(self, robot_id: str) -> list[Channel] | None:
+        record = self.registry.get(robot_id)
+        return [state.channel for state in record.channels.values()] if record.online else None
 
     def _on_online(self, robot_id: str, online: bool) -> None:
-        self._demand.forget(robot_id)
         self.events.on_online(self.registry.get(robot_id).robot, online)
         if not online:
             self.commands.on_offline(robot_id)
@@ -357,43 +358,10 @@ class Gateway:
         self.failover.on_online(robot_id, online)
         self.presence.on_online(robot_id)
         self.orders.delivery.on_online(robot_id, online)
-        self._on_channels(robot_id)
-
-    def _on_subscriptions(self) -> None:
-        self._stale.update(record.robot.id for record in self.registry.all() if record.online)
-        self._stirred.set()
+        self.demand.link_changed(robot_id)
 
     async def _tick(self) -> None:
         while True:
             await asyncio.sleep(TICK_S)
             self.links.tick()
             self.leases.expire(now_s=self.clock.monotonic_s())
-            self._stirred.set()
-
-    async def _tell_demand(self) -> None:
-        """Tell robots what viewers want, robot by robot, so that a large fleet never holds the loop up."""
-        while True:
-            await self._stirred.wait()
-            self._stirred.clear()
-            stale, self._stale = self._stale, set()
-            for robot_id in {*stale, *self._demand.releasing()}:
-                self._tell(robot_id)
-                await asyncio.sleep(0)
-
-    def _tell(self, robot_id: str) -> None:
-        record, now_s = self.registry.get(robot_id), self.clock.monotonic_s()
-        if not record.online:
-            return
-        channels = [state.channel for state in record.channels.values() if state.channel.delivery == LIVE]
-        self._demand.want(robot_id, self.hub.wanted(channels), now_s=now_s)
-        demand = self._demand.due(robot_id, now_s=now_s)
-        if demand is None:
-            return
-        self._demand_revision += 1
-        entries = [
-            link_pb2.DemandEntry(channel_id=channel.channel_id, max_rate_hz=demand[channel.topic])
-            for channel in channels
-            if channel.topic in demand
-        ]
-        frame = link_pb2.Demand(revision=self._demand_revision, entries=entries)
-        self.links.send(robot_id, link_pb2.GatewayFrame(demand=frame))

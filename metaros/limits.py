@@ -38,6 +38,7 @@ class Limits:
     heartbeat_s: float = 5.0
     dead_after_s: float = 15.0
     viewer_queue_bytes: int = 8 * MIB  # one stream connection's backlog
+    view_queue_bytes: int = 8 * MIB  # samples of one topic that wait to be shown as JSON or the like; the oldest go
     viewer_stall_s: float = 10.0  # a viewer that takes nothing for so long is cut
     history_page_bytes: int = 4 * MIB  # payloads of one page of stored messages; one message may be larger
     history_decoded_bytes: int = 1 * MIB  # one stored message shown as JSON, which is several times as long

@@ -74,7 +74,6 @@ class Services:
     updates: Repository
     rollouts: RolloutDesk
     leases: LeaseTable
-    on_subscriptions: Callable[[], None]
     events: EventJournal
     demand_of: Callable[[str], dict[str, float]]
     describe: Callable[[str], dict[str, Any]]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from gateway.domain.channel import Channel
@@ -22,12 +22,13 @@ _PADDING = tuple(bytes(count) for count in range(8))
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One sample on its way to viewers; `payload` is shared by all of them."""
+    """One sample on its way to viewers; `payload` is shared by all of them, and so is what was decoded of it."""
 
     seq: int
     stamp_ns: int
     receive_ns: int
     payload: bytes
+    views: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)  # see gateway/live/encoding.py
 
     @property
     def size_bytes(self) -> int:

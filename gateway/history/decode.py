@@ -1,62 +1,7 @@
-"""Stored messages as JSON-able values, decoded by the types their robots announced."""
+"""Stored messages as JSON-able values: the decoder that live ones have too."""
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from typing import Any
-
-from gateway.domain.channel import Channel
-from metaros.cdr import codec
-from metaros.errors import MetarosError, SealedError, TooLargeError, TypeHashError, UnknownTypeError
-from metaros.idl import Catalogue, add_schema_text, default_catalogue, type_hash
-from metaros.idl.json import to_json
-from metaros.limits import LIMITS
+from gateway.decoder import Decoder
 
 __all__ = ["Decoder"]
-
-MAX_CATALOGUES = 256
-SEALED = "sealed/"  # a channel's encoding begins so where its payloads are encrypted
-
-
-class Decoder:
-    """Used by one thread. Keeps a bounded number of the catalogues that announced schemas make."""
-
-    def __init__(self) -> None:
-        self._learned: OrderedDict[tuple[str, bytes], Catalogue] = OrderedDict()
-
-    def decode(self, channel: Channel, payload: bytes) -> Any:
-        """The message; MetarosError when it is too large to show, of an unknown type, or not of its type."""
-        if channel.encoding.startswith(SEALED):
-            raise SealedError(f"{channel.topic} is sealed: only who has its key can read it")
-        if len(payload) > LIMITS.history_decoded_bytes:
-            raise TooLargeError(f"{len(payload)} bytes are not shown as JSON, at most {LIMITS.history_decoded_bytes}")
-        if channel.encoding != "cdr":
-            raise UnknownTypeError(f"encoding {channel.encoding[:40]!r} is not decoded here")
-        return to_json(codec(channel.schema_name, self._catalogue(channel)).decode(payload))
-
-    def view(self, channel: Channel, payload: bytes) -> dict[str, Any]:
-        """The keys of an answer for a message: `message`, and `error` where there is none."""
-        try:
-            return {"message": self.decode(channel, payload)}
-        except MetarosError as error:
-            return {"message": None, "error": {"code": error.code, "message": str(error)[:500]}}
-
-    def _catalogue(self, channel: Channel) -> Catalogue:
-        name, shipped = channel.schema_name, default_catalogue()
-        if name in shipped and channel.type_hash in ("", type_hash(name, shipped)):
-            return shipped
-        if channel.schema_encoding != "ros2msg" or not channel.schema:
-            if name in shipped:
-                raise TypeHashError(f"the robot's {name} has hash {channel.type_hash}, and its fields are not known")
-            raise UnknownTypeError(f"{name}: its robot announced no definition, and the library ships none")
-        key = (name, channel.schema)
-        catalogue = self._learned.get(key)
-        if catalogue is None:
-            catalogue = Catalogue()
-            add_schema_text(name, channel.schema.decode("utf-8", "replace"), catalogue)
-            self._learned[key] = catalogue
-            if len(self._learned) > MAX_CATALOGUES:
-                self._learned.popitem(last=False)
-        else:
-            self._learned.move_to_end(key)
-        return catalogue

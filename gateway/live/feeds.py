@@ -1,4 +1,4 @@
-"""The two JSON subscriptions of a viewer: values of series, and the fleet's state. Pure."""
+"""The JSON subscriptions of a viewer, values of series and the fleet's state, and when each is due. Pure."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from gateway.live.scope import RobotPattern
 from metaros.idl.globs import Glob
 
-__all__ = ["FleetSubscription", "MetricSubscription"]
+__all__ = ["Feeds", "FleetSubscription", "MetricSubscription"]
 
 FLEET_EVERY_S = 0.5
 
@@ -98,3 +98,41 @@ class FleetSubscription:
     def due_s(self) -> float:
         """When to ask next."""
         return self._due_s
+
+
+class Feeds:
+    """The JSON subscriptions of one connection, by their numbers."""
+
+    def __init__(self) -> None:
+        self._items: dict[int, MetricSubscription | FleetSubscription] = {}
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __contains__(self, number: object) -> bool:
+        return number in self._items
+
+    def add(self, subscription: MetricSubscription | FleetSubscription) -> None:
+        """Start one; its number is free."""
+        self._items[subscription.number] = subscription
+
+    def remove(self, number: int) -> None:
+        """End one that there is."""
+        del self._items[number]
+
+    def offer(self, robot: str, values: Values) -> bool:
+        """Take new values in; whether somebody wants them."""
+        wanted = False
+        for item in self._items.values():
+            if isinstance(item, MetricSubscription) and item.offer(robot, values):
+                wanted = True
+        return wanted
+
+    def take(self, now_s: float) -> list[dict[str, Any]]:
+        """Messages that are due."""
+        return [message for item in self._items.values() for message in item.take(now_s)]
+
+    def due_s(self) -> float | None:
+        """When there will be something; None: not before something arrives."""
+        dues = [due_s for item in self._items.values() if (due_s := item.due_s()) is not None]
+        return min(dues, default=None)

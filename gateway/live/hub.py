@@ -1,90 +1,277 @@
-"""The hub: every arriving sample to every viewer that wants it, without ever waiting for one of them."""
+"""The hub: every arriving sample to every viewer that wants it, without ever waiting for one of them.
+
+Samples are taken in as they come and go out once a tick: the first after a pause at once, a stream of them as one block
+per channel and kind of subscription. A block is made into bytes once per encoding; a viewer costs one write of them.
+"""
 
 from __future__ import annotations
 
+import asyncio
+import heapq
 from collections.abc import Callable, Iterable, Mapping
+from typing import Protocol
 
 from gateway.domain.channel import LIVE, Channel
 from gateway.domain.records import Record
 from gateway.domain.sample import Run
 from gateway.live.demand import merge_rates
-from gateway.live.subscription import TopicSubscription
-from gateway.live.viewer import Viewer
+from gateway.live.encoding import Block, Encoding, view_of
+from gateway.live.feeds import Feeds
+from gateway.live.selection import Selection
+from gateway.live.sink import Sink
+from gateway.live.subscription import Identity, TopicSubscription
+from gateway.live.viewer import OnDropped, Viewer
+from gateway.live.views import Views
+from metaros.clock import Clock, SystemClock
+from metaros.limits import LIMITS, Limits
 
-__all__ = ["Hub"]
+__all__ = ["Hub", "Timer"]
 
 MAX_INDEX = 65536
+FOLLOWED = 16  # runs whose followed sample may still be on its way to viewers
+
+
+class Timer(Protocol):
+    """A call that is set, and can be called off."""
+
+    def cancel(self) -> None:
+        """Call it off."""
+
+
+Later = Callable[[float, Callable[[], None]], Timer]
 
 
 class Hub:
-    """Lives on the event loop; `join` gives a viewer its place and takes the callback that wakes its sender."""
+    """Lives on the event loop. `join` gives a connection its place; `publish` takes samples in."""
 
-    def __init__(self) -> None:
-        self._viewers: dict[Viewer, Callable[[], None]] = {}
-        self._index: dict[tuple[str, str], list[tuple[Viewer, TopicSubscription]]] = {}
+    def __init__(
+        self,
+        *,
+        clock: Clock | None = None,
+        tick_s: float = 0.005,
+        later: Later | None = None,
+        limits: Limits = LIMITS,
+    ) -> None:
+        """`later` calls a function in so many seconds: the running loop's `call_later`, unless a test has another."""
+        self.on_interest: Callable[[], None] = lambda: None  # somebody wants more, or less
+        self.on_written: Callable[[Run], None] = lambda run: None  # of runs with a followed sample: see traces
+        self._followed: list[Run] = []
+        self._clock = clock or SystemClock()
+        self._tick_s = tick_s
+        self._later = later
+        self._limits = limits
+        self._viewers: dict[Viewer, None] = {}
+        self._index: dict[Identity, dict[tuple[bool, float], Selection]] = {}
+        self._channels: dict[Identity, Channel] = {}
+        self._numbers: dict[Identity, int] = {}
+        self._numbered = 0
+        self._places: dict[TopicSubscription, list[Identity]] = {}
+        self._dirty: list[Selection] = []
+        self._due: list[tuple[float, int, Selection]] = []
+        self._pushed = 0
+        self._flushed_s = float("-inf")
+        self._next_s = float("inf")  # when the next flush is set for
+        self._timer: Timer | None = None
+        self._feeds: dict[Feeds, Callable[[], None]] = {}
+        self._watchers: dict[Callable[[str], None], None] = {}
+        self._views = Views(self._deliver_viewed)
 
     @property
     def viewers(self) -> int:
         """How many viewers are connected."""
         return len(self._viewers)
 
-    def join(self, viewer: Viewer, wake: Callable[[], None]) -> None:
-        """A connection opened."""
-        self._viewers[viewer] = wake
-
-    def leave(self, viewer: Viewer) -> None:
-        """A connection ended."""
-        self._viewers.pop(viewer, None)
-        self._index.clear()
-
-    def changed(self, viewer: Viewer) -> None:
-        """A viewer's subscriptions changed."""
-        self._index.clear()
-        self._wake(viewer)
+    def join(self, sink: Sink, *, on_dropped: OnDropped | None = None) -> Viewer:
+        """A connection opened: what it subscribes to goes to `sink`. Close the viewer at its end."""
+        viewer = Viewer(self, sink, on_dropped=on_dropped, limits=self._limits)
+        self._viewers[viewer] = None
+        return viewer
 
     def publish(self, run: Run) -> None:
-        """Samples arrived: hand them to the subscriptions that want them. Payloads are copied once, for all."""
-        targets = self._targets(run.channel)
-        if not targets:
+        """Samples arrived: they go out with the next tick. Payloads are copied once, for all."""
+        selections = self._selections(run.channel)
+        if not selections:
             return
-        records: list[Record] = []
-        only_newest = all(subscription.latest for _, subscription in targets)
-        for seq, stamp_ns, payload in run.columns.samples():
-            if not only_newest or seq == run.columns.last_seq:
-                records.append(Record(seq, stamp_ns, run.receive_ns, bytes(payload)))
-        for viewer, subscription in targets:
-            for record in records[-1:] if subscription.latest else records:
-                viewer.offer(subscription, run.channel, record)
-            self._wake(viewer)
+        if run.trace is not None:
+            self._followed = [*self._followed, run][-FOLLOWED:]
+        records = _records(run, only_newest=all(latest for latest, _ in selections))
+        for selection in selections.values():
+            if selection.offer(records):
+                self._dirty.append(selection)
+        if self._dirty:
+            self._schedule(self._flushed_s + self._tick_s)
+
+    def feed(self, feeds: Feeds, wake: Callable[[], None]) -> Callable[[], None]:
+        """Give a connection's JSON subscriptions what they want, and wake its sender; returns what ends that."""
+        self._feeds[feeds] = wake
+
+        def stop() -> None:
+            self._feeds.pop(feeds, None)
+
+        return stop
 
     def values(self, robot: str, values: Mapping[str, tuple[int, float]]) -> None:
         """New values of series."""
-        for viewer in self._viewers:
-            for subscription in viewer.metrics:
-                if subscription.offer(robot, values):
-                    self._wake(viewer)
+        for feeds, wake in self._feeds.items():
+            if feeds.offer(robot, values):
+                wake()
 
     def wanted(self, channels: Iterable[Channel]) -> dict[str, float]:
         """What is wanted of a robot's live channels now: topic -> rate (0: every sample)."""
         wanted: dict[str, float] = {}
         for channel in channels:
             if channel.delivery == LIVE and channel.forward:
-                rates = [subscription.max_rate_hz for _, subscription in self._targets(channel)]
+                rates = [rate for _, rate in self._selections(channel)]
                 if rates:
                     wanted[channel.topic] = merge_rates(rates)
         return wanted
 
-    def _targets(self, channel: Channel) -> list[tuple[Viewer, TopicSubscription]]:
-        key = (channel.robot, channel.topic)
-        targets = self._index.get(key)
-        if targets is None:
-            targets = [(v, item) for v in self._viewers for item in v.topics if item.wants(channel)]
-            if len(self._index) >= MAX_INDEX:
-                self._index.clear()
-            self._index[key] = targets
-        return targets
+    def number_of(self, channel: Channel) -> int:
+        """A number for the channel that all connections of this gateway may use, so that they share what they get."""
+        number = self._numbers.get(channel.identity)
+        if number is None:
+            if len(self._numbers) >= MAX_INDEX:
+                del self._numbers[next(iter(self._numbers))]
+            self._numbered += 1
+            number = self._numbers[channel.identity] = self._numbered
+        return number
 
-    def _wake(self, viewer: Viewer) -> None:
-        wake = self._viewers.get(viewer)
-        if wake is not None:
-            wake()
+    def watch_channels(self, callback: Callable[[str], None]) -> Callable[[], None]:
+        """Be told, by its id, of every robot whose channels or presence changed; returns what ends that."""
+        self._watchers[callback] = None
+
+        def stop() -> None:
+            self._watchers.pop(callback, None)
+
+        return stop
+
+    def channels_changed(self, robot: str) -> None:
+        """A robot's channels or its presence changed."""
+        for callback in list(self._watchers):
+            callback(robot)
+
+    def flush(self) -> None:
+        """Send what waits and is due; the tick calls it."""
+        now_s = self._flushed_s = self._clock.monotonic_s()
+        self._next_s, self._timer = float("inf"), None
+        self._views.begin()
+        ready, self._dirty = self._dirty, []
+        while self._due and self._due[0][0] <= now_s:
+            ready.append(heapq.heappop(self._due)[2])
+        for selection in ready:
+            due_s = selection.due_s(now_s)
+            if due_s > now_s:
+                self._pushed += 1
+                heapq.heappush(self._due, (due_s, self._pushed, selection))
+                continue
+            for block in selection.take(now_s):
+                self._send(selection, block)
+        if self._due:
+            self._schedule(max(self._due[0][0], now_s + self._tick_s))
+
+    def close(self) -> None:
+        """Stop the thread that makes slow views."""
+        self._views.close()
+
+    def now_s(self) -> float:
+        """The time, seconds that never run backwards."""
+        return self._clock.monotonic_s()
+
+    def later(self, delay_s: float, call: Callable[[], None]) -> Timer:
+        """Call in so many seconds."""
+        if self._later is None:
+            self._later = asyncio.get_running_loop().call_later
+        return self._later(delay_s, call)
+
+    def added(self, viewer: Viewer, subscription: TopicSubscription) -> None:
+        """A viewer's subscription began."""
+        self._places[subscription] = []
+        for identity, channel in self._channels.items():
+            self._place(identity, channel, viewer, subscription)
+        self.on_interest()
+
+    def removed(self, viewer: Viewer, subscription: TopicSubscription) -> None:
+        """A viewer's subscription is over."""
+        for identity in self._places.pop(subscription, ()):
+            selections = self._index.get(identity, {})
+            for key, selection in list(selections.items()):
+                selection.discard(viewer, subscription)
+                if not selection.groups:
+                    del selections[key]
+        self.on_interest()
+
+    def left(self, viewer: Viewer) -> None:
+        """A connection ended."""
+        self._viewers.pop(viewer, None)
+
+    def _send(self, selection: Selection, block: Block) -> None:
+        for encoding in list(selection.groups):
+            if view_of(encoding) is None:
+                self._deliver(selection, block, encoding)
+            else:
+                self._views.make(selection, block, encoding)
+
+    def _deliver_viewed(self, selection: Selection, block: Block, encoding: Encoding) -> None:
+        if encoding in selection.groups:
+            self._deliver(selection, block, encoding)
+
+    def _deliver(self, selection: Selection, block: Block, encoding: Encoding) -> None:
+        """The hot loop: once per block and viewer."""
+        data = block.encoded(encoding)
+        for viewer, subscription in selection.groups[encoding]:
+            sink = viewer.sink
+            if viewer.clear and sink.ready():
+                sink.write(data)
+            else:
+                viewer.hold(subscription, block, encoding)
+        for run in self._followed:
+            if run.channel.identity == block.channel.identity and _holds(block, run):
+                self.on_written(run)
+
+    def _schedule(self, when_s: float) -> None:
+        if when_s >= self._next_s:
+            return
+        self._next_s = when_s
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = self.later(max(0.0, when_s - self._clock.monotonic_s()), self.flush)
+
+    def _selections(self, channel: Channel) -> dict[tuple[bool, float], Selection]:
+        identity = channel.identity
+        selections = self._index.get(identity)
+        if selections is None:
+            if len(self._index) >= MAX_INDEX:
+                self._forget(next(iter(self._index)))
+            selections = self._index[identity] = {}
+            self._channels[identity] = channel
+            for viewer in self._viewers:
+                for subscription in viewer.topics:
+                    self._place(identity, channel, viewer, subscription)
+        return selections
+
+    def _place(self, identity: Identity, channel: Channel, viewer: Viewer, subscription: TopicSubscription) -> None:
+        if not subscription.wants(channel):
+            return
+        key = (subscription.latest, subscription.max_rate_hz)
+        selection = self._index[identity].get(key)
+        if selection is None:
+            selection = Selection(channel, latest=subscription.latest, rate_hz=subscription.max_rate_hz)
+            self._index[identity][key] = selection
+        selection.add(viewer, subscription, subscription.encoding(channel))
+        self._places[subscription].append(identity)
+
+    def _forget(self, identity: Identity) -> None:
+        """The oldest channel makes room; whoever wants it finds it again with its next sample."""
+        del self._index[identity], self._channels[identity]
+
+
+def _holds(block: Block, run: Run) -> bool:
+    """Whether the run's followed sample is in the block."""
+    return run.trace is not None and any(record.seq == run.trace.seq for record in block.records)
+
+
+def _records(run: Run, *, only_newest: bool) -> list[Record]:
+    columns = run.columns
+    if only_newest and columns.count > 1:
+        columns = columns.after(columns.count - 1)
+    return [Record(seq, stamp_ns, run.receive_ns, bytes(payload)) for seq, stamp_ns, payload in columns.samples()]

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from gateway.domain.channel import Channel
 from metaros.idl.globs import Glob
 
-__all__ = ["RobotPattern", "SeenRobots"]
+__all__ = ["RobotPattern", "SeenRobots", "matching"]
 
 
 class RobotPattern(Protocol):
@@ -29,3 +30,8 @@ class SeenRobots:
     def matches(self, robot: str, /) -> bool:
         """Whether the pattern means the robot and the viewer sees it."""
         return self._pattern.matches(robot) and self._sees(robot)
+
+
+def matching(robots: RobotPattern, topics: Glob) -> Callable[[Channel], bool]:
+    """Whether a channel is one of those topics of those robots."""
+    return lambda channel: robots.matches(channel.robot) and topics.matches(channel.topic)

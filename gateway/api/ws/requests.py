@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import orjson
 
+from gateway.domain.channel import Channel
 from gateway.domain.principal import Principal
 from gateway.errors import InvalidRequestError
 from gateway.live.feeds import FleetSubscription, MetricSubscription
-from gateway.live.scope import RobotPattern, SeenRobots
-from gateway.live.subscription import TopicSubscription
+from gateway.live.scope import RobotPattern, SeenRobots, matching
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS
 
-__all__ = ["make_subscription", "number_field", "read_request", "text_field"]
+__all__ = [
+    "SamplesRequest",
+    "make_feed",
+    "number_field",
+    "number_of",
+    "read_request",
+    "read_samples",
+    "text_field",
+]
 
 DEFAULT_QUEUE_BYTES = 1024 * 1024
 DEFAULT_METRICS_HZ = 2.0
@@ -38,32 +47,56 @@ def read_request(text: str | None) -> dict[str, Any]:
     return request
 
 
-def make_subscription(
+@dataclass(frozen=True, slots=True)
+class SamplesRequest:
+    """A subscription to samples, as it was asked for."""
+
+    number: int
+    wants: Callable[[Channel], bool]
+    max_rate_hz: float
+    latest: bool
+    queue_bytes: int
+    json: bool
+
+
+def number_of(request: Mapping[str, Any]) -> int:
+    """The number of a subscription."""
+    number = request.get("id")
+    if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < 2**32:
+        raise InvalidRequestError("id is a number from 0 to 4294967295 of the client's choice")
+    return number
+
+
+def make_feed(
     request: Mapping[str, Any],
     *,
     revisions: Callable[[], Mapping[str, int]],
     describe: Callable[[str], dict[str, Any]],
     principal: Principal,
-) -> TopicSubscription | MetricSubscription | FleetSubscription:
-    """The subscription a request describes, of robots that the principal sees; the error names the field."""
-    number = request.get("id")
-    if not isinstance(number, int) or isinstance(number, bool) or not 0 <= number < 2**32:
-        raise InvalidRequestError("id is a number from 0 to 4294967295 of the client's choice")
+) -> MetricSubscription | FleetSubscription:
+    """The JSON subscription a request describes, of robots that the principal sees; the error names the field."""
+    number = number_of(request)
     if request["op"] == "subscribe_fleet":
         return FleetSubscription(number, revisions=lambda: _seen(revisions(), principal), describe=describe)
-    if request["op"] == "subscribe_metrics":
-        return _metrics(number, request, principal)
-    mode = request.get("mode", "latest")
+    return _metrics(number, request, principal)
+
+
+def read_samples(request: Mapping[str, Any], principal: Principal) -> SamplesRequest:
+    """The samples a request asks for, of robots that the principal sees; the error names the field."""
+    number = number_of(request)
+    mode, encoding = request.get("mode", "latest"), request.get("encoding", "cdr")
     if mode not in ("latest", "queue"):
         raise InvalidRequestError('mode is "latest" or "queue"')
+    if encoding not in ("cdr", "json"):
+        raise InvalidRequestError('encoding is "cdr" or "json"')
     queue_bytes = number_field(request, "queue_bytes", DEFAULT_QUEUE_BYTES, low=1, high=LIMITS.viewer_queue_bytes)
-    return TopicSubscription(
+    return SamplesRequest(
         number,
-        _robots(request, principal),
-        Glob(text_field(request, "topics")),
+        matching(_robots(request, principal), Glob(text_field(request, "topics"))),
         max_rate_hz=number_field(request, "max_rate_hz", 0.0, low=0.0, high=MAX_RATE_HZ),
         latest=mode == "latest",
         queue_bytes=int(queue_bytes),
+        json=encoding == "json",
     )
 
 

@@ -1,4 +1,4 @@
-"""The stream: one socket, many subscriptions, JSON for control and binary frames for samples."""
+"""The stream: one socket, many subscriptions; JSON for control, samples as binary records or as JSON."""
 
 from __future__ import annotations
 
@@ -16,10 +16,15 @@ from gateway.api.authenticate import plain_protocol
 from gateway.api.problem import error_code
 from gateway.api.services import Services, services_of
 from gateway.api.ws.cut import STALLED, cut
-from gateway.api.ws.requests import make_subscription, read_request
-from gateway.errors import InvalidRequestError
-from gateway.live.feeds import MetricSubscription
-from gateway.live.viewer import Viewer
+from gateway.api.ws.pipe import Pipe
+from gateway.api.ws.records import BinaryRecords, JsonMessages
+from gateway.api.ws.requests import SamplesRequest, make_feed, number_of, read_request, read_samples
+from gateway.domain.channel import Channel
+from gateway.domain.records import introduction
+from gateway.errors import InvalidRequestError, TooManyError
+from gateway.live.encoding import Encoding
+from gateway.live.feeds import Feeds, MetricSubscription
+from gateway.live.subscription import Identity, TopicSubscription
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
 
@@ -45,48 +50,46 @@ async def stream(socket: WebSocket) -> None:
 
 
 class _Connection:
-    """The shell around a Viewer: a reader of requests and a paced sender."""
+    """A reader of requests, a viewer for samples, and a paced sender of what is JSON anyway."""
 
     def __init__(self, socket: WebSocket, services: Services, visit: Visit) -> None:
         self._socket = socket
         self._services = services
         self._visit = visit
-        self._viewer = Viewer()
-        self._wake = asyncio.Event()
-        self._replies: list[dict[str, Any]] = [self._welcome()]
+        self._pipe = Pipe(socket, clock=services.clock, stall_s=services.settings.viewer_stall_s)
+        self._viewer = services.hub.join(self._pipe, on_dropped=self._dropped)
+        self._feeds, self._wake = Feeds(), asyncio.Event()
+        self._introduced: dict[Identity, int] = {}
         self._handlers: dict[str, Callable[[dict[str, Any]], None]] = {
             "subscribe": self._subscribe,
-            "subscribe_metrics": self._subscribe,
-            "subscribe_fleet": self._subscribe,
+            "subscribe_metrics": self._subscribe_feed,
+            "subscribe_fleet": self._subscribe_feed,
             "unsubscribe": self._unsubscribe,
         }
 
     async def run(self) -> None:
         """Serve until either side ends it."""
-        hub = self._services.hub
-        hub.join(self._viewer, self._wake.set)
-        over = asyncio.create_task(self._over())
-        tasks = [asyncio.create_task(self._read()), asyncio.create_task(self._send()), over]
+        unfeed = self._services.hub.feed(self._feeds, self._wake.set)
+        self._say(self._welcome())
+        over, stalled = asyncio.create_task(self._visit.over.wait()), asyncio.create_task(self._pipe.stalled())
+        tasks = [asyncio.create_task(self._read()), asyncio.create_task(self._send_feeds()), over, stalled]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
                 task.result()
             if over in done:
                 await cut(self._socket, REVOKED, "bad_credentials")
-        except TimeoutError:
-            await cut(self._socket, STALLED, "stalled")
+            elif stalled in done:
+                await cut(self._socket, STALLED, "stalled")
         except (WebSocketDisconnect, RuntimeError):
             return
         finally:
-            hub.leave(self._viewer)
-            self._services.on_subscriptions()
+            self._viewer.close()
+            self._pipe.close()
+            unfeed()
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-
-    async def _over(self) -> None:
-        """Until the viewer may not be here any more."""
-        await self._visit.over.wait()
 
     async def _read(self) -> None:
         while True:
@@ -94,7 +97,6 @@ class _Connection:
             if message["type"] == "websocket.disconnect":
                 return
             self._handle(message.get("text"))
-            self._wake.set()
 
     def _handle(self, text: str | None) -> None:
         number: Any = None
@@ -107,53 +109,73 @@ class _Connection:
             handler(request)
         except MetarosError as error:
             shown = number if isinstance(number, int) else None
-            if len(self._replies) < LIMITS.subscriptions_per_viewer:
-                self._replies.append(
-                    {"op": "error", "id": shown, "code": error_code(error), "message": str(error)[:500]}
-                )
+            self._say({"op": "error", "id": shown, "code": error_code(error), "message": str(error)[:500]})
 
     def _subscribe(self, request: dict[str, Any]) -> None:
+        asked = read_samples(request, self._visit.principal)
+        self._check_number(asked.number)
+        self._viewer.subscribe(
+            TopicSubscription(
+                asked.number,
+                asked.wants,
+                lambda channel: self._encoding(channel, asked),
+                max_rate_hz=asked.max_rate_hz,
+                latest=asked.latest,
+                queue_bytes=asked.queue_bytes,
+            )
+        )
+
+    def _encoding(self, channel: Channel, asked: SamplesRequest) -> Encoding:
+        """How that subscription gets that channel; the client is told of the channel first."""
+        number = self._introduced.get(channel.identity)
+        if number is None:
+            number = self._introduced[channel.identity] = self._services.hub.number_of(channel)
+            self._say(introduction(channel, number))
+        return JsonMessages(asked.number, number) if asked.json else BinaryRecords(asked.number, number)
+
+    def _subscribe_feed(self, request: dict[str, Any]) -> None:
         services = self._services
-        subscription = make_subscription(
+        subscription = make_feed(
             request,
             revisions=lambda: {record.robot.id: record.revision for record in services.registry.all()},
             describe=services.describe,
             principal=self._visit.principal,
         )
-        self._viewer.add(subscription)
+        self._check_number(subscription.number)
+        self._feeds.add(subscription)
         if isinstance(subscription, MetricSubscription):
             for record in services.registry.all():  # it takes in only what its viewer sees
                 subscription.offer(record.robot.id, record.newest())
-        services.hub.changed(self._viewer)
-        services.on_subscriptions()
+        self._wake.set()
+
+    def _check_number(self, number: int) -> None:
+        topics = self._viewer.topics
+        if len(topics) + len(self._feeds) >= LIMITS.subscriptions_per_viewer:
+            raise TooManyError(f"a connection has at most {LIMITS.subscriptions_per_viewer} subscriptions")
+        if number in self._feeds or any(item.number == number for item in topics):
+            raise InvalidRequestError(f"id {number} is in use on this connection")
 
     def _unsubscribe(self, request: dict[str, Any]) -> None:
-        number = request.get("id")
-        if not isinstance(number, int):
-            raise InvalidRequestError("id is the number of a subscription")
-        self._viewer.remove(number)
-        self._services.hub.changed(self._viewer)
-        self._services.on_subscriptions()
+        number = number_of(request)
+        if number in self._feeds:
+            self._feeds.remove(number)
+        else:
+            self._viewer.unsubscribe(number)
 
-    async def _send(self) -> None:
-        loop = asyncio.get_running_loop()
-        sent_s = -1e9
+    async def _send_feeds(self) -> None:
+        """Write values and fleet as they become due, while the client takes them."""
+        clock = self._services.clock
         while True:
-            for reply in self._replies:
-                await self._write(orjson.dumps(reply).decode())
-            self._replies.clear()
             await self._pause()
-            # The first sample after a pause goes at once; a stream of them shares one write per tick.
-            await asyncio.sleep(max(0.0, sent_s + self._services.settings.tick_s - loop.time()))
-            sent_s = loop.time()
+            await self._pipe.room()
             self._wake.clear()
-            while messages := self._viewer.take(self._services.clock.monotonic_s()):
-                for message in messages:
-                    await self._write(message)
+            for message in self._feeds.take(clock.monotonic_s()):
+                self._say(message)
+            await asyncio.sleep(self._services.settings.tick_s)
 
     async def _pause(self) -> None:
         """Wait until something arrives or is due."""
-        due_s = self._viewer.due_s()
+        due_s = self._feeds.due_s()
         if self._wake.is_set():
             return
         if due_s is None:
@@ -165,12 +187,11 @@ class _Connection:
         except TimeoutError:
             return
 
-    async def _write(self, message: str | bytes) -> None:
-        async with asyncio.timeout(self._services.settings.viewer_stall_s):
-            if isinstance(message, str):
-                await self._socket.send({"type": "websocket.send", "text": message})
-            else:
-                await self._socket.send({"type": "websocket.send", "bytes": message})
+    def _dropped(self, number: int, count: int, total: int) -> None:
+        self._say({"op": "dropped", "id": number, "count": count, "total": total})
+
+    def _say(self, message: dict[str, Any]) -> None:
+        self._pipe.text(orjson.dumps(message))
 
     def _welcome(self) -> dict[str, Any]:
         return {

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,18 +11,58 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gateway.api.ws.outlet import split_frames
+from gateway.api.ws.records import BinaryRecords
 from gateway.domain.channel import Channel
 from gateway.domain.records import HEADER, Record, record_parts, split_records
 from gateway.domain.sample import Run
 from gateway.errors import InvalidRequestError, TooManyError
-from gateway.live.feeds import FleetSubscription, MetricSubscription
+from gateway.live.feeds import Feeds, FleetSubscription, MetricSubscription
 from gateway.live.hub import Hub
+from gateway.live.scope import matching
 from gateway.live.subscription import TopicSubscription
 from gateway.live.viewer import Viewer
+from metaros.clock import ManualClock
 from metaros.errors import FrameError
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS, Limits
 from metaros.link import SampleColumns
+
+
+@dataclass
+class SetCall:
+    """A call that is set for a time."""
+
+    when_s: float
+    run: Callable[[], None]
+
+    def cancel(self) -> None:
+        """Call it off."""
+        self.run = lambda: None
+
+
+class ListSink:
+    """A sink that takes what comes, or so many writes and no more."""
+
+    def __init__(self, *, takes: int | None = None) -> None:
+        self.on_room: Callable[[], None] | None = None
+        self.open = True
+        self.frames: list[bytes] = []
+        self._takes = takes
+
+    def ready(self) -> bool:
+        return self.open and self._takes != 0
+
+    def write(self, data: bytes) -> None:
+        assert self.ready()
+        self.frames.append(data)
+        if self._takes is not None:
+            self._takes -= 1
+
+    def reopen(self, *, takes: int | None = None) -> None:
+        self.open, self._takes = True, takes
+        assert self.on_room is not None
+        self.on_room()
 
 
 def make_channel(topic: str = "/r/scan", robot: str = "r") -> Channel:
@@ -41,144 +82,242 @@ def make_run(first_seq: int, payloads: list[bytes], channel: Channel | None = No
     return Run(channel or make_channel(), columns, 5)
 
 
-def subscription(number: int = 1, topics: str = "**", **options: Any) -> TopicSubscription:
-    chosen = {"max_rate_hz": 0.0, "latest": False, "queue_bytes": 1 << 20, **options}
-    return TopicSubscription(number, Glob("*"), Glob(topics), **chosen)
+def make_subscription(number: int = 1, topics: str = "**", **options: Any) -> TopicSubscription:
+    wants = matching(Glob("*"), Glob(topics))
+    return TopicSubscription(number, wants, lambda channel: BinaryRecords(number, 7), **options)
 
 
-def rig(*subscriptions: TopicSubscription, limits: Limits = LIMITS) -> tuple[Hub, Viewer]:
-    hub, viewer = Hub(), Viewer(limits=limits)
-    hub.join(viewer, lambda: None)
-    for item in subscriptions:
-        viewer.add(item)
-    hub.changed(viewer)
-    return hub, viewer
+class Rig:
+    """A hub whose time stands still, with one viewer whose sink takes what `open_` lets it."""
 
+    def __init__(self, *subscriptions: TopicSubscription, limits: Limits = LIMITS) -> None:
+        self.clock, self.set_calls = ManualClock(), []
+        self.hub = Hub(clock=self.clock, tick_s=0.005, later=self._later, limits=limits)
+        self.sink, self.notices = ListSink(), []
+        self.viewer = self.join(self.sink)
+        for item in subscriptions:
+            self.viewer.subscribe(item)
 
-def drain(viewer: Viewer, now_s: float = 0.0) -> tuple[list[dict[str, Any]], list[tuple[int, int, int, bytes]]]:
-    """Everything to write: texts, and (subscription, channel, seq, payload) of records."""
-    texts: list[dict[str, Any]] = []
-    found = []
-    while messages := viewer.take(now_s):
-        for message in messages:
-            if isinstance(message, str):
-                texts.append(json.loads(message))
-            else:
-                found += [(sub, channel, r.seq, r.payload) for sub, channel, r in split_records(message)]
-    return texts, found
+    def join(self, sink: ListSink) -> Viewer:
+        return self.hub.join(sink, on_dropped=lambda *notice: self.notices.append(notice))
+
+    def _later(self, delay_s: float, call: Callable[[], None]) -> SetCall:
+        made = SetCall(self.clock.monotonic_s() + delay_s, call)
+        self.set_calls.append(made)
+        return made
+
+    def pass_time(self, seconds: float = 0.0) -> None:
+        """Let time pass, and what is set for it happen in its order."""
+        end_s = self.clock.monotonic_s() + seconds
+        while due := sorted((c for c in self.set_calls if c.when_s <= end_s + 1e-9), key=lambda c: c.when_s):
+            self.clock.advance(max(0.0, due[0].when_s - self.clock.monotonic_s()))
+            self.set_calls.remove(due[0])
+            due[0].run()
+        self.clock.advance(max(0.0, end_s - self.clock.monotonic_s()))
+
+    def got(self, sink: ListSink | None = None) -> list[tuple[int, int, bytes]]:
+        """(subscription, seq, payload) of what the sink took since."""
+        sink = sink or self.sink
+        frames, sink.frames = sink.frames, []
+        return [
+            (sub, record.seq, record.payload)
+            for data in frames
+            for _, message in split_frames(data)
+            for sub, _, record in split_records(message)
+        ]
 
 
 def test_queue_keeps_order_and_bytes() -> None:
-    hub, viewer = rig(subscription())
-    hub.publish(make_run(1, [b"a", b"bb", b"c" * 9]))
-    texts, found = drain(viewer)
-    assert [(t["op"], t["channel"], t["schema"]) for t in texts] == [("channel", 1, "int8 x")]
-    assert found == [(1, 1, 1, b"a"), (1, 1, 2, b"bb"), (1, 1, 3, b"c" * 9)]
-    assert viewer.size_bytes == 0
-    hub.publish(make_run(4, [b"d"]))
-    assert drain(viewer) == ([], [(1, 1, 4, b"d")])
+    rig = Rig(make_subscription())
+    rig.hub.publish(make_run(1, [b"a", b"bb", b"c" * 9]))
+    rig.pass_time()
+    assert rig.got() == [(1, 1, b"a"), (1, 2, b"bb"), (1, 3, b"c" * 9)]
+    rig.hub.publish(make_run(4, [b"d"]))
+    assert rig.got() == [], "what comes within a tick of a write shares the next one"
+    rig.hub.publish(make_run(5, [b"e"]))
+    rig.pass_time(0.005)
+    assert len(rig.sink.frames) == 1
+    assert rig.got() == [(1, 4, b"d"), (1, 5, b"e")]
 
 
-def test_latest_keeps_only_the_newest_of_each_channel() -> None:
-    hub, viewer = rig(subscription(latest=True))
-    other = make_channel("/r/odom")
-    for first in (1, 4):
-        hub.publish(make_run(first, [b"x", b"y", b"z"]))
-        hub.publish(make_run(first, [b"1", b"2"], other))
-    _, found = drain(viewer)
-    assert sorted(found) == [(1, 1, 6, b"z"), (1, 2, 5, b"2")]
+def test_viewers_with_equal_encodings_get_the_same_bytes_object() -> None:
+    rig, others = Rig(make_subscription()), [ListSink() for _ in range(3)]
+    for sink, number in zip(others, (1, 1, 2), strict=True):
+        rig.join(sink).subscribe(make_subscription(number))
+    rig.hub.publish(make_run(1, [b"x"] * 5))
+    rig.pass_time()
+    assert all(sink.frames[0] is rig.sink.frames[0] for sink in others[:2])
+    assert rig.got(others[2]) == [(2, seq, b"x") for seq in range(1, 6)], "another number makes other bytes"
 
 
-def test_globs_choose() -> None:
-    hub, viewer = rig(subscription(1, "/r/scan"), subscription(2, "/r/*"))
-    hub.publish(make_run(1, [b"a"]))
-    hub.publish(make_run(1, [b"b"], make_channel("/r/odom")))
-    hub.publish(make_run(1, [b"c"], make_channel("/q/odom/deep")))
-    assert sorted(drain(viewer)[1]) == [(1, 1, 1, b"a"), (2, 1, 1, b"a"), (2, 2, 1, b"b")]
+def test_latest_sends_the_newest_of_each_channel_in_a_tick() -> None:
+    rig = Rig(make_subscription(latest=True))
+    rig.hub.publish(make_run(1, [b"first"]))
+    rig.pass_time()
+    rig.got()
+    for first in (2, 5):
+        rig.hub.publish(make_run(first, [b"x", b"y", b"z"]))
+        rig.hub.publish(make_run(first, [b"1", b"2"], make_channel("/r/odom")))
+    rig.pass_time(0.005)
+    assert sorted(rig.got()) == [(1, 6, b"2"), (1, 7, b"z")]
+
+
+def test_globs_choose_also_for_channels_that_come_later() -> None:
+    rig = Rig(make_subscription(1, "/r/scan"))
+    rig.hub.publish(make_run(1, [b"a"]))
+    rig.viewer.subscribe(make_subscription(2, "/r/*"))
+    rig.hub.publish(make_run(2, [b"a"]))
+    rig.hub.publish(make_run(1, [b"b"], make_channel("/r/odom")))
+    rig.hub.publish(make_run(1, [b"c"], make_channel("/q/odom/deep")))
+    rig.pass_time(0.005)
+    assert sorted(rig.got()) == [(1, 1, b"a"), (1, 2, b"a"), (2, 1, b"a"), (2, 1, b"b"), (2, 2, b"a")]
 
 
 def test_rate_limit_sends_the_newest_when_it_is_due() -> None:
-    hub, viewer = rig(subscription(latest=True, max_rate_hz=10))
-    sent = []
+    rig, sent = Rig(make_subscription(latest=True, max_rate_hz=10)), []
     for step in range(100):  # 100 Hz for one second
-        hub.publish(make_run(step + 1, [b"x"]))
-        sent += [seq for _, _, seq, _ in drain(viewer, step / 100)[1]]
-    assert len(sent) == 10
-    assert viewer.due_s() == pytest.approx(1.0)
-    assert [seq for _, _, seq, _ in drain(viewer, 1.0)[1]] == [100]
+        rig.hub.publish(make_run(step + 1, [b"x"]))
+        rig.pass_time(0.01)
+        sent += [seq for _, seq, _ in rig.got()]
+    assert 10 <= len(sent) <= 11
+    rig.pass_time(0.2)
+    assert [*sent, *(seq for _, seq, _ in rig.got())][-1] == 100, "the last of a burst always arrives"
+
+
+def test_two_rates_of_one_topic_each_get_theirs() -> None:
+    rig, slow = Rig(make_subscription(latest=True, max_rate_hz=30)), ListSink()
+    rig.join(slow).subscribe(make_subscription(latest=True, max_rate_hz=1))
+    for step in range(300):  # 30 Hz for ten seconds
+        rig.hub.publish(make_run(step + 1, [b"x"]))
+        rig.pass_time(1 / 30)
+    assert len(rig.got()) >= 290
+    assert 10 <= len(rig.got(slow)) <= 11
 
 
 def test_a_queue_is_thinned_by_stamps() -> None:
-    hub, viewer = rig(subscription(max_rate_hz=10))
-    hub.publish(make_run(1, [b"x"] * 50, step_ns=10_000_000))  # 100 Hz in one burst
-    assert [seq for _, _, seq, _ in drain(viewer)[1]] == [1, 11, 21, 31, 41]
+    rig = Rig(make_subscription(max_rate_hz=10))
+    rig.hub.publish(make_run(1, [b"x"] * 50, step_ns=10_000_000))  # 100 Hz in one burst
+    rig.pass_time()
+    assert [seq for _, seq, _ in rig.got()] == [1, 11, 21, 31, 41]
 
 
 def test_a_full_queue_drops_the_oldest_and_says_so() -> None:
-    hub, viewer = rig(subscription(queue_bytes=10 * 48))
-    hub.publish(make_run(1, [b"x"] * 25))
-    texts, found = drain(viewer)
-    assert [seq for _, _, seq, _ in found] == list(range(16, 26))
-    assert texts[-1] == {"op": "dropped", "id": 1, "count": 15, "total": 15}
-    hub.publish(make_run(26, [b"x"] * 11))
-    assert drain(viewer, 0.1)[0] == []
-    assert viewer.due_s() == pytest.approx(0.5)
-    assert drain(viewer, 0.5)[0] == [{"op": "dropped", "id": 1, "count": 1, "total": 16}]
+    rig = Rig(make_subscription(queue_bytes=10 * 48))
+    rig.sink.open = False
+    rig.hub.publish(make_run(1, [b"x"] * 25))
+    rig.pass_time()
+    rig.sink.reopen()
+    assert [seq for _, seq, _ in rig.got()] == list(range(16, 26))
+    assert (rig.notices, rig.viewer.size_bytes, rig.viewer.clear) == ([(1, 15, 15)], 0, True)
+    rig.sink.open = False
+    rig.hub.publish(make_run(26, [b"x"] * 11))
+    rig.pass_time(0.1)
+    rig.sink.reopen()
+    assert rig.notices == [(1, 15, 15)], "at most twice a second"
+    rig.pass_time(0.4)
+    assert rig.notices == [(1, 15, 15), (1, 1, 16)]
+
+
+def test_a_slow_viewer_keeps_the_newest_of_mode_latest_and_lost_nothing() -> None:
+    rig = Rig(make_subscription(latest=True))
+    rig.sink.open = False
+    for seq in range(1, 50):
+        rig.hub.publish(make_run(seq, [b"x"]))
+        rig.pass_time(0.005)
+    rig.sink.reopen()
+    assert rig.got() == [(1, 49, b"x")]
+    assert rig.notices == []
 
 
 def test_a_slow_viewer_is_bounded_over_all_its_subscriptions() -> None:
     limits = Limits(viewer_queue_bytes=100_000)
-    hub, viewer = rig(*(subscription(n, queue_bytes=8 << 20) for n in range(5)), limits=limits)
+    rig = Rig(*(make_subscription(n, queue_bytes=8 << 20) for n in range(5)), limits=limits)
+    rig.sink.open = False
     for seq in range(1, 200):
-        hub.publish(make_run(seq, [bytes(5000)]))
-        assert viewer.size_bytes <= 100_000
-    _, found = drain(viewer)
-    assert found[-1][2] == 199
-    assert viewer.size_bytes == 0
+        rig.hub.publish(make_run(seq, [bytes(5000)]))
+        rig.pass_time(0.005)
+        assert rig.viewer.size_bytes <= 100_000
+    rig.sink.reopen()
+    assert {seq for _, seq, _ in rig.got()} >= {199}
+    assert rig.viewer.size_bytes == 0
+
+
+def test_a_slow_viewer_holds_nobody_up_and_its_subscriptions_take_turns() -> None:
+    rig, slow = Rig(make_subscription()), ListSink(takes=1)
+    viewer = rig.join(slow)
+    for number in (1, 2):
+        viewer.subscribe(make_subscription(number, queue_bytes=1 << 20))
+    for seq in range(1, 11):
+        rig.hub.publish(make_run(seq, [b"x"]))
+        rig.pass_time(0.005)
+    assert [seq for _, seq, _ in rig.got()] == list(range(1, 11))
+    for _ in range(4):
+        slow.reopen(takes=1)
+    assert sorted(sub for sub, _, _ in rig.got(slow)) == [1, 1, 1, 2, 2]
 
 
 def test_one_sample_larger_than_the_queue_still_passes() -> None:
-    hub, viewer = rig(subscription(queue_bytes=10))
-    hub.publish(make_run(1, [bytes(1000), bytes(1000)]))
-    assert [seq for _, _, seq, _ in drain(viewer)[1]] == [2]
+    rig = Rig(make_subscription(queue_bytes=10))
+    rig.sink.open = False
+    rig.hub.publish(make_run(1, [bytes(1000), bytes(1000)]))
+    rig.pass_time()
+    rig.sink.reopen()
+    assert [seq for _, seq, _ in rig.got()] == [2]
 
 
 def test_unsubscribing_frees_what_waits() -> None:
-    hub, viewer = rig(subscription(1), subscription(2))
-    hub.publish(make_run(1, [bytes(100)] * 3))
-    viewer.remove(1)
-    hub.changed(viewer)
-    hub.publish(make_run(4, [b"x"]))
-    assert {sub for sub, *_ in drain(viewer)[1]} == {2}
-    assert viewer.size_bytes == 0
+    rig = Rig(make_subscription(1), make_subscription(2))
+    rig.sink.open = False
+    rig.hub.publish(make_run(1, [bytes(100)] * 3))
+    rig.pass_time()
+    rig.viewer.unsubscribe(1)
+    rig.hub.publish(make_run(4, [b"x"]))
+    rig.pass_time(0.005)
+    rig.sink.reopen()
+    assert {sub for sub, *_ in rig.got()} == {2}
+    assert rig.viewer.size_bytes == 0
     with pytest.raises(InvalidRequestError):
-        viewer.remove(1)
+        rig.viewer.unsubscribe(1)
+
+
+def test_a_viewer_that_left_is_forgotten() -> None:
+    rig = Rig(make_subscription())
+    rig.hub.publish(make_run(1, [b"x"]))
+    rig.viewer.close()
+    rig.viewer.close()
+    rig.pass_time()
+    rig.hub.publish(make_run(2, [b"x"]))
+    rig.pass_time(0.01)
+    assert (rig.got(), rig.hub.viewers, rig.hub.wanted([make_channel()])) == ([], 0, {})
 
 
 def test_ids_are_unique_and_bounded() -> None:
-    viewer = Viewer(limits=Limits(subscriptions_per_viewer=2))
-    viewer.add(subscription(1))
+    rig = Rig(make_subscription(1), limits=Limits(subscriptions_per_viewer=2))
     with pytest.raises(InvalidRequestError):
-        viewer.add(subscription(1))
-    viewer.add(subscription(2))
+        rig.viewer.subscribe(make_subscription(1))
+    rig.viewer.subscribe(make_subscription(2))
     with pytest.raises(TooManyError):
-        viewer.add(subscription(3))
+        rig.viewer.subscribe(make_subscription(3))
 
 
-def test_frames_are_cut_at_a_quarter_mebibyte() -> None:
-    hub, viewer = rig(subscription(queue_bytes=8 << 20))
-    hub.publish(make_run(1, [bytes(100_000)] * 20))
-    sizes = []
-    while messages := viewer.take(0.0):
-        sizes += [len(message) for message in messages if isinstance(message, bytes)]
-    assert max(sizes) < 400_000
-    assert len(sizes) == 7
+def test_blocks_are_cut_at_a_quarter_mebibyte() -> None:
+    rig = Rig(make_subscription())
+    rig.hub.publish(make_run(1, [bytes(100_000)] * 20))
+    rig.pass_time()
+    assert max(len(data) for data in rig.sink.frames) < 300_000
+    assert [seq for _, seq, _ in rig.got()] == list(range(1, 21))
 
 
-def test_demand_of_live_channels() -> None:
-    hub, _ = rig(subscription(1, "/r/*", max_rate_hz=5), subscription(2, "/r/scan", max_rate_hz=10))
+def test_interest_is_told_and_becomes_demand() -> None:
+    rig, changes = Rig(), []
+    rig.hub.on_interest = lambda: changes.append(1)
+    rig.viewer.subscribe(make_subscription(1, "/r/*", max_rate_hz=5))
+    rig.viewer.subscribe(make_subscription(2, "/r/scan", max_rate_hz=10))
     channels = [make_channel("/r/scan"), make_channel("/r/odom"), make_channel("/q/other")]
-    assert hub.wanted(channels) == {"/r/scan": 10, "/r/odom": 5}
+    assert rig.hub.wanted(channels) == {"/r/scan": 10, "/r/odom": 5}
+    rig.viewer.unsubscribe(2)
+    assert rig.hub.wanted(channels) == {"/r/scan": 5, "/r/odom": 5}
+    assert len(changes) == 3
 
 
 def test_metric_subscription_merges_and_paces() -> None:
@@ -192,6 +331,17 @@ def test_metric_subscription_merges_and_paces() -> None:
     feed.offer("r1", {"battery.w": (3_000_000, 3.0)})
     assert (feed.take(0.4), feed.due_s()) == ([], 0.5)
     assert feed.take(0.5)[0]["values"] == {"battery.v": 2.0, "battery.w": 3.0}
+
+
+def test_feeds_gather_what_is_due() -> None:
+    feeds = Feeds()
+    assert feeds.due_s() is None
+    feeds.add(MetricSubscription(4, Glob("*"), [Glob("**", separator=".")], max_rate_hz=2))
+    feeds.add(FleetSubscription(5, revisions=lambda: {"a": 1}, describe=lambda robot: {"id": robot}))
+    assert feeds.offer("r1", {"battery.v": (1, 1.0)})
+    assert [message["op"] for message in feeds.take(0.0)] == ["metrics", "fleet"]
+    feeds.remove(5)
+    assert (feeds.take(9.0), len(feeds), 4 in feeds, 5 in feeds) == ([], 1, True, False)
 
 
 def test_fleet_subscription_tells_all_then_changes() -> None:

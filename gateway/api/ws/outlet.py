@@ -1,0 +1,176 @@
+"""How bytes leave for one WebSocket: straight into uvicorn's transport, or message by message through ASGI.
+
+The one module besides `cut.py` that knows uvicorn's protocol object. With it, ready-made frames go into the transport
+as they are: one buffer, shared by all sockets that get the same. Without it (another server, a test client) the frames
+are taken apart again and sent as ASGI messages; slower, and the same to the client.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Iterator
+from typing import Any, Protocol
+
+from starlette.websockets import WebSocket, WebSocketState
+from websockets.protocol import State
+
+from gateway.api.guard import PROTOCOL_KEY
+
+__all__ = ["BINARY", "TEXT", "AsgiOutlet", "Outlet", "UvicornOutlet", "frame", "open_outlet", "split_frames"]
+
+TEXT, BINARY = 1, 2
+ROOM_BYTES = 64 * 1024  # that wait in the fallback before it takes no more
+
+
+def frame(opcode: int, payload: bytes) -> bytes:
+    """One whole message as a WebSocket frame from a server: `opcode` is TEXT or BINARY."""
+    size = len(payload)
+    if size < 126:
+        return bytes((0x80 | opcode, size)) + payload
+    if size < 65536:
+        return bytes((0x80 | opcode, 126)) + size.to_bytes(2, "big") + payload
+    return bytes((0x80 | opcode, 127)) + size.to_bytes(8, "big") + payload
+
+
+def split_frames(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """(opcode, payload) of frames as `frame` makes them."""
+    at = 0
+    while at < len(data):
+        opcode, size = data[at] & 0x0F, data[at + 1]
+        at += 2
+        if size >= 126:
+            width = 2 if size == 126 else 8
+            size = int.from_bytes(data[at : at + width], "big")
+            at += width
+        yield opcode, data[at : at + size]
+        at += size
+
+
+class Outlet(Protocol):
+    """The bytes' way out."""
+
+    @property
+    def waiting_bytes(self) -> int:
+        """What was written and has not reached the network yet."""
+
+    @property
+    def over(self) -> bool:
+        """Whether the connection has ended."""
+
+    def ready(self) -> bool:
+        """Whether more may be written now."""
+
+    def write(self, data: bytes, /) -> None:
+        """Whole frames."""
+
+    async def room(self) -> None:
+        """Until it is ready or over."""
+
+    def close(self) -> None:
+        """Nothing more is written."""
+
+
+class UvicornOutlet:
+    """Into uvicorn's transport."""
+
+    def __init__(self, protocol: Any) -> None:
+        self._connection = protocol.conn
+        self._writable: asyncio.Event = protocol.writable
+        self._transport: asyncio.Transport = protocol.transport
+        self._is_writable = self._writable.is_set
+        self.write = self._transport.write
+
+    @property
+    def waiting_bytes(self) -> int:
+        """What the transport holds."""
+        return self._transport.get_write_buffer_size()
+
+    @property
+    def over(self) -> bool:
+        """Whether it is closing, from either side."""
+        return self._connection.state is not State.OPEN or self._transport.is_closing()
+
+    def ready(self) -> bool:
+        """Whether the transport is open and below its high-water mark."""
+        return self._is_writable() and self._connection.state is State.OPEN and not self._transport.is_closing()
+
+    async def room(self) -> None:
+        """Until it fell below its low-water mark."""
+        await self._writable.wait()
+
+    def close(self) -> None:
+        """The transport belongs to uvicorn."""
+
+
+class AsgiOutlet:
+    """Through the ASGI send of a socket, by a task of its own."""
+
+    def __init__(self, socket: WebSocket) -> None:
+        self._socket = socket
+        self._queue: deque[tuple[int, bytes]] = deque()
+        self._waiting_bytes = 0
+        self._filled, self._emptied = asyncio.Event(), asyncio.Event()
+        self._task = asyncio.create_task(self._run())
+
+    @property
+    def waiting_bytes(self) -> int:
+        """What the task has not sent yet."""
+        return self._waiting_bytes
+
+    @property
+    def over(self) -> bool:
+        """Whether the socket has ended."""
+        return self._task.done() or self._socket.application_state is not WebSocketState.CONNECTED
+
+    def ready(self) -> bool:
+        """Whether little waits."""
+        return self._waiting_bytes < ROOM_BYTES and not self.over
+
+    def write(self, data: bytes) -> None:
+        """Let whole frames wait for the task."""
+        for opcode, payload in split_frames(data):
+            self._queue.append((opcode, payload))
+            self._waiting_bytes += len(payload)
+        self._emptied.clear()
+        self._filled.set()
+
+    async def room(self) -> None:
+        """Until all of it is sent."""
+        while self._queue and not self.over:
+            await self._emptied.wait()
+
+    def close(self) -> None:
+        """End the task."""
+        self._task.cancel()
+
+    async def _run(self) -> None:
+        try:
+            while True:
+                await self._filled.wait()
+                self._filled.clear()
+                while self._queue:
+                    opcode, payload = self._queue[0]
+                    await self._send(opcode, payload)
+                    self._queue.popleft()
+                    self._waiting_bytes -= len(payload)
+                self._emptied.set()
+        except Exception:  # whatever ends a socket: its reader is told of it by ASGI
+            return
+        finally:
+            self._emptied.set()
+
+    async def _send(self, opcode: int, payload: bytes) -> None:
+        message: dict[str, Any] = {"type": "websocket.send"}
+        message |= {"text": payload.decode()} if opcode == TEXT else {"bytes": payload}
+        await self._socket.send(message)
+
+
+def open_outlet(socket: WebSocket) -> Outlet:
+    """The fast way where the server is the uvicorn we know, else the one that ASGI has."""
+    protocol = socket.scope.get(PROTOCOL_KEY)
+    transport, connection = getattr(protocol, "transport", None), getattr(protocol, "conn", None)
+    known = hasattr(transport, "get_write_buffer_size") and hasattr(connection, "state")
+    if known and isinstance(getattr(protocol, "writable", None), asyncio.Event):
+        return UvicornOutlet(protocol)
+    return AsgiOutlet(socket)

@@ -1,0 +1,63 @@
+"""Where a viewer's bytes go: a WebSocket's pipe, or a queue that a coroutine empties."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from typing import Protocol
+
+__all__ = ["QueueSink", "Sink"]
+
+SINK_BYTES = 256 * 1024
+
+
+class Sink(Protocol):
+    """Takes ready-made bytes while it has room, and says when it has room again."""
+
+    on_room: Callable[[], None] | None
+
+    def ready(self) -> bool:
+        """Whether it takes more now; after a False, `on_room` is called when it does."""
+
+    def write(self, data: bytes, /) -> None:
+        """Take bytes in; only after `ready` said so."""
+
+
+class QueueSink:
+    """For connections that are written by a coroutine, such as a gRPC stream: at most `limit_bytes` and one block."""
+
+    def __init__(self, *, limit_bytes: int = SINK_BYTES) -> None:
+        self.on_room: Callable[[], None] | None = None
+        self.waiting_bytes = 0
+        self._limit_bytes = limit_bytes
+        self._queue: deque[bytes] = deque()
+        self._filled = asyncio.Event()
+        self._closed = False
+
+    def ready(self) -> bool:
+        """Whether it takes more now."""
+        return self.waiting_bytes < self._limit_bytes and not self._closed
+
+    def write(self, data: bytes) -> None:
+        """Take bytes in."""
+        if data and not self._closed:
+            self._queue.append(data)
+            self.waiting_bytes += len(data)
+            self._filled.set()
+
+    async def next(self) -> bytes:
+        """The oldest that waits; waits for one."""
+        while not self._queue:
+            self._filled.clear()
+            await self._filled.wait()
+        data = self._queue.popleft()
+        full = not self.ready()
+        self.waiting_bytes -= len(data)
+        if full and self.ready() and self.on_room is not None:
+            self.on_room()
+        return data
+
+    def close(self) -> None:
+        """Take nothing more."""
+        self._closed = True
