@@ -64,10 +64,9 @@ def _list(
 
 def _robot(item: dict[str, Any]) -> tuple[str, ...]:
     labels = ",".join(f"{key}={value}" for key, value in sorted(item["labels"].items()))
-    since = (item.get("since") or "")[:16].replace("T", " ")
-    lease = (item.get("lease") or {}).get("holder", "")
-    state = "online" if item["online"] else "offline"
-    return item["id"], state, since or "–", labels or "–", lease or "–", item.get("agent_version") or "–"
+    since, lease = item["since"][:16].replace("T", " "), item["lease"]
+    driver = lease["holder"] if lease is not None else "–"
+    return item["id"], item["state"], since, labels or "–", driver, item["agent_version"]
 
 
 def _identities(gateway: GatewayOption = "", output: FormatOption = Format.TEXT) -> None:

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from gateway.cli_robot import register
 from gateway.domain.principal import Role
-from tests.gateway.harness import client, running_gateway
+from tests.gateway.harness import OPERATOR_KEY, ScriptedAgent, client, running_gateway
 from tests.gateway.identity.robot_keys import ask, new_key
 from tests.support.key_ring import KeyRing
 
@@ -47,3 +47,15 @@ async def test_token_list_revoke(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         await asyncio.to_thread(run, "robot", "revoke", "arm", "--reason", "lost", *at)
         (found,) = json.loads(await asyncio.to_thread(run, "robot", "identities", *at, "--output", "json"))
         assert (found["state"], found["reason"]) == ("revoked", "lost")
+
+
+async def test_the_list_is_of_robots_that_connected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("METAROS_KEY", OPERATOR_KEY)
+    async with running_gateway(tmp_path) as ready:
+        at = ("--gateway", ready.url)
+        assert await asyncio.to_thread(run, "robot", "list", *at) == ""
+        async with ScriptedAgent(ready):
+            (found,) = json.loads(await asyncio.to_thread(run, "robot", "list", *at, "-o", "json"))
+            assert (found["id"], found["state"]) == ("sim_1", "online")
+            row = (await asyncio.to_thread(run, "robot", "list", *at)).split()
+            assert row[:2] == ["sim_1", "online"]
