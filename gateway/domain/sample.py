@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from gateway.domain.channel import Channel, Series
+from gateway.domain.trace import RobotTimes
 from metaros.link import SampleColumns
 
 __all__ = ["Gap", "Rows", "Run", "Sample"]
@@ -32,6 +33,7 @@ class Run:
     channel: Channel
     columns: SampleColumns
     receive_ns: int
+    trace: RobotTimes | None = None  # of one of the samples, when it is followed
 
     @property
     def count(self) -> int:
@@ -50,7 +52,7 @@ class Run:
 
     def after(self, skip: int) -> Run:
         """The run without its first `skip` samples."""
-        return Run(self.channel, self.columns.after(skip), self.receive_ns) if skip else self
+        return replace(self, columns=self.columns.after(skip)) if skip else self
 
 
 @dataclass(frozen=True, slots=True)
