@@ -89,6 +89,7 @@ class Settings:
     zenoh_credentials: Path | None = None  # None = ~/.metaros/zenoh
     exclude: tuple[str, ...] = ()
     host_metrics: bool = True
+    trace_every: int = 1000  # one sample in so many is followed to viewers and rows; 0 = none
     actuators: tuple[str, ...] = DEFAULT_ACTUATORS
     state_dir: Path | None = None  # None = ~/.metaros/agent/<name>
     status_file: Path | None = None
@@ -171,6 +172,10 @@ def convert(key: str, value: Any, where: str) -> Any:
         case "zenoh_port":
             if not 1 <= expect(value, int, key, where) <= 65535:
                 raise ConfigError(f"{where}: {key} must be 1 to 65535, not {value}")
+            return value
+        case "trace_every":
+            if not 0 <= expect(value, int, key, where) <= 10**9:
+                raise ConfigError(f"{where}: {key} must be 0 (none) to 1000000000, not {value}")
             return value
         case "gateway":
             return checked_gateway(expect(value, str, key, where), where)

@@ -29,6 +29,7 @@ from edge_agent.nodes.setup import open_nodes
 from edge_agent.outbox import OutboxWriter
 from edge_agent.pipeline import Pipeline
 from edge_agent.publishers import Publishers
+from edge_agent.sample_trace import Tracer
 from edge_agent.scope import Scope
 from edge_agent.sealing import open_sealing
 from edge_agent.state import AgentState, open_state
@@ -219,7 +220,12 @@ class Parts:
         wake = self.uplink.wake
         self.writer = OutboxWriter(self.state.outbox, self.state.outbox_disk, on_flushed=wake)
         self.pipeline = Pipeline(
-            self.state.outbox, queues.live, queues.linger, wake_writer=self.writer.wake, wake_uplink=wake
+            self.state.outbox,
+            queues.live,
+            queues.linger,
+            wake_writer=self.writer.wake,
+            wake_uplink=wake,
+            tracer=queues.tracer,
         )
         self.keeper.facts.black_box = self.box.describe if self.box is not None else None
         record = self.box.take if self.box is not None else None
@@ -239,7 +245,9 @@ def open_queues(settings: Settings, state: AgentState, clock: Clock) -> Queues:
         outbox.seal = sealing.accepted(channels.by_id)
         live.seal = sealing.live(lambda: outbox.live_epoch)
     budget = Budget(limit_bytes_per_s=state.limit_bytes_per_s, now_s=clock.monotonic_s())
-    return Queues(channels, outbox, live, Linger(), budget, open_shelf(state.directory))
+    tracer = Tracer(clock, system_rng(), every=settings.trace_every)
+    outbox.on_accepted = tracer.accepted
+    return Queues(channels, outbox, live, Linger(), budget, open_shelf(state.directory), tracer)
 
 
 def door_of(settings: Settings, directory: Path) -> tuple[Credentials | None, list[GatewayAddress]]:

@@ -10,6 +10,7 @@ from edge_agent.channels import METRIC_STREAM, Channel
 from edge_agent.latest import LatestOnly
 from edge_agent.live import LiveQueue
 from edge_agent.outbox import Outbox
+from edge_agent.sample_trace import Tracer
 from metaros.errors import DecodeError
 from metaros.limits import LIMITS, Limits
 from metaros.seal.envelope import OVERHEAD_BYTES
@@ -41,7 +42,9 @@ class Pipeline:
         wake_writer: Callable[[], None],
         wake_uplink: Callable[[], None],
         limits: Limits = LIMITS,
+        tracer: Tracer | None = None,
     ) -> None:
+        self._tracer = tracer
         self._outbox = outbox
         self._live = live
         self._linger = linger
@@ -94,6 +97,8 @@ class Pipeline:
         if channel.deadband is not None and not channel.deadband.passes(payload, arrival.arrived_s):
             channel.thinned += 1
             return 0
+        if self._tracer is not None:
+            self._tracer.taken(channel.channel_id, arrival.stamp_ns, arrival.arrived_s)
         if live:
             self._live.append(channel, arrival.stamp_ns, payload)
             return arrival.size_bytes

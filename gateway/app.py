@@ -19,6 +19,7 @@ from gateway.binding import can_sign_in, check_binding
 from gateway.choices import identity_choices, rates_of
 from gateway.domain.channel import Channel
 from gateway.domain.lease import LeaseTable
+from gateway.domain.sample import Run
 from gateway.errors import RobotOfflineError, StoreError
 from gateway.events.feature import Events
 from gateway.fleet.commands import CommandDesk
@@ -49,12 +50,14 @@ from gateway.ingest.registry import Registry, RobotRecord, SeriesState
 from gateway.live.demand_desk import DemandDesk
 from gateway.live.hub import Hub
 from gateway.objects import open_objects
+from gateway.operations import Operations, Parts
 from gateway.private_dir import make_private
 from gateway.recordings.desk import RecordingDesk, RobotSide
 from gateway.settings import Settings, is_loopback
 from gateway.store import Store
 from gateway.store.retention import retention_of
 from gateway.store.storage import Storage, StorageDesk
+from gateway.store.writes import Committed
 from gateway.tls import HttpTls, http_tls
 from gateway.updates.repository import Repository
 from gateway.updates.tokens import FetchTokens
@@ -116,6 +119,19 @@ class Gateway:
             self.hub, online=self._online, channels_of=self._channels_of, send=self.links.send, clock=clock
         )
         self.tls: HttpTls | None = None  # of the HTTP port, once started
+        self.operations = Operations(
+            settings,
+            Parts(
+                registry=self.registry,
+                store=self.store,
+                storage=self.storage,
+                hub=self.hub,
+                audit=self.audit,
+                leases=self.leases,
+                checks=self.checks,
+            ),
+            clock=clock,
+        )
         self._guests = door is not None
         self.grpc_port = 0  # where robots connect, once the server is bound
 
@@ -207,11 +223,12 @@ class Gateway:
             demand_of=self.demand.told,
             describe=self.describe,
             checks=self.checks,
+            operations=self.operations,
         )
 
     async def start(self) -> None:
         """Know the robots of earlier days; start the store."""
-        self.store.start(self.links.committed, self.links.refused)
+        self.store.start(self._on_committed, self.links.refused)
         await self._check_binding()
         self.local_key.write()
         await self.identities.start()
@@ -257,7 +274,7 @@ class Gateway:
             group.create_task(self.demand.run())
             for part in (self.recordings, self.twins, self.failover, self.updates, self.events, self.ros):
                 group.create_task(part.run())
-            for desk in (self.rollouts, self.presence, self.orders, self.attendance, self.audit):
+            for desk in (self.rollouts, self.presence, self.orders, self.attendance, self.audit, self.operations):
                 group.create_task(desk.run())
             group.create_task(self.identities.run(self.links.recheck))
 
@@ -266,6 +283,7 @@ class Gateway:
         self.local_key.remove()
         self.accounts.close()
         self.hub.close()
+        await self.operations.close()
         self.history.close()
         self.updates.close()
         await self.recordings.close()
@@ -287,11 +305,11 @@ class Gateway:
 
     def checks(self) -> dict[str, str]:
         """What `/readyz` says: "ok" or what is wrong, by part."""
-        return {"store": self.store.error or "ok"}
+        return {"store": self.store.error or "ok", **self.operations.checks()}
 
     def _hooks(self) -> LinkHooks:
         return LinkHooks(
-            on_samples=lambda run: self.hub.publish(run),
+            on_samples=self._on_samples,
             on_values=lambda robot, values: self.hub.values(robot, values),
             on_channels=lambda robot: self.demand.channels_changed(robot),
             on_online=self._on_online,
@@ -302,6 +320,14 @@ class Gateway:
             on_ros=lambda robot, frame: self.ros.on_frame(robot, frame),
             fetch_token=lambda robot: self.fetch_tokens.make(robot),
         )
+
+    def _on_samples(self, run: Run) -> None:
+        self.hub.publish(run)
+        self.operations.on_samples(run)
+
+    def _on_committed(self, done: Committed) -> None:
+        self.links.committed(done)
+        self.operations.on_committed(done)
 
     def _on_result(self, robot_id: str, result: link_pb2.CommandResult) -> None:
         if result.running or not self.commands.on_result(robot_id, result):

@@ -79,6 +79,10 @@ class Settings:
     robot_requests_per_s: float = 100.0  # that change something on one robot, of everybody together
     sign_ins_per_min: float = 5.0  # that fail, from one address
     actuator_topics: tuple[str, ...] = ("**/cmd_vel",)
+    drain_s: float = 5.0  # how long the end may take, beyond which connections are cut
+    log_format: str = "text"
+    log_level: str = "warning"
+    otlp: str = field(default="", repr=False)  # an OpenTelemetry collector's URL; "": none
     static_dir: Path = Path(__file__).parent / "static"
 
     def __post_init__(self) -> None:
@@ -111,8 +115,19 @@ class Settings:
             )
         if not 0.2 <= self.heartbeat_s <= 60.0:
             raise ConfigError("--heartbeat-s is 0.2 to 60")
+        self._check_operations()
 
         self._check_identity()
+
+    def _check_operations(self) -> None:
+        from gateway.ops.logs import FORMATS, LEVELS
+        from gateway.ops.otlp import check_otlp
+
+        check_otlp(self.otlp)
+        if self.log_format not in FORMATS or self.log_level not in LEVELS:
+            raise ConfigError(f"--log-format is {' or '.join(FORMATS)}, --log-level one of {', '.join(LEVELS)}")
+        if not 0.0 <= self.drain_s <= 600.0:
+            raise ConfigError("--drain-s is 0 to 600")
 
     def _check_identity(self) -> None:
         if self.tls not in ("auto", "on", "off"):

@@ -159,6 +159,11 @@ class Limits:
     credential_chars: int = 512  # of a key or a session's token; longer ones are not even looked up
     attendance_s: float = 2.0  # how often it is asked whether who has a socket open may still be here
     principals_remembered: int = 4096  # keys and sessions that are not looked up again for two seconds
+    traces_kept: int = 256  # followed samples that have ended, and as many that are under way
+    traces_per_s: int = 100  # that a gateway follows; further ones are only counted
+    traces_export: int = 2048  # that wait to be exported; further ones are counted as lost
+    metrics_robots: int = 20  # that have series of their own in /metrics: those that lag most
+    debug_tasks: int = 200  # kinds of tasks in a debug report
     audit_queue: int = 4096  # rows of the audit log that wait for the database; then nothing may be changed
     audit_refusals_per_hour: int = 600  # that get a row each; further ones are counted
     event_bytes: int = 16 * KIB  # what one event of the journal tells, as JSON

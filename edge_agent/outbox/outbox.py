@@ -88,6 +88,7 @@ class Outbox:
         self._reserve_bytes = reserve_bytes
         self.online = False  # whether the link is up, so that what comes is fresh
         self.seal: Seal | None = None  # what is kept of a payload once it has its number
+        self.on_accepted: Callable[[Mapping[int, list[Sample | Lost]]], None] = lambda streams: None
         self._note_at_s = 0.0
         self._pending = {name: Pending(limits) for name in LOGS}
         self._writing: set[LogName] = set()
@@ -172,6 +173,7 @@ class Outbox:
         self._writing.discard(job.log)
         self.logs[job.log].appended(job.append)
         self._log_of.update(dict.fromkeys(job.streams, job.log))
+        self.on_accepted(job.streams)
 
     def refused(self, job: FlushJob, reason: str) -> None:
         """It could not be run: its samples are lost, which the next flush declares. Events wait for another try."""
@@ -315,8 +317,6 @@ class Outbox:
         )
         waiting = [log.waiting_bytes + log.flight_bytes for log in logs]
         return Depth(waiting[0], sum(waiting[1:]), samples, sum(log.size_bytes for log in logs))
-
-    # -- inside -----------------------------------------------------------------------------------------------------
 
     def _open(self) -> OutboxState:
         state = OutboxState.load(self._disk)

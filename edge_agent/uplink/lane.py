@@ -183,7 +183,8 @@ class LaneSender:
         elif frame.count == 1 and len(frame.body) > self._limits.batch_bytes:
             self._send_large(link_pb2.Batch.FromString(frame.body), numbers)
         else:
-            self._add(batch_bytes(squeeze(frame.body, self._compression), **numbers))
+            batch = batch_bytes(squeeze(frame.body, self._compression), **numbers)
+            self._add(batch + self._trace(frame.stream_id, frame.first_seq, frame.body))
 
     def _send_large(self, batch: link_pb2.Batch, numbers: dict[str, int]) -> None:
         """A sample in pieces, each a frame of its own."""
@@ -192,7 +193,7 @@ class LaneSender:
         for piece in split_sample(
             numbers["stream_id"], numbers["epoch"], numbers["first_seq"], stamp_ns, batch.payload, limits=self._limits
         ):
-            self._add(piece.SerializeToString())
+            self._add(self._traced(piece))
             self._close_frame()
 
     def _live(self, room: int, now_s: float) -> int:
@@ -205,11 +206,25 @@ class LaneSender:
         moved = 0
         for stream_id, samples in live.take(min(room, allowed)).items():
             for batch in sample_batches(stream_id, self._queues.outbox.live_epoch, samples, limits=self._limits):
-                self._add(batch.SerializeToString())
+                self._add(self._traced(batch))
                 moved += len(batch.payload)
         if not live:
             linger.flushed()
         return moved
+
+    def _traced(self, batch: link_pb2.Batch) -> bytes:
+        """A live batch, or a piece of a large sample, with the times of a sample that is followed."""
+        tracer, whole = self._queues.tracer, batch.SerializeToString()
+        if tracer is None or batch.chunk_index + 1 < batch.chunk_count:
+            return whole
+        return whole + tracer.sent(batch.stream_id, batch.first_seq, batch.stamps)
+
+    def _trace(self, stream_id: int, first_seq: int, body: bytes) -> bytes:
+        """The same of the body of a durable batch, which is only read where a sample of it may be followed."""
+        tracer = self._queues.tracer
+        if tracer is None or not tracer.follows(stream_id):
+            return b""
+        return tracer.sent(stream_id, first_seq, link_pb2.Batch.FromString(body).stamps)
 
     def _add(self, batch: bytes) -> None:
         """Another batch for the frame that is being filled."""

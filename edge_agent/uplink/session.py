@@ -19,6 +19,7 @@ from edge_agent.errors import LinkDeadError, RefusedError, UnprovenError
 from edge_agent.identity.credentials import Credentials
 from edge_agent.live import LiveQueue
 from edge_agent.outbox import Outbox
+from edge_agent.sample_trace import Tracer
 from edge_agent.uplink.budget import Budget
 from edge_agent.uplink.desk import DESK_FRAMES, Told
 from edge_agent.uplink.lane import BACKFILL, CONTROL, DATA, LANE_LOGS, LANES, Compression, LaneSender
@@ -73,6 +74,7 @@ class Queues:
     linger: Linger
     budget: Budget
     shelf: Shelf | None = None  # recordings that wait
+    tracer: Tracer | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +134,8 @@ class AgentSession:
         self.store_id = store_id
         self.gateway_id = ""
         self.offset = ClockOffset(clock)
+        if queues.tracer is not None:
+            queues.tracer.clock_offset_ns = self.offset.offset_ns
         self._identity = identity
         self._queues = queues
         self._clock = clock

@@ -12,6 +12,7 @@ from gateway.api.audited import Audited
 from gateway.api.authenticate import Authenticate
 from gateway.api.bodies import Bodies
 from gateway.api.guard import Guard
+from gateway.api.measured import Measured
 from gateway.api.openapi import describe_permissions
 from gateway.api.problem import install_problems
 from gateway.api.rate import RateLimited
@@ -30,6 +31,7 @@ from gateway.api.rest import (
     node_values,
     nodes,
     oidc,
+    ops,
     orders,
     recordings,
     robots,
@@ -76,6 +78,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     enrol.router,
     oidc.router,
     audit.router,
+    ops.router,
     stream.router,
     teleop.router,
     link.router,
@@ -99,7 +102,8 @@ def create_api(services: Services) -> ASGIApp:
         logged, services.door, anonymous=settings.anonymous_viewers, host=settings.host, rates=services.rates
     )
     guarded = Guard(RefusedSignIn(known), hosts=settings.server_names, origins=settings.allow_origins)
-    return QueryToken(Proxies(guarded, settings.proxies, only=settings.proxied_only))
+    measured = Measured(guarded, services.operations.meters, clock=services.clock)
+    return QueryToken(Proxies(measured, settings.proxies, only=settings.proxied_only))
 
 
 def route_paths() -> list[str]:

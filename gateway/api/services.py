@@ -31,6 +31,7 @@ from gateway.identity.tickets import Tickets
 from gateway.ingest.links import Links
 from gateway.ingest.registry import Registry
 from gateway.live.hub import Hub
+from gateway.operations import Operations
 from gateway.recordings.desk import RecordingDesk
 from gateway.settings import Settings
 from gateway.store import Store
@@ -78,6 +79,7 @@ class Services:
     demand_of: Callable[[str], dict[str, float]]
     describe: Callable[[str], dict[str, Any]]
     checks: Callable[[], dict[str, str]]
+    operations: Operations
 
 
 def services_of(connection: HTTPConnection) -> Services:

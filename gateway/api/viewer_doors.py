@@ -26,7 +26,7 @@ _HERE = {
 
 def is_door(path: str) -> bool:
     """Whether somebody has to be known at a path: the API's own, and viewers' sockets."""
-    return path.startswith("/api/") or _is_viewer(path)
+    return path.startswith("/api/") or path == "/metrics" or _is_viewer(path)
 
 
 def takes_token(path: str) -> bool:

@@ -65,6 +65,10 @@ class LeaseTable:
         self._tell(held, False)
         return True
 
+    def held(self, *, now_s: float) -> int:
+        """How many robots somebody drives."""
+        return sum(lease.expires_s > now_s for lease in self._leases.values())
+
     def holder_of(self, robot: str, *, now_s: float) -> Lease | None:
         """The robot's living lease, or None."""
         held = self._leases.get(robot)

@@ -68,6 +68,11 @@ class AuditLog:
         """Write a row without waiting for it: of what is over already, whether there is room or not."""
         self._put(self._event(facts), None)
 
+    @property
+    def waiting(self) -> int:
+        """Rows that wait for the database."""
+        return len(self._waiting)
+
     def check_room(self) -> None:
         """StoreError while so much waits for the database that nothing may change any more."""
         if len(self._waiting) >= self._limits.audit_queue:

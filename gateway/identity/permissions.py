@@ -83,6 +83,8 @@ PERMISSIONS: tuple[Permission, ...] = (
     Permission("users.manage", _A, "users, their roles and robots", mutates=True),
     Permission("robots.enrol", _A, "make and list enrolment tokens", mutates=True),
     Permission("robots.revoke", _A, "end a robot's identity", robots=True, mutates=True),
+    Permission("metrics.read", _V, "what the gateway counts, for Prometheus"),
+    Permission("debug.read", _A, "the gateway's report for a bug"),
     Permission("audit.read", _A, "the audit log and its verification"),
     Permission("agent.enrol", _N, "a robot's first certificate, by a token", mutates=True, who="anyone"),
     Permission("agent.link", _N, "a robot's link, by its identity", who="robots"),

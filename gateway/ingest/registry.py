@@ -95,6 +95,7 @@ class RobotRecord:
         self.last_seen_ns = seen_ns
         self.session_number = 0
         self.rtt_s: float | None = None
+        self.lag_ns: int | None = None  # how old the newest sample was when it came, each by its own clock
         self.statistics = link_pb2.TopicStatistics()
         self.counts = Counts()
         self.channels: dict[int, ChannelState] = {}
@@ -191,6 +192,8 @@ class RobotRecord:
             state.received_bytes += run.size_bytes
             if fresh or state.last_stamp_ns is None:
                 state.last_stamp_ns = int(run.columns.stamps_ns[-1])
+            if fresh and not run.channel.history:
+                self.lag_ns = run.receive_ns - int(run.columns.stamps_ns[-1])
 
     def count_rows(
         self, rows: Rows, duplicates: int, *, wall_ns: int, now_s: float, fresh: bool = True

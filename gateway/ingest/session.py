@@ -17,6 +17,7 @@ import numpy as np
 from gateway.domain.channel import LIVE, METRIC, METRIC_STREAM, Channel, Series
 from gateway.domain.robot import Robot
 from gateway.domain.sample import Gap, Rows, Run
+from gateway.domain.trace import RobotTimes, read_trace
 from gateway.errors import ForkedError, LinkError, ProtocolError, UnsettledError
 from gateway.ingest.events import (
     Announced,
@@ -286,7 +287,7 @@ class Session:
             pieces = self._lanes[lane].live_pieces if channel.delivery == LIVE else self._lanes[lane].pieces
             columns = pieces.feed(expand(batch, limits=self._limits))
             if columns is not None:
-                events += self._samples(lane, channel, columns, wall_ns)
+                events += self._samples(lane, channel, columns, wall_ns, read_trace(batch))
         return events
 
     def _over_quota(self, lane: int, batch: link_pb2.Batch, channel: Channel, now_s: float) -> list[Event]:
@@ -308,12 +309,14 @@ class Session:
     def _wait(self, lane: int, wait_s: float) -> list[Event]:
         return [OverQuota(put_off=True), *self._put_off(lane, "rate", math.ceil(wait_s * 1000))]
 
-    def _samples(self, lane: int, channel: Channel, columns: SampleColumns, wall_ns: int) -> list[Event]:
+    def _samples(
+        self, lane: int, channel: Channel, columns: SampleColumns, wall_ns: int, trace: RobotTimes | None
+    ) -> list[Event]:
         if channel.delivery == LIVE:
-            return [Arrived(Run(channel, columns, wall_ns), columns.epoch, columns.last_seq, False, 0)]
+            return [Arrived(Run(channel, columns, wall_ns, trace), columns.epoch, columns.last_seq, False, 0)]
         accepted = self._streams.accept(columns.stream_id, columns.epoch, columns.first_seq, columns.last_seq)
         fresh = columns.after(accepted.duplicates)
-        run = Run(channel, fresh, wall_ns)
+        run = Run(channel, fresh, wall_ns, trace)
         return [Arrived(run, columns.epoch, accepted.seq, True, accepted.duplicates, lane != BACKFILL)]
 
     def _on_metrics(self, lane: int, frame: link_pb2.AgentFrame, now_s: float, wall_ns: int) -> list[Event]:

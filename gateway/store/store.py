@@ -106,6 +106,11 @@ class Store:
         return self._engine.shared
 
     @property
+    def queued_bytes(self) -> int:
+        """What waits for its commit."""
+        return self._queued_bytes
+
+    @property
     def error(self) -> str | None:
         """Why commits fail now; None while they work."""
         return self._writer.error

@@ -65,6 +65,8 @@ EXPECTED = {
     "users.manage": "ssff+bf",
     "robots.enrol": "ssff+bf",
     "robots.revoke": "ssff+bf",
+    "metrics.read": "s++++bf",
+    "debug.read": "ssff+bf",
     "audit.read": "ssff+bf",
     "events.read": "s++++bf",
     "twin.read": "s++++bf",

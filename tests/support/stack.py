@@ -101,10 +101,12 @@ class Stack:
         """The robot's Zenoh router."""
         return self.start("router", "router", "--port", str(self.zenoh_port))
 
-    def gateway(self) -> Program:
+    def gateway(self, *options: str) -> Program:
         """A gateway with a data directory of its own."""
         ports = ("--port", str(self.http_port), "--grpc-port", str(self.grpc_port))
-        return self.start("gateway", "gateway", "--host", "127.0.0.1", *ports, "--data-dir", str(self.folder / "data"))
+        return self.start(
+            "gateway", "gateway", "--host", "127.0.0.1", *ports, "--data-dir", str(self.folder / "data"), *options
+        )
 
     def agent(self, name: str, *options: str) -> Program:
         """The agent of robot `name` in namespace /`name`, with a state directory that a restart goes on with."""
