@@ -20,6 +20,7 @@ from fastapi.responses import FileResponse, JSONResponse, Response
 from gateway.api.views_identity import account_view
 from gateway.domain.principal import EVERY_ROBOT, Principal, Role
 from metaros.clock import SystemClock
+from tests.e2e.fake_graph import FakeGraph
 from tests.e2e.fake_history import FakeHistory
 from tests.e2e.fake_recordings import FakeRecordings
 from tests.e2e.fake_world import TOPICS, FakeRobot, FakeTopic
@@ -49,6 +50,7 @@ class FakeGateway:
         self._clock = SystemClock()
         self.history = FakeHistory(robots, self.seconds)
         self.recordings = FakeRecordings(self.seconds)
+        self.graph = FakeGraph(robots)
         self._server: uvicorn.Server | None = None
         self._thread: threading.Thread | None = None
 
@@ -103,6 +105,7 @@ class FakeGateway:
         app.add_api_route("/api/v1/robots/{robot_id}/uplink", self._uplink, methods=["PUT"])
         self.history.add_routes(app)
         self.recordings.add_routes(app)
+        self.graph.add_routes(app)
         app.add_api_websocket_route("/api/v1/stream", self._stream)
         app.add_api_websocket_route("/api/v1/robots/{robot_id}/teleop", self._drive)
         app.add_api_route("/{path:path}", self._static)

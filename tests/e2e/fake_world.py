@@ -11,6 +11,7 @@ import numpy as np
 
 from metaros.cdr import codec
 from metaros.idl import message_class, schema_text, type_hash
+from metaros.wire import qos_default, qos_sensor_data
 
 __all__ = ["TOPICS", "FakeRobot", "FakeTopic"]
 
@@ -188,7 +189,7 @@ class FakeRobot:
             "type_hash": type_hash(topic.type),
             "encoding": "cdr",
             "forward": True,
-            "qos": "",
+            "qos": (qos_sensor_data if topic.kind == "live" else qos_default).encode(),
             "demand_hz": None,
             "history_hz": 0.0,
         }

@@ -85,7 +85,7 @@ def test_other_pages_are_within_the_budget(gateway: FakeGateway, open_page: Open
     assert 20_000 < sum(fetched.values()) <= BUDGET_BYTES, fetched
 
 
-@pytest.mark.parametrize("tab", ["nodes", "config"])
+@pytest.mark.parametrize("tab", ["topics", "nodes", "config"])
 def test_a_tab_that_is_opened_first_is_within_the_budget(gateway: FakeGateway, open_page: OpenPage, tab: str) -> None:
     gateway.account = account(Role.VIEWER)
     page = open_page("about:blank")

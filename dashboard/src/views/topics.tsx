@@ -1,50 +1,87 @@
-/** The topics tab: what the robot publishes, how much of it, and what reached the gateway. */
+/** The topics tab: everything that flows through the robot, each topic looked at closely, and the services beside it. */
 
+import { useSignal } from "@preact/signals";
+import { Fragment } from "preact";
+import { useEffect, useMemo } from "preact/hooks";
+import { useAsked } from "../admin/use_list";
+import { introspectApi, type RobotGraph } from "../api/introspect";
 import type { Robot, Topic } from "../api/types";
-import { SEALED_CDR } from "../seal/envelope";
-import { LockMark } from "../seal/lock";
-import { bytesPerSecond, fixed, integer, NONE, relativeTopic, typeWord } from "../ui/format";
+import { Rates } from "../topics/rates";
+import { Services } from "../topics/services";
+import { TopicPanel } from "../topics/topic_panel";
+import { TopicRow } from "../topics/topic_row";
+import { bytesPerSecond } from "../ui/format";
+import { place, setParam } from "../ui/url";
+import "../ui/admin.css";
+import "../ui/ops.css";
+import "../ui/nodes.css";
+import "../ui/topics.css";
+
+const LOOK_MS = 3000;
+const COLUMNS = 8;
 
 export function TopicsTab({ robot, topics }: { robot: Robot; topics: Topic[] | null }) {
+  const rates = useMemo(() => new Rates(), [robot.id]);
+  const asked = useAsked<RobotGraph>(() => introspectApi.graph(robot.id), LOOK_MS);
+  const wanted = useSignal("");
+  useMemo(() => topics && rates.add(topics), [topics]);
+  const chosen = place.value.params.get("topic");
+  useEffect(() => {
+    document.querySelector(".topics [aria-selected=true]")?.scrollIntoView({ block: "nearest" }); // where an address leads
+  }, [topics === null]);
   if (topics === null) return <p class="quiet">Reading the robot's topics…</p>;
-  const sorted = [...topics].sort((a, b) => a.topic.localeCompare(b.topic));
+  const word = wanted.value.trim().toLowerCase();
+  const shown = topics.filter(({ topic, type }) => topic.toLowerCase().includes(word) || type.toLowerCase().includes(word)).sort((a, b) => a.topic.localeCompare(b.topic));
+  const graph = asked.value.value;
   return (
-    <div class="scroll">
-      <table class="topics">
-        <thead>
-          <tr>
-            <th scope="col">Topic</th>
-            <th scope="col">Class</th>
-            <th scope="col" class="end">Rate</th>
-            <th scope="col" class="end">Bandwidth</th>
-            <th scope="col" class="end">On robot</th>
-            <th scope="col" class="end">Received</th>
-            <th scope="col" class="end">Lost</th>
-            <th scope="col" class="end">Watched</th>
-          </tr>
-        </thead>
-        <tbody>
-          {sorted.map((topic) => (
-            <tr key={`${topic.topic} ${topic.type}`} data-topic={topic.topic}>
-              <td title={topic.type}>
-                <span class="mono">{relativeTopic(topic.topic, robot.namespace)}</span>
-                {topic.encoding === SEALED_CDR && <LockMark />}
-                <span class="sub">{typeWord(topic.type)}</span>
-              </td>
-              <td><span class={`chip chip-${topic.class}`}>{topic.forward ? topic.class : "kept on robot"}</span></td>
-              <td class="end num">{fixed(topic.rate_hz, 1, "Hz")}</td>
-              <td class="end num">{bytesPerSecond(topic.bytes_per_s)}</td>
-              <td class="end num">
-                {integer(topic.messages)}
-                {topic.thinned > 0 && <span class="sub">{integer(topic.thinned)} thinned</span>}
-              </td>
-              <td class="end num">{integer(topic.received)}</td>
-              <td class={topic.lost > 0 ? "end num bad" : "end num"}>{integer(topic.lost)}</td>
-              <td class="end num">{topic.demand_hz ? fixed(topic.demand_hz, 0, "Hz") : NONE}</td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
+    <div class="ops topics-tab">
+      <div class="topics-head">
+        <Totals topics={topics} />
+        <label class="search"><span class="visually-hidden">Search topics and services</span><input type="search" placeholder="Topic, type or service" value={wanted.value} onInput={(event) => (wanted.value = event.currentTarget.value)} /></label>
+      </div>
+      {shown.length === 0 ? <p class="nothing">{topics.length === 0 ? "This robot has announced no topics." : "No topic is called so."}</p> : (
+        <div class="scroll">
+          <table class="topics">
+            <thead>
+              <tr>
+                <th scope="col">Topic</th>
+                <th scope="col">Class</th>
+                <th scope="col" class="end">Rate</th>
+                <th scope="col" class="end">Bandwidth</th>
+                <th scope="col">QoS</th>
+                <th scope="col" class="end" title="Publishers and subscribers on the robot">Pub → sub</th>
+                <th scope="col" class="end">Received</th>
+                <th scope="col" class="end" title="What the robot was asked to send of it">Watched</th>
+              </tr>
+            </thead>
+            <tbody>
+              {shown.map((topic) => {
+                const open = topic.topic === chosen;
+                return (
+                  <Fragment key={`${topic.topic} ${topic.type}`}>
+                    <TopicRow robot={robot} topic={topic} rates={rates.of(topic)} chosen={open} onChoose={() => setParam("topic", open ? "" : topic.topic)} />
+                    {open && <tr class="topic-open"><td colSpan={COLUMNS}><TopicPanel robot={robot} topic={topic} graph={graph} /></td></tr>}
+                  </Fragment>
+                );
+              })}
+            </tbody>
+          </table>
+        </div>
+      )}
+      <Services robot={robot} graph={graph} wanted={word} />
     </div>
+  );
+}
+
+function Totals({ topics }: { topics: Topic[] }) {
+  const flowing = topics.filter(({ rate_hz: rate }) => (rate ?? 0) > 0);
+  const all = flowing.reduce((sum, { bytes_per_s: size }) => sum + (size ?? 0), 0);
+  return (
+    <p class="counts">
+      <span><b>{topics.length}</b> {topics.length === 1 ? "topic" : "topics"}</span>
+      <span><b>{flowing.length}</b> flowing</span>
+      <span><b>{bytesPerSecond(all)}</b> on the robot</span>
+      <span><b>{topics.filter(({ demand_hz: demand }) => demand !== null).length}</b> watched</span>
+    </p>
   );
 }

@@ -1,0 +1,96 @@
+/** Typed calls about what a robot's nodes offer: types, the graph, publishing once, calling a service. */
+
+import type { Json, JsonObject } from "../fleet_ops/json";
+import { request, robotPath } from "./client";
+import { askExact, sendExact } from "./exact";
+
+export interface FieldShape {
+  name: string;
+  /** A primitive, or the full name of a message. */
+  type: string;
+  array: "" | "fixed" | "bounded" | "unbounded";
+  /** The n of `T[n]` and `T[<=n]`, else 0. */
+  capacity: number;
+  /** The n of `string<=n`, else 0. */
+  string_bound: number;
+  /** Null: zero, empty text, an empty list. */
+  default: Json;
+}
+
+export interface ConstantShape {
+  name: string;
+  type: string;
+  value: Json;
+}
+
+/** What a type is made of. Its numbers are as they were written: a default may be 10.0 or 2^60. */
+export interface TypeShape {
+  type: string;
+  type_hash: string;
+  text: string;
+  parts: Partial<Record<"message" | "request" | "response" | "goal" | "result" | "feedback", string>>;
+  definitions: Record<string, { fields: FieldShape[]; constants: ConstantShape[] }>;
+}
+
+export interface Endpoint {
+  /** "": a node that is not one of the robot's own. */
+  node: string;
+  type: string;
+  type_hash: string;
+  qos: string;
+}
+
+export interface GraphTopic {
+  topic: string;
+  types: string[];
+  publishers: Endpoint[];
+  subscribers: Endpoint[];
+}
+
+export interface GraphService {
+  service: string;
+  type: string;
+  type_hash: string;
+  servers: Endpoint[];
+  clients: Endpoint[];
+}
+
+export interface GraphAction {
+  action: string;
+  type: string;
+  servers: string[];
+  clients: string[];
+}
+
+export interface RobotGraph {
+  /** 0: the robot's agent has told nothing; it may be too old to. */
+  revision: number;
+  nodes: string[];
+  topics: GraphTopic[];
+  services: GraphService[];
+  actions: GraphAction[];
+}
+
+/** Of each robot and type, once a page: types do not change under their name. */
+const shapes = new Map<string, Promise<TypeShape>>();
+const SHAPES_KEPT = 200;
+
+function shape(robot: string, type: string): Promise<TypeShape> {
+  const key = `${robot} ${type}`;
+  const known = shapes.get(key);
+  if (known) return known;
+  if (shapes.size >= SHAPES_KEPT) shapes.clear();
+  const asked = askExact<TypeShape>(`${robotPath(robot)}/types/${type.split("/").map(encodeURIComponent).join("/")}`);
+  shapes.set(key, asked);
+  asked.catch(() => shapes.delete(key));
+  return asked;
+}
+
+export const introspectApi = {
+  shape,
+  graph: (robot: string) => request<RobotGraph>(`${robotPath(robot)}/graph`),
+  publish: (robot: string, topic: string, type: string, message: JsonObject) =>
+    sendExact<{ ok: boolean }>("POST", `${robotPath(robot)}/publish`, { topic, type, message }),
+  call: async (robot: string, service: string, type: string, body: JsonObject, timeoutS: number) =>
+    (await sendExact<{ response: JsonObject }>("POST", `${robotPath(robot)}/services/call`, { service, type, request: body, timeout_s: timeoutS })).response,
+};

@@ -1,0 +1,91 @@
+"""The graph of the fake robots: which nodes publish, subscribe and serve what, and what their types are made of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.responses import JSONResponse, Response
+
+from gateway.fleet.shapes import shape_of
+from metaros.errors import UnknownTypeError
+from metaros.idl import default_catalogue, type_hash
+from metaros.wire import qos_default, qos_sensor_data
+from tests.e2e.fake_world import TOPICS, FakeRobot
+
+__all__ = ["FakeGraph"]
+
+READERS = {"odom": ["planner"], "scan": ["mapper", "planner"], "imu": ["mapper"], "battery_state": ["watchdog"]}
+SERVICES = (
+    ("base/resume", "std_srvs/srv/Trigger", "base"),
+    ("base/set_light", "std_srvs/srv/SetBool", "base"),
+    ("planner/set_parameters", "rcl_interfaces/srv/SetParameters", "planner"),
+)
+
+
+def node_of(topic: str) -> str:
+    """Which node publishes it."""
+    return {"odom": "base", "battery_state": "base", "motor_temperature": "base", "cmd_vel": "planner"}.get(
+        topic, topic.split("/")[0]
+    )
+
+
+class FakeGraph:
+    """Routes about types and graphs, publishing and calling; what was asked is kept."""
+
+    def __init__(self, robots: list[FakeRobot]) -> None:
+        self.robots = robots
+        self.published: list[dict[str, Any]] = []
+        self.known = True
+
+    def add_routes(self, app: FastAPI) -> None:
+        """Serve them."""
+        app.add_api_route("/api/v1/robots/{robot_id}/types/{package}/{kind}/{name}", self._type)
+        app.add_api_route("/api/v1/robots/{robot_id}/graph", self._graph)
+        app.add_api_route("/api/v1/graph", self._graphs)
+        app.add_api_route("/api/v1/robots/{robot_id}/publish", self._publish, methods=["POST"])
+
+    def describe(self, robot: FakeRobot) -> dict[str, Any]:
+        """The contract's graph of a robot."""
+        if not self.known:
+            return {"revision": 0, "nodes": [], "topics": [], "services": [], "actions": [], "left_out": 0}
+        names = {*(node_of(topic.name) for topic in TOPICS), *(node for each in READERS.values() for node in each)}
+        topics = []
+        for topic in sorted(TOPICS, key=lambda each: each.name):
+            kind = (topic.type, (qos_sensor_data if topic.kind == "live" else qos_default).encode())
+            out = [_end(robot, node_of(topic.name), *kind)] if topic.rate_hz or topic.name == "cmd_vel" else []
+            into = [_end(robot, node, *kind) for node in READERS.get(topic.name, [])]
+            if topic.name == "cmd_vel":
+                into = [_end(robot, "base", *kind)]
+            row = {"topic": robot.topic(topic.name), "types": [topic.type], "publishers": out, "subscribers": into}
+            topics.append(row)
+        services = [
+            {"service": robot.topic(name), "type": kind, "type_hash": type_hash(kind), "clients": []}
+            | {"servers": [_end(robot, node, kind, qos_default.encode())]}
+            for name, kind, node in SERVICES
+        ]
+        action = {"action": robot.topic("navigate"), "type": "nav2_msgs/action/NavigateToPose"}
+        action |= {"servers": [robot.topic("planner")], "clients": [robot.topic("watchdog")]}
+        nodes = [robot.topic(name) for name in sorted(names)]
+        graph = {"revision": 7, "nodes": nodes, "topics": topics, "services": services}
+        return graph | {"actions": [action], "left_out": 0}
+
+    async def _graph(self, robot_id: str) -> dict[str, Any]:
+        return self.describe(next(robot for robot in self.robots if robot.id == robot_id))
+
+    async def _graphs(self) -> dict[str, Any]:
+        return {"robots": [{"robot": robot.id, **self.describe(robot)} for robot in self.robots]}
+
+    async def _type(self, robot_id: str, package: str, kind: str, name: str) -> Response:
+        try:
+            return JSONResponse(shape_of(f"{package}/{kind}/{name}", default_catalogue()))
+        except UnknownTypeError as error:
+            return JSONResponse({"code": "unknown_type", "detail": str(error), "status": 400}, 400)
+
+    async def _publish(self, robot_id: str, body: dict[str, Any]) -> dict[str, Any]:
+        self.published.append({"robot": robot_id, **body})
+        return {"ok": True}
+
+
+def _end(robot: FakeRobot, node: str, type_name: str, qos: str) -> dict[str, Any]:
+    return {"node": robot.topic(node), "type": type_name, "type_hash": "", "qos": qos}
