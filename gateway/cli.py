@@ -77,7 +77,10 @@ TrustedProxy = Annotated[
     list[str] | None,
     typer.Option(metavar="CIDR", help="A proxy whose X-Forwarded-For and -Proto are believed; may be repeated."),
 ]
-DrainS = Annotated[float, typer.Option(min=0.0, max=600.0, help="How long ending may take before connections are cut.")]
+DrainS = Annotated[float, typer.Option(min=0.0, max=600.0, help="How long what is under way has when it ends.")]
+DrainNoticeS = Annotated[
+    float, typer.Option(min=0.0, max=600.0, help="How long it first says that it is not ready, for load balancers.")
+]
 LogFormat = Annotated[str, typer.Option(metavar="text|json", help="The log's lines: for people, or JSON objects.")]
 LogLevel = Annotated[str, typer.Option(metavar="LEVEL", help="debug, info (every request), warning or error.")]
 Otlp = Annotated[str, typer.Option(metavar="URL", help="OpenTelemetry collector for traces of followed samples.")]
@@ -134,7 +137,8 @@ def _gateway(
     anonymous_requests_per_s: AnonymousRequests = 200.0,
     robot_requests_per_s: RobotRequests = 100.0,
     sign_ins_per_min: SignIns = 5.0,
-    drain_s: DrainS = 5.0,
+    drain_s: DrainS = 1.0,
+    drain_notice_s: DrainNoticeS = 0.0,
     log_format: LogFormat = "text",
     log_level: LogLevel = "warning",
     otlp: Otlp = "",

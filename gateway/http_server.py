@@ -28,7 +28,7 @@ SLICE_BYTES = 4096  # of a socket's data between two looks at how many frames th
 BURST_S = 4.0
 LINK_FRAMES = 60.0  # a robot's link may send so many times the frames of a viewer
 FRAGMENTS = 1024  # of one message
-TOO_OFTEN, TOO_BIG = 1008, 1009
+GOING_AWAY, TOO_OFTEN, TOO_BIG = 1001, 1008, 1009
 _TOO_LARGE = (
     b"HTTP/1.1 431 Request Header Fields Too Large\r\ncontent-type: text/plain; charset=utf-8\r\n"
     b"content-length: 19\r\nconnection: close\r\n\r\nthe head is too big"
@@ -242,6 +242,17 @@ class SocketProtocol(Counted, WebSocketsSansIOProtocol):
         output = self.conn.data_to_send()
         if self.writable.is_set():
             self.transport.write(b"".join(output))
+
+    def shutdown(self) -> None:
+        """The gateway ends: say 1001, "going away", where uvicorn would say that a service restarts."""
+        if not self.close_sent and self.handshake_complete and not self.transport.is_closing():
+            self.stop_keepalive()
+            self.queue.put_nowait({"type": "websocket.disconnect", "code": GOING_AWAY})
+            self.conn.send_close(GOING_AWAY)
+            self.transport.write(b"".join(self.conn.data_to_send()))
+            self.transport.close()
+        else:
+            super().shutdown()
 
     async def send(self, message: Any) -> None:
         """As ever; a handshake that was refused with an answer is over, which uvicorn would call a failure."""

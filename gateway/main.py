@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
+import math
 import os
 import socket
 import sys
@@ -22,10 +22,12 @@ from gateway.api.viewer_doors import FOXGLOVE, ROSBRIDGE, OwnPorts
 from gateway.app import Gateway
 from gateway.crowd import Crowd, Guest, open_files
 from gateway.domain.networks import is_within, read_address
+from gateway.drain import drain
 from gateway.grpc_server import ServerTls, make_server, tls_credentials
 from gateway.http_server import protocols
 from gateway.identity.door import Door
 from gateway.ingest.link_service import add_links
+from gateway.ops.logs import set_up_logs
 from gateway.ports import Listeners, PortChoice, listen, listen_all, port_of
 from gateway.settings import (
     DEFAULT_API_GRPC_PORT,
@@ -39,14 +41,10 @@ from gateway.tls import HttpTls, strict_transport
 from gateway.tls_accept import TlsAcceptor
 from metaros.clock import Clock, SystemClock
 from metaros.errors import ConfigError
-from metaros.inert import InertFormatter
 from metaros.limits import LIMITS
 from metaros.signals import on_stop
 
 __all__ = ["Ready", "run", "serve"]
-
-GRPC_GRACE_S = 0.5
-HTTP_GRACE_S = 1
 
 
 class _HttpServer(uvicorn.Server):
@@ -79,6 +77,11 @@ class _HttpServer(uvicorn.Server):
         for task in self._accepting:
             task.cancel()
         await super().shutdown(sockets)
+
+    async def end(self, serving: asyncio.Task[None]) -> None:
+        """Close sockets, finish requests, as far as they are done in time; `serving` is the task of `serve`."""
+        self.should_exit = True
+        await asyncio.wait({serving})
 
     def _protocol(self, guest: Guest) -> asyncio.Protocol:
         made: Any = self.config.http_protocol_class
@@ -113,6 +116,7 @@ async def _serve(
     robots, gateway.grpc_port = _robots_server(gateway)
     programs, api_grpc_port = _programs_server(gateway)
     crowd = _crowd(gateway)
+    gateway.operations.connections = lambda: len(crowd)
     http = _HttpServer(_http_config(gateway, crowd, listeners), crowd=crowd, tls=gateway.tls)
     await robots.start()
     await programs.start()
@@ -125,9 +129,7 @@ async def _serve(
             await asyncio.wait({web, starting}, return_when=asyncio.FIRST_COMPLETED)
             on_ready(_ready(gateway, listeners, api_grpc_port))
             await stop.wait()
-            gateway.links.close()
-            await asyncio.gather(robots.stop(GRPC_GRACE_S), programs.stop(GRPC_GRACE_S))
-            http.should_exit = True
+            await drain(gateway, robots=robots, programs=programs, end_http=lambda: http.end(web))
             work.cancel()
             sweeping.cancel()
     finally:
@@ -238,7 +240,7 @@ def _http_config(gateway: Gateway, crowd: Crowd, listeners: Listeners) -> uvicor
         ws_max_size=LIMITS.frame_bytes,  # of the link; requests of the others are bounded where they are read
         ws_per_message_deflate=False,
         timeout_keep_alive=round(LIMITS.keep_alive_s),
-        timeout_graceful_shutdown=HTTP_GRACE_S,
+        timeout_graceful_shutdown=math.ceil(gateway.settings.drain_s),
     )
 
 
@@ -255,10 +257,7 @@ def new_event_loop() -> asyncio.AbstractEventLoop:
 def run(settings: Settings, *, status_file: Path | None = None) -> None:
     """Run until SIGINT or SIGTERM; prints where it listens."""
     os.umask(0o077)  # what a gateway keeps is for its own user
-    handler = logging.StreamHandler()
-    handler.setFormatter(InertFormatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
-    logging.basicConfig(level=logging.WARNING, handlers=[handler])
-
+    set_up_logs(form=settings.log_format, level=settings.log_level)
     access = LocalAccess(settings.data_dir)
 
     def ready(where: Ready) -> None:

@@ -79,7 +79,8 @@ class Settings:
     robot_requests_per_s: float = 100.0  # that change something on one robot, of everybody together
     sign_ins_per_min: float = 5.0  # that fail, from one address
     actuator_topics: tuple[str, ...] = ("**/cmd_vel",)
-    drain_s: float = 5.0  # how long the end may take, beyond which connections are cut
+    drain_s: float = 1.0  # how long what is under way may take when the gateway ends; then it is cut
+    drain_notice_s: float = 0.0  # before that, how long it is not ready and goes on
     log_format: str = "text"
     log_level: str = "warning"
     otlp: str = field(default="", repr=False)  # an OpenTelemetry collector's URL; "": none
@@ -126,8 +127,8 @@ class Settings:
         check_otlp(self.otlp)
         if self.log_format not in FORMATS or self.log_level not in LEVELS:
             raise ConfigError(f"--log-format is {' or '.join(FORMATS)}, --log-level one of {', '.join(LEVELS)}")
-        if not 0.0 <= self.drain_s <= 600.0:
-            raise ConfigError("--drain-s is 0 to 600")
+        if not (0.0 <= self.drain_s <= 600.0 and 0.0 <= self.drain_notice_s <= 600.0):
+            raise ConfigError("--drain-s and --drain-notice-s are 0 to 600")
 
     def _check_identity(self) -> None:
         if self.tls not in ("auto", "on", "off"):
