@@ -49,6 +49,7 @@ ERRORS: tuple[ErrorRow, ...] = (
     ErrorRow("unknown_key", 404, "NOT_FOUND", "No such key"),
     ErrorRow("method_not_allowed", 405, "UNIMPLEMENTED", "This path does not take that method"),
     ErrorRow("request_timeout", 408, "DEADLINE_EXCEEDED", "The request's body did not come in time"),
+    ErrorRow("stalled", 408, "DEADLINE_EXCEEDED", "What was sent was not read in time"),
     ErrorRow("duplicate", 409, "ALREADY_EXISTS", "The robot has seen this command before"),
     ErrorRow("idempotency_conflict", 409, "ALREADY_EXISTS", "The Idempotency-Key was used for another request"),
     ErrorRow("command_delivered", 409, "FAILED_PRECONDITION", "The command has left for its robot, or is over"),

@@ -66,7 +66,7 @@ def make_server(
         options=[
             ("grpc.so_reuseport", 0),
             ("grpc.max_receive_message_length", limits.frame_bytes),
-            ("grpc.max_send_message_length", limits.frame_bytes),
+            ("grpc.max_send_message_length", limits.sample_bytes + limits.frame_bytes),
             ("grpc.keepalive_time_ms", 10_000),
             ("grpc.keepalive_timeout_ms", 5_000),
             # Agents ping every heartbeat: that must never look like a flood, whatever the jitter.

@@ -17,8 +17,8 @@ from gateway.errors import StoreError, TooManyError
 from gateway.history.decode import Decoder
 from gateway.history.export import Export, ExportRequest
 from gateway.history.instant import instant_facts, pack_instant, read_instant
-from gateway.history.losses import folded, loss_view
-from gateway.history.pages import PageRequest, message_facts, read_page
+from gateway.history.losses import Loss, folded, loss_view
+from gateway.history.pages import Page, PageRequest, message_facts, read_page
 from gateway.history.source import Source, StoreSource
 from gateway.history.timeline import timeline_facts
 from gateway.store import Store
@@ -82,6 +82,16 @@ class HistoryDesk:
             return _json(
                 {"messages": messages, "gaps": [loss_view(loss) for loss in folded(wanted)], "next": page.next}
             )
+
+        return await self._work(job)
+
+    async def read(self, request: PageRequest, *, view: Callable[[Page, Sequence[Loss]], Result]) -> Result:
+        """What `view` makes, on a thread, of a page and the losses of its topics."""
+
+        def job(source: Source) -> Result:
+            page = read_page(source, request)
+            losses = [*source.losses(request.robot_id, start_ns=request.start_ns, end_ns=request.end_ns), *page.losses]
+            return view(page, [loss for loss in losses if loss.topic is None or loss.topic in request.topics])
 
         return await self._work(job)
 

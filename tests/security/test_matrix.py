@@ -26,7 +26,7 @@ from gateway.domain.principal import Principal, Role
 from gateway.identity.permissions import PERMISSIONS, permission
 from gateway.main import Ready
 from gateway.settings import Settings
-from metaros._proto import fleet_pb2, link_pb2, telemetry_pb2
+from metaros._proto import events_pb2, fleet_pb2, link_pb2, telemetry_pb2
 from metaros.clock import SystemClock
 from tests.gateway.harness import ScriptedAgent, bearer, client, running_gateway
 from tests.support.key_ring import KeyRing
@@ -215,7 +215,7 @@ async def test_a_route_without_a_permission_fails_wherever_it_is_added(tmp_path:
 
 
 def test_every_rpc_has_a_row() -> None:
-    files = (link_pb2.DESCRIPTOR, fleet_pb2.DESCRIPTOR, telemetry_pb2.DESCRIPTOR)
+    files = (link_pb2.DESCRIPTOR, fleet_pb2.DESCRIPTOR, telemetry_pb2.DESCRIPTOR, events_pb2.DESCRIPTOR)
     services = [service for file in files for service in file.services_by_name.values()]
     methods = {f"/{service.full_name}/{method.name}" for service in services for method in service.methods}
     assert methods == {path for path in RPCS if path.startswith("/metaros.")}

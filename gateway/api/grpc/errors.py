@@ -6,6 +6,7 @@ field is at fault, RetryInfo where it says when to come back.
 
 from __future__ import annotations
 
+import asyncio
 import math
 from typing import Any, NoReturn
 
@@ -18,15 +19,22 @@ from google.rpc.status_pb2 import Status
 
 from gateway.api.grpc.fields import FieldFaultError
 from gateway.api.problem import error_code
-from gateway.errors import GatewayError, LeaseTakenError, TooManyRequestsError, error_row
+from gateway.errors import GatewayError, LeaseTakenError, RequestError, TooManyRequestsError, error_row
 from metaros.errors import MetarosError
 
-__all__ = ["CODE_KEY", "refuse", "status_of"]
+__all__ = ["CODE_KEY", "StalledError", "refuse", "status_of"]
 
 CODE_KEY = "metaros-code"
 DETAILS_KEY = "grpc-status-details-bin"
 DOMAIN = "metaros"
 DETAIL_CHARS = 1000
+ABORT_S = 2.0  # who takes nothing does not take the status either: then the call is dropped
+
+
+class StalledError(RequestError):
+    """A stream's reader took nothing for too long."""
+
+    code = "stalled"
 
 
 def status_of(error: MetarosError) -> grpc.StatusCode:
@@ -73,7 +81,8 @@ async def refuse(context: grpc.aio.ServicerContext[Any, Any], error: Exception) 
     """End the call with the error; one that is none of ours tells nothing of itself."""
     known = error if isinstance(error, MetarosError) else GatewayError("the gateway failed; see its log")
     text = str(known)[:DETAIL_CHARS]
-    await context.abort(status_of(known), text, trailing_metadata=trailing(known, text))
+    async with asyncio.timeout(ABORT_S if isinstance(known, StalledError) else None):
+        await context.abort(status_of(known), text, trailing_metadata=trailing(known, text))
 
 
 def printable(text: str) -> str:

@@ -7,6 +7,7 @@ looks the same on the wire, and who is refused has sent no more than fits into H
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import AsyncIterator, Callable
 from contextlib import aclosing
 from typing import Any
@@ -19,15 +20,19 @@ from grpc_health.v1 import health_pb2
 from grpc_reflection.v1alpha import reflection_pb2
 
 from gateway.api.grpc.authenticate import Context, Gate
+from gateway.api.grpc.errors import StalledError
+from gateway.api.grpc.events import EventService
 from gateway.api.grpc.fleet import FleetService
 from gateway.api.grpc.health import HealthService
 from gateway.api.grpc.reflection import ReflectionService
 from gateway.api.grpc.telemetry import TelemetryService
 from gateway.errors import InvalidRequestError, RequestTimeoutError
-from metaros._proto import fleet_pb2, telemetry_pb2
+from metaros._proto import events_pb2, fleet_pb2, telemetry_pb2
 from metaros.limits import LIMITS
 
 __all__ = ["add_programs", "served"]
+
+log = logging.getLogger(__name__)
 
 Requests = AsyncIterator[Any]
 REFLECTION_V1 = "grpc.reflection.v1.ServerReflection"
@@ -38,6 +43,7 @@ def served() -> dict[str, tuple[ServiceDescriptor, object]]:
     own: dict[ServiceDescriptor, object] = {
         fleet_pb2.DESCRIPTOR.services_by_name["FleetService"]: FleetService(),
         telemetry_pb2.DESCRIPTOR.services_by_name["TelemetryService"]: TelemetryService(),
+        events_pb2.DESCRIPTOR.services_by_name["EventService"]: EventService(),
     }
     health = health_pb2.DESCRIPTOR.services_by_name["Health"]
     reflection = reflection_pb2.DESCRIPTOR.services_by_name["ServerReflection"]
@@ -60,19 +66,19 @@ def _handler(gate: Gate, name: str, service: object, method: MethodDescriptor) -
     path, behaviour = f"/{name}/{method.name}", getattr(service, method.name)
     coding: dict[str, Any] = {
         "request_deserializer": GetMessageClass(method.input_type).FromString,
-        "response_serializer": GetMessageClass(method.output_type).SerializeToString,
+        "response_serializer": serialised,
     }
 
     async def answer(requests: Requests, context: Context) -> Any:
         async with gate.call(path, context) as call:
             return await behaviour(await one(requests), call)
 
-    async def answers(requests: Requests, context: Context) -> AsyncIterator[Any]:
+    async def answers(requests: Requests, context: Context) -> None:
         async with gate.call(path, context) as call:
             asked = read(requests) if method.client_streaming else await one(requests)
             async with aclosing(behaviour(asked, call)) as replies:
                 async for reply in replies:
-                    yield reply
+                    await written(context, reply, within_s=call.services.settings.viewer_stall_s)
 
     make: Callable[..., grpc.RpcMethodHandler[Any, Any]]
     if method.server_streaming:
@@ -80,6 +86,22 @@ def _handler(gate: Gate, name: str, service: object, method: MethodDescriptor) -
         return make(answers, **coding)
     make = grpc.stream_unary_rpc_method_handler
     return make(answer, **coding)
+
+
+def serialised(reply: Any) -> bytes:
+    """A reply's bytes; what many calls share is made of bytes already."""
+    data: bytes = reply if isinstance(reply, bytes) else reply.SerializeToString()
+    return data
+
+
+async def written(context: Context, reply: Any, *, within_s: float) -> None:
+    """Write a reply; StalledError when its reader makes no room for it."""
+    try:
+        async with asyncio.timeout(within_s):
+            await context.write(reply)
+    except TimeoutError:
+        log.info("a stream to %s is ended: nothing of it was read for %g s", context.peer(), within_s)
+        raise StalledError(f"nothing of this stream was read for {within_s:g} s") from None
 
 
 async def read(requests: Requests) -> Requests:

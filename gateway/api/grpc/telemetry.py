@@ -2,19 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import AsyncIterator
+from contextlib import aclosing
 from typing import Any
 
+from gateway.api.grpc.attended import attended
 from gateway.api.grpc.authenticate import Call
 from gateway.api.grpc.fields import document, stamp, text_of
+from gateway.api.grpc.goals import goal_replies
+from gateway.api.grpc.query import QueryReplies
+from gateway.api.grpc.subscribe import Subscription
+from gateway.errors import TooManyError
 from gateway.fleet.orders import Order
 from metaros._proto import telemetry_pb2
 from metaros.limits import LIMITS
 
 __all__ = ["TelemetryService"]
 
+MAX_VIEWERS = 1024  # with those of the other protocols
+
 
 class TelemetryService:
     """Each method is one call that was let in."""
+
+    async def Subscribe(self, request: telemetry_pb2.SubscribeRequest, call: Call) -> AsyncIterator[bytes]:
+        """Samples and values as they arrive; serialised already, as many calls share them. TooManyError when full."""
+        if call.services.hub.viewers >= MAX_VIEWERS:
+            raise TooManyError(f"{MAX_VIEWERS} connections look at live data already")
+        async with attended(call), aclosing(Subscription(request, call).replies()) as replies:
+            async for reply in replies:
+                yield reply
+
+    async def Query(self, request: telemetry_pb2.QueryRequest, call: Call) -> AsyncIterator[Any]:
+        """Stored messages of a range, a page at a time: the next one is read when the last one was taken."""
+        call.require(request.robot)
+        async with attended(call), aclosing(QueryReplies(request, call).replies()) as replies:
+            async for reply in replies:
+                yield reply
 
     async def Publish(self, request: telemetry_pb2.PublishRequest, call: Call) -> Any:
         """Publish once; ends after the agent's result."""
@@ -55,3 +79,35 @@ class TelemetryService:
                 sent_ns=stamp(request.sent_ns),
             )
         return telemetry_pb2.CallServiceResponse(json=text_of(noted.result))
+
+    async def SendGoal(self, request: telemetry_pb2.SendGoalRequest, call: Call) -> AsyncIterator[Any]:
+        """Start an action; how it goes, until its result. Who ends the call leaves the goal alone."""
+        call.require(request.robot)
+        goal = await call.services.goals.send(
+            request.robot,
+            request.action,
+            type_name=request.type_name,
+            goal=document(request.json, "json"),
+            timeout_s=request.timeout_s or LIMITS.command_timeout_s,
+            lease_id=request.lease_id,
+            by=call.principal.name or call.principal.id,
+        )
+        call.detail = f"goal {goal.id} of {goal.action[:100]}"
+        async with attended(call), aclosing(goal_replies(goal)) as replies:
+            async for reply in replies:
+                yield reply
+
+    async def WatchGoal(self, request: telemetry_pb2.WatchGoalRequest, call: Call) -> AsyncIterator[Any]:
+        """How a goal goes that was sent before."""
+        call.require(request.robot)
+        goal = call.services.goals.find(request.robot, request.goal)
+        async with attended(call), aclosing(goal_replies(goal)) as replies:
+            async for reply in replies:
+                yield reply
+
+    async def CancelGoal(self, request: telemetry_pb2.CancelGoalRequest, call: Call) -> Any:
+        """Ask the action's server to stop it."""
+        call.require(request.robot)
+        call.detail = f"goal {request.goal[:32]}"
+        canceling = await call.services.goals.cancel(request.robot, request.goal)
+        return telemetry_pb2.CancelGoalResponse(canceling=canceling)

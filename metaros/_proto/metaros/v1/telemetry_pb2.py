@@ -24,21 +24,53 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1ametaros/v1/telemetry.proto\x12\nmetaros.v1\"\x8e\x01\n\x0ePublishRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\r\n\x05topic\x18\x02 \x01(\t\x12\x11\n\ttype_name\x18\x03 \x01(\t\x12\r\n\x03\x63\x64r\x18\x04 \x01(\x0cH\x00\x12\x0e\n\x04json\x18\x05 \x01(\tH\x00\x12\x10\n\x08lease_id\x18\x06 \x01(\t\x12\x0f\n\x07sent_ns\x18\x07 \x01(\x12\x42\t\n\x07message\"\x11\n\x0fPublishResponse\"\x8b\x01\n\x12\x43\x61llServiceRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x0f\n\x07service\x18\x02 \x01(\t\x12\x11\n\ttype_name\x18\x03 \x01(\t\x12\x0c\n\x04json\x18\x04 \x01(\t\x12\x11\n\ttimeout_s\x18\x05 \x01(\x01\x12\x10\n\x08lease_id\x18\x06 \x01(\t\x12\x0f\n\x07sent_ns\x18\x07 \x01(\x12\"#\n\x13\x43\x61llServiceResponse\x12\x0c\n\x04json\x18\x01 \x01(\t2\xa6\x01\n\x10TelemetryService\x12\x42\n\x07Publish\x12\x1a.metaros.v1.PublishRequest\x1a\x1b.metaros.v1.PublishResponse\x12N\n\x0b\x43\x61llService\x12\x1e.metaros.v1.CallServiceRequest\x1a\x1f.metaros.v1.CallServiceResponseb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1ametaros/v1/telemetry.proto\x12\nmetaros.v1\"\xa4\x01\n\x10SubscribeRequest\x12\x0e\n\x06robots\x18\x01 \x03(\t\x12\x0e\n\x06topics\x18\x02 \x03(\t\x12\x0e\n\x06series\x18\x03 \x03(\t\x12\x13\n\x0bmax_rate_hz\x18\x04 \x01(\x01\x12\x0e\n\x06latest\x18\x05 \x01(\x08\x12\x13\n\x0bqueue_bytes\x18\x06 \x01(\x04\x12&\n\x08\x65ncoding\x18\x07 \x01(\x0e\x32\x14.metaros.v1.Encoding\"\xa8\x01\n\x0eSubscribeReply\x12\x0f\n\x07\x63hannel\x18\x01 \x01(\r\x12#\n\x07samples\x18\x02 \x03(\x0b\x32\x12.metaros.v1.Sample\x12%\n\x04info\x18\x03 \x01(\x0b\x32\x17.metaros.v1.ChannelInfo\x12(\n\x06values\x18\x04 \x03(\x0b\x32\x18.metaros.v1.SeriesValues\x12\x0f\n\x07\x64ropped\x18\x05 \x01(\x04\"\x9d\x01\n\x0b\x43hannelInfo\x12\x0f\n\x07\x63hannel\x18\x01 \x01(\r\x12\r\n\x05robot\x18\x02 \x01(\t\x12\r\n\x05topic\x18\x03 \x01(\t\x12\x11\n\ttype_name\x18\x04 \x01(\t\x12\x11\n\ttype_hash\x18\x05 \x01(\t\x12\x10\n\x08\x65ncoding\x18\x06 \x01(\t\x12\x17\n\x0fschema_encoding\x18\x07 \x01(\t\x12\x0e\n\x06schema\x18\x08 \x01(\x0c\"\x8b\x01\n\x06Sample\x12\x0f\n\x07\x63hannel\x18\x01 \x01(\r\x12\x0b\n\x03seq\x18\x02 \x01(\x04\x12\x10\n\x08stamp_ns\x18\x03 \x01(\x12\x12\x12\n\nreceive_ns\x18\x04 \x01(\x12\x12\r\n\x03\x63\x64r\x18\x05 \x01(\x0cH\x00\x12\x0e\n\x04json\x18\x06 \x01(\tH\x00\x12\x13\n\tundecoded\x18\x07 \x01(\tH\x00\x42\t\n\x07message\"\x94\x01\n\x0cSeriesValues\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x10\n\x08stamp_ns\x18\x02 \x01(\x12\x12\x34\n\x06values\x18\x03 \x03(\x0b\x32$.metaros.v1.SeriesValues.ValuesEntry\x1a-\n\x0bValuesEntry\x12\x0b\n\x03key\x18\x01 \x01(\t\x12\r\n\x05value\x18\x02 \x01(\x01:\x02\x38\x01\"\xa6\x01\n\x0cQueryRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x0e\n\x06topics\x18\x02 \x03(\t\x12\r\n\x05start\x18\x03 \x01(\t\x12\x0b\n\x03\x65nd\x18\x04 \x01(\t\x12\r\n\x05limit\x18\x05 \x01(\x04\x12\x14\n\x0cnewest_first\x18\x06 \x01(\x08\x12&\n\x08\x65ncoding\x18\x07 \x01(\x0e\x32\x14.metaros.v1.Encoding\x12\x0e\n\x06\x63ursor\x18\x08 \x01(\t\"\x91\x01\n\nQueryReply\x12)\n\x08\x63hannels\x18\x01 \x03(\x0b\x32\x17.metaros.v1.ChannelInfo\x12#\n\x07samples\x18\x02 \x03(\x0b\x32\x12.metaros.v1.Sample\x12#\n\x04gaps\x18\x03 \x03(\x0b\x32\x15.metaros.v1.StoredGap\x12\x0e\n\x06\x63ursor\x18\x04 \x01(\t\"Y\n\tStoredGap\x12\r\n\x05topic\x18\x01 \x01(\t\x12\x0f\n\x07\x66rom_ns\x18\x02 \x01(\x12\x12\r\n\x05to_ns\x18\x03 \x01(\x12\x12\r\n\x05\x63ount\x18\x04 \x01(\x04\x12\x0e\n\x06reason\x18\x05 \x01(\t\"\x8e\x01\n\x0ePublishRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\r\n\x05topic\x18\x02 \x01(\t\x12\x11\n\ttype_name\x18\x03 \x01(\t\x12\r\n\x03\x63\x64r\x18\x04 \x01(\x0cH\x00\x12\x0e\n\x04json\x18\x05 \x01(\tH\x00\x12\x10\n\x08lease_id\x18\x06 \x01(\t\x12\x0f\n\x07sent_ns\x18\x07 \x01(\x12\x42\t\n\x07message\"\x11\n\x0fPublishResponse\"\x8b\x01\n\x12\x43\x61llServiceRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x0f\n\x07service\x18\x02 \x01(\t\x12\x11\n\ttype_name\x18\x03 \x01(\t\x12\x0c\n\x04json\x18\x04 \x01(\t\x12\x11\n\ttimeout_s\x18\x05 \x01(\x01\x12\x10\n\x08lease_id\x18\x06 \x01(\t\x12\x0f\n\x07sent_ns\x18\x07 \x01(\x12\"#\n\x13\x43\x61llServiceResponse\x12\x0c\n\x04json\x18\x01 \x01(\t\"v\n\x0fSendGoalRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x0e\n\x06\x61\x63tion\x18\x02 \x01(\t\x12\x11\n\ttype_name\x18\x03 \x01(\t\x12\x0c\n\x04json\x18\x04 \x01(\t\x12\x11\n\ttimeout_s\x18\x05 \x01(\x01\x12\x10\n\x08lease_id\x18\x06 \x01(\t\"/\n\x10WatchGoalRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x0c\n\x04goal\x18\x02 \x01(\t\"V\n\tGoalReply\x12\x0c\n\x04goal\x18\x01 \x01(\t\x12\x0c\n\x04kind\x18\x02 \x01(\t\x12\x0e\n\x06status\x18\x03 \x01(\t\x12\x0c\n\x04json\x18\x04 \x01(\t\x12\x0f\n\x07message\x18\x05 \x01(\t\"0\n\x11\x43\x61ncelGoalRequest\x12\r\n\x05robot\x18\x01 \x01(\t\x12\x0c\n\x04goal\x18\x02 \x01(\t\"\'\n\x12\x43\x61ncelGoalResponse\x12\x11\n\tcanceling\x18\x01 \x01(\x08*/\n\x08\x45ncoding\x12\x10\n\x0c\x45NCODING_CDR\x10\x00\x12\x11\n\rENCODING_JSON\x10\x01\x32\xff\x03\n\x10TelemetryService\x12G\n\tSubscribe\x12\x1c.metaros.v1.SubscribeRequest\x1a\x1a.metaros.v1.SubscribeReply0\x01\x12;\n\x05Query\x12\x18.metaros.v1.QueryRequest\x1a\x16.metaros.v1.QueryReply0\x01\x12\x42\n\x07Publish\x12\x1a.metaros.v1.PublishRequest\x1a\x1b.metaros.v1.PublishResponse\x12N\n\x0b\x43\x61llService\x12\x1e.metaros.v1.CallServiceRequest\x1a\x1f.metaros.v1.CallServiceResponse\x12@\n\x08SendGoal\x12\x1b.metaros.v1.SendGoalRequest\x1a\x15.metaros.v1.GoalReply0\x01\x12\x42\n\tWatchGoal\x12\x1c.metaros.v1.WatchGoalRequest\x1a\x15.metaros.v1.GoalReply0\x01\x12K\n\nCancelGoal\x12\x1d.metaros.v1.CancelGoalRequest\x1a\x1e.metaros.v1.CancelGoalResponseb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'metaros.v1.telemetry_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_PUBLISHREQUEST']._serialized_start=43
-  _globals['_PUBLISHREQUEST']._serialized_end=185
-  _globals['_PUBLISHRESPONSE']._serialized_start=187
-  _globals['_PUBLISHRESPONSE']._serialized_end=204
-  _globals['_CALLSERVICEREQUEST']._serialized_start=207
-  _globals['_CALLSERVICEREQUEST']._serialized_end=346
-  _globals['_CALLSERVICERESPONSE']._serialized_start=348
-  _globals['_CALLSERVICERESPONSE']._serialized_end=383
-  _globals['_TELEMETRYSERVICE']._serialized_start=386
-  _globals['_TELEMETRYSERVICE']._serialized_end=552
+  _globals['_SERIESVALUES_VALUESENTRY']._loaded_options = None
+  _globals['_SERIESVALUES_VALUESENTRY']._serialized_options = b'8\001'
+  _globals['_ENCODING']._serialized_start=1932
+  _globals['_ENCODING']._serialized_end=1979
+  _globals['_SUBSCRIBEREQUEST']._serialized_start=43
+  _globals['_SUBSCRIBEREQUEST']._serialized_end=207
+  _globals['_SUBSCRIBEREPLY']._serialized_start=210
+  _globals['_SUBSCRIBEREPLY']._serialized_end=378
+  _globals['_CHANNELINFO']._serialized_start=381
+  _globals['_CHANNELINFO']._serialized_end=538
+  _globals['_SAMPLE']._serialized_start=541
+  _globals['_SAMPLE']._serialized_end=680
+  _globals['_SERIESVALUES']._serialized_start=683
+  _globals['_SERIESVALUES']._serialized_end=831
+  _globals['_SERIESVALUES_VALUESENTRY']._serialized_start=786
+  _globals['_SERIESVALUES_VALUESENTRY']._serialized_end=831
+  _globals['_QUERYREQUEST']._serialized_start=834
+  _globals['_QUERYREQUEST']._serialized_end=1000
+  _globals['_QUERYREPLY']._serialized_start=1003
+  _globals['_QUERYREPLY']._serialized_end=1148
+  _globals['_STOREDGAP']._serialized_start=1150
+  _globals['_STOREDGAP']._serialized_end=1239
+  _globals['_PUBLISHREQUEST']._serialized_start=1242
+  _globals['_PUBLISHREQUEST']._serialized_end=1384
+  _globals['_PUBLISHRESPONSE']._serialized_start=1386
+  _globals['_PUBLISHRESPONSE']._serialized_end=1403
+  _globals['_CALLSERVICEREQUEST']._serialized_start=1406
+  _globals['_CALLSERVICEREQUEST']._serialized_end=1545
+  _globals['_CALLSERVICERESPONSE']._serialized_start=1547
+  _globals['_CALLSERVICERESPONSE']._serialized_end=1582
+  _globals['_SENDGOALREQUEST']._serialized_start=1584
+  _globals['_SENDGOALREQUEST']._serialized_end=1702
+  _globals['_WATCHGOALREQUEST']._serialized_start=1704
+  _globals['_WATCHGOALREQUEST']._serialized_end=1751
+  _globals['_GOALREPLY']._serialized_start=1753
+  _globals['_GOALREPLY']._serialized_end=1839
+  _globals['_CANCELGOALREQUEST']._serialized_start=1841
+  _globals['_CANCELGOALREQUEST']._serialized_end=1889
+  _globals['_CANCELGOALRESPONSE']._serialized_start=1891
+  _globals['_CANCELGOALRESPONSE']._serialized_end=1930
+  _globals['_TELEMETRYSERVICE']._serialized_start=1982
+  _globals['_TELEMETRYSERVICE']._serialized_end=2493
 # @@protoc_insertion_point(module_scope)

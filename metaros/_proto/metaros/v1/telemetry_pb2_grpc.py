@@ -34,6 +34,16 @@ class TelemetryServiceStub:
         Args:
             channel: A grpc.Channel.
         """
+        self.Subscribe = channel.unary_stream(
+                '/metaros.v1.TelemetryService/Subscribe',
+                request_serializer=metaros_dot_v1_dot_telemetry__pb2.SubscribeRequest.SerializeToString,
+                response_deserializer=metaros_dot_v1_dot_telemetry__pb2.SubscribeReply.FromString,
+                _registered_method=True)
+        self.Query = channel.unary_stream(
+                '/metaros.v1.TelemetryService/Query',
+                request_serializer=metaros_dot_v1_dot_telemetry__pb2.QueryRequest.SerializeToString,
+                response_deserializer=metaros_dot_v1_dot_telemetry__pb2.QueryReply.FromString,
+                _registered_method=True)
         self.Publish = channel.unary_unary(
                 '/metaros.v1.TelemetryService/Publish',
                 request_serializer=metaros_dot_v1_dot_telemetry__pb2.PublishRequest.SerializeToString,
@@ -44,10 +54,39 @@ class TelemetryServiceStub:
                 request_serializer=metaros_dot_v1_dot_telemetry__pb2.CallServiceRequest.SerializeToString,
                 response_deserializer=metaros_dot_v1_dot_telemetry__pb2.CallServiceResponse.FromString,
                 _registered_method=True)
+        self.SendGoal = channel.unary_stream(
+                '/metaros.v1.TelemetryService/SendGoal',
+                request_serializer=metaros_dot_v1_dot_telemetry__pb2.SendGoalRequest.SerializeToString,
+                response_deserializer=metaros_dot_v1_dot_telemetry__pb2.GoalReply.FromString,
+                _registered_method=True)
+        self.WatchGoal = channel.unary_stream(
+                '/metaros.v1.TelemetryService/WatchGoal',
+                request_serializer=metaros_dot_v1_dot_telemetry__pb2.WatchGoalRequest.SerializeToString,
+                response_deserializer=metaros_dot_v1_dot_telemetry__pb2.GoalReply.FromString,
+                _registered_method=True)
+        self.CancelGoal = channel.unary_unary(
+                '/metaros.v1.TelemetryService/CancelGoal',
+                request_serializer=metaros_dot_v1_dot_telemetry__pb2.CancelGoalRequest.SerializeToString,
+                response_deserializer=metaros_dot_v1_dot_telemetry__pb2.CancelGoalResponse.FromString,
+                _registered_method=True)
 
 
 class TelemetryServiceServicer:
     """Missing associated documentation comment in .proto file."""
+
+    def Subscribe(self, request, context):
+        """Samples and values as they arrive, of robots and topics by pattern, for as long as the call is open.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def Query(self, request, context):
+        """Stored messages of a range, in order of their stamps, to its end.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
 
     def Publish(self, request, context):
         """Missing associated documentation comment in .proto file."""
@@ -61,9 +100,40 @@ class TelemetryServiceServicer:
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
+    def SendGoal(self, request, context):
+        """The first reply says whether the goal was accepted, the last one has its result. The end of the call from the
+        caller's side leaves the goal alone: CancelGoal ends it.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def WatchGoal(self, request, context):
+        """of a goal that was sent before, by any door
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
+    def CancelGoal(self, request, context):
+        """Missing associated documentation comment in .proto file."""
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
+
 
 def add_TelemetryServiceServicer_to_server(servicer, server):
     rpc_method_handlers = {
+            'Subscribe': grpc.unary_stream_rpc_method_handler(
+                    servicer.Subscribe,
+                    request_deserializer=metaros_dot_v1_dot_telemetry__pb2.SubscribeRequest.FromString,
+                    response_serializer=metaros_dot_v1_dot_telemetry__pb2.SubscribeReply.SerializeToString,
+            ),
+            'Query': grpc.unary_stream_rpc_method_handler(
+                    servicer.Query,
+                    request_deserializer=metaros_dot_v1_dot_telemetry__pb2.QueryRequest.FromString,
+                    response_serializer=metaros_dot_v1_dot_telemetry__pb2.QueryReply.SerializeToString,
+            ),
             'Publish': grpc.unary_unary_rpc_method_handler(
                     servicer.Publish,
                     request_deserializer=metaros_dot_v1_dot_telemetry__pb2.PublishRequest.FromString,
@@ -73,6 +143,21 @@ def add_TelemetryServiceServicer_to_server(servicer, server):
                     servicer.CallService,
                     request_deserializer=metaros_dot_v1_dot_telemetry__pb2.CallServiceRequest.FromString,
                     response_serializer=metaros_dot_v1_dot_telemetry__pb2.CallServiceResponse.SerializeToString,
+            ),
+            'SendGoal': grpc.unary_stream_rpc_method_handler(
+                    servicer.SendGoal,
+                    request_deserializer=metaros_dot_v1_dot_telemetry__pb2.SendGoalRequest.FromString,
+                    response_serializer=metaros_dot_v1_dot_telemetry__pb2.GoalReply.SerializeToString,
+            ),
+            'WatchGoal': grpc.unary_stream_rpc_method_handler(
+                    servicer.WatchGoal,
+                    request_deserializer=metaros_dot_v1_dot_telemetry__pb2.WatchGoalRequest.FromString,
+                    response_serializer=metaros_dot_v1_dot_telemetry__pb2.GoalReply.SerializeToString,
+            ),
+            'CancelGoal': grpc.unary_unary_rpc_method_handler(
+                    servicer.CancelGoal,
+                    request_deserializer=metaros_dot_v1_dot_telemetry__pb2.CancelGoalRequest.FromString,
+                    response_serializer=metaros_dot_v1_dot_telemetry__pb2.CancelGoalResponse.SerializeToString,
             ),
     }
     generic_handler = grpc.method_handlers_generic_handler(
@@ -84,6 +169,60 @@ def add_TelemetryServiceServicer_to_server(servicer, server):
  # This class is part of an EXPERIMENTAL API.
 class TelemetryService:
     """Missing associated documentation comment in .proto file."""
+
+    @staticmethod
+    def Subscribe(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_stream(
+            request,
+            target,
+            '/metaros.v1.TelemetryService/Subscribe',
+            metaros_dot_v1_dot_telemetry__pb2.SubscribeRequest.SerializeToString,
+            metaros_dot_v1_dot_telemetry__pb2.SubscribeReply.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def Query(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_stream(
+            request,
+            target,
+            '/metaros.v1.TelemetryService/Query',
+            metaros_dot_v1_dot_telemetry__pb2.QueryRequest.SerializeToString,
+            metaros_dot_v1_dot_telemetry__pb2.QueryReply.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
 
     @staticmethod
     def Publish(request,
@@ -129,6 +268,87 @@ class TelemetryService:
             '/metaros.v1.TelemetryService/CallService',
             metaros_dot_v1_dot_telemetry__pb2.CallServiceRequest.SerializeToString,
             metaros_dot_v1_dot_telemetry__pb2.CallServiceResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def SendGoal(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_stream(
+            request,
+            target,
+            '/metaros.v1.TelemetryService/SendGoal',
+            metaros_dot_v1_dot_telemetry__pb2.SendGoalRequest.SerializeToString,
+            metaros_dot_v1_dot_telemetry__pb2.GoalReply.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def WatchGoal(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_stream(
+            request,
+            target,
+            '/metaros.v1.TelemetryService/WatchGoal',
+            metaros_dot_v1_dot_telemetry__pb2.WatchGoalRequest.SerializeToString,
+            metaros_dot_v1_dot_telemetry__pb2.GoalReply.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
+
+    @staticmethod
+    def CancelGoal(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/metaros.v1.TelemetryService/CancelGoal',
+            metaros_dot_v1_dot_telemetry__pb2.CancelGoalRequest.SerializeToString,
+            metaros_dot_v1_dot_telemetry__pb2.CancelGoalResponse.FromString,
             options,
             channel_credentials,
             insecure,
