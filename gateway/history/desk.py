@@ -85,7 +85,7 @@ class HistoryDesk:
 
         return await self._work(job)
 
-    async def read(self, request: PageRequest, *, view: Callable[[Page, Sequence[Loss]], Result]) -> Result:
+    async def viewed(self, request: PageRequest, *, view: Callable[[Page, Sequence[Loss]], Result]) -> Result:
         """What `view` makes, on a thread, of a page and the losses of its topics."""
 
         def job(source: Source) -> Result:

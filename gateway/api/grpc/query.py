@@ -42,7 +42,7 @@ class QueryReplies:
         asked, first = await self._asked(), True
         while True:
             limit = min(left, PAGE_MESSAGES) if self._request.limit else PAGE_MESSAGES
-            replies = await history.read(replace(asked, limit=limit), view=self._first if first else self._later)
+            replies = await history.viewed(replace(asked, limit=limit), view=self._first if first else self._later)
             for reply in replies:
                 yield reply
                 left -= len(reply.samples)
