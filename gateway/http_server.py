@@ -15,7 +15,7 @@ from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.http11 import Request
 
-from gateway.api.guard import AGENTS_ONLY
+from gateway.api.guard import AGENTS_ONLY, PROTOCOL_KEY
 from gateway.crowd import Crowd, Guest
 from gateway.domain.buckets import Buckets
 from metaros.clock import Clock
@@ -218,6 +218,8 @@ class SocketProtocol(Counted, WebSocketsSansIOProtocol):
             self.conn.max_message_size = self.crowd.limits.socket_message_bytes
         self._budget = Buckets(per_s=per_s, burst=per_s * BURST_S)
         super().handle_connect(event)
+        if hasattr(self, "scope"):  # not where the handshake was refused
+            self.scope[PROTOCOL_KEY] = self  # type: ignore[literal-required]
 
     def data_received(self, data: bytes) -> None:
         """Parse a little at a time, and look how many frames that were."""

@@ -83,7 +83,7 @@ class Guard:
             await _refuse(scope, send, error)
             return
         if scope["type"] == "websocket":
-            scope[PROTOCOL_KEY] = getattr(send, "__self__", None)
+            scope.setdefault(PROTOCOL_KEY, getattr(send, "__self__", None))
             await self._app(scope, receive, send)
         else:
             await self._app(scope, receive, _with_headers(scope, send, _policy(host)))

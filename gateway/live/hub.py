@@ -29,6 +29,7 @@ __all__ = ["Hub", "Timer"]
 
 MAX_INDEX = 65536
 FOLLOWED = 16  # runs whose followed sample may still be on its way to viewers
+FOLLOWED_S = 1.0
 
 
 class Timer(Protocol):
@@ -56,6 +57,7 @@ class Hub:
         self.on_interest: Callable[[], None] = lambda: None  # somebody wants more, or less
         self.on_written: Callable[[Run], None] = lambda run: None  # of runs with a followed sample: see traces
         self._followed: list[Run] = []
+        self._followed_s = 0.0
         self._clock = clock or SystemClock()
         self._tick_s = tick_s
         self._later = later
@@ -94,6 +96,7 @@ class Hub:
             return
         if run.trace is not None:
             self._followed = [*self._followed, run][-FOLLOWED:]
+            self._followed_s = self._clock.monotonic_s()
         records = _records(run, only_newest=all(latest for latest, _ in selections))
         for selection in selections.values():
             if selection.offer(records):
@@ -168,6 +171,8 @@ class Hub:
                 self._send(selection, block)
         if self._due:
             self._schedule(max(self._due[0][0], now_s + self._tick_s))
+        if self._followed and now_s - self._followed_s > FOLLOWED_S:
+            self._followed = []
 
     def close(self) -> None:
         """Stop the thread that makes slow views."""

@@ -1,0 +1,121 @@
+"""What goes out on one socket: frames made once, in order, straight into uvicorn or through ASGI, and bounded."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from starlette.websockets import WebSocket, WebSocketState
+from websockets.frames import Frame, Opcode
+
+from gateway.api.ws import outlet
+from gateway.api.ws.outlet import BINARY, TEXT, AsgiOutlet, UvicornOutlet, frame, split_frames
+from gateway.api.ws.pipe import Pipe
+from gateway.domain.records import split_records
+from metaros.clock import SystemClock
+from tests.gateway.harness import DATA, ScriptedAgent, channel, hear, hear_bytes, open_socket, running_gateway, say
+
+
+@given(st.sampled_from([TEXT, BINARY]), st.sampled_from([0, 1, 125, 126, 127, 65535, 65536, 70000]))
+def test_a_frame_is_what_websockets_makes(opcode: int, size: int) -> None:
+    payload = b"x" * size
+    assert frame(opcode, payload) == Frame(Opcode(opcode), payload).serialize(mask=False)
+
+
+@given(st.lists(st.tuples(st.sampled_from([TEXT, BINARY]), st.binary(max_size=300)), max_size=8))
+def test_frames_are_taken_apart_again(messages: list[tuple[int, bytes]]) -> None:
+    joined = b"".join(frame(opcode, payload) for opcode, payload in messages)
+    assert list(split_frames(joined)) == messages
+
+
+class SlowApp:
+    """An ASGI server that takes one message each time it is let."""
+
+    def __init__(self) -> None:
+        self.taken: list[Any] = []
+        self.came = asyncio.Semaphore(0)
+        self._let = asyncio.Semaphore(0)
+
+    def let(self, count: int) -> None:
+        for _ in range(count):
+            self._let.release()
+
+    async def send(self, message: Any) -> None:
+        await self._let.acquire()
+        self.taken.append(message.get("text", message.get("bytes")))
+        self.came.release()
+
+    async def receive(self) -> Any:
+        await asyncio.Event().wait()
+
+    def socket(self) -> WebSocket:
+        made = WebSocket({"type": "websocket"}, self.receive, self.send)
+        made.client_state = made.application_state = WebSocketState.CONNECTED
+        return made
+
+
+async def test_without_uvicorn_frames_go_through_asgi_in_order() -> None:
+    app = SlowApp()
+    pipe, rooms = Pipe(app.socket(), clock=SystemClock()), []
+    pipe.on_room = lambda: rooms.append(1)
+    assert pipe.ready()
+    pipe.write(frame(BINARY, bytes(70_000)) + frame(TEXT, b"two"))
+    assert not pipe.ready()
+    pipe.text("three")
+    assert pipe.waiting_bytes > 70_000
+    app.let(3)
+    async with asyncio.timeout(60):
+        for _ in range(3):
+            await app.came.acquire()
+    assert app.taken == [bytes(70_000), "two", "three"]
+    await pipe.room()
+    assert (pipe.ready(), rooms, pipe.waiting_bytes) == (True, [1], 0)
+    pipe.close()
+
+
+async def test_who_takes_nothing_is_stalled() -> None:
+    pipe = Pipe(SlowApp().socket(), clock=SystemClock(), stall_s=0.05)
+    pipe.write(frame(BINARY, bytes(70_000)))
+    assert not pipe.ready()
+    async with asyncio.timeout(60):
+        await pipe.stalled()
+    pipe.close()
+
+
+async def test_who_lets_too_many_answers_wait_is_stalled() -> None:
+    pipe = Pipe(SlowApp().socket(), clock=SystemClock(), stall_s=600, control_bytes=1000)
+    pipe.write(frame(BINARY, bytes(70_000)))
+    for _ in range(11):
+        pipe.text("x" * 100)
+    async with asyncio.timeout(60):
+        await pipe.stalled()
+    pipe.close()
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["uvicorn", "asgi"])
+async def test_the_stream_is_the_same_both_ways(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, known: bool) -> None:
+    made: list[Any] = []
+
+    def opened(socket: WebSocket) -> Any:
+        made.append(outlet.open_outlet(socket) if known else AsgiOutlet(socket))
+        return made[-1]
+
+    monkeypatch.setattr("gateway.api.ws.pipe.open_outlet", opened)
+    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent:
+        await agent.announce(channel(1, "/sim_1/image", "std_msgs/msg/String"))
+        async with open_socket(ready, "/api/v1/stream") as viewer:
+            await say(viewer, op="subscribe", id=1, robots="*", topics="/**", mode="queue")
+            await say(viewer, op="no")
+            await hear(viewer, "error")
+            await agent.samples(1, 1, [b"a" * 100, b"b" * 100_000])
+            await agent.next("ack", DATA)
+            await hear(viewer, "channel")
+            found: list[int] = []
+            while len(found) < 2:
+                found += [len(record.payload) for _, _, record in split_records(await hear_bytes(viewer))]
+            assert found == [100, 100_000]
+    assert isinstance(made[0], UvicornOutlet if known else AsgiOutlet), "no middleware may hide uvicorn's protocol"
