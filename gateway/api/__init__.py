@@ -45,6 +45,7 @@ from gateway.api.rest import (
     uplink,
     users,
 )
+from gateway.api.rosbridge import socket as rosbridge
 from gateway.api.services import Services
 from gateway.api.static import Dashboard
 from gateway.api.viewer_doors import QueryToken
@@ -82,6 +83,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     stream.router,
     teleop.router,
     link.router,
+    rosbridge.router,
 )
 OPENAPI = "/api/v1/openapi.json"
 

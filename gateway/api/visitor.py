@@ -26,8 +26,11 @@ from gateway.errors import (
     TooManyRequestsError,
     UnknownRobotError,
 )
+from gateway.fleet.goal import Goal
+from gateway.fleet.graph import RobotGraph
 from gateway.fleet.node_values import Parameter, SetResult
 from gateway.fleet.node_verbs import Actor
+from gateway.fleet.offer import Answer, Execute, Offer
 from gateway.fleet.orders import Order
 from gateway.fleet.twins import Editor
 from gateway.identity.permissions import permission
@@ -155,6 +158,21 @@ class Visitor:
                 return place, channel
         return places[0], None
 
+    def graphs(self) -> list[RobotGraph]:
+        """The graphs of the robots that it sees, as far as they were told; names in them are the robots' own."""
+        self._require_look("robots.read")
+        return [self.services.graphs.of(record.robot.id) for record in self.robots()]
+
+    def find_service(self, name: str) -> Place:
+        """What a service's name means: one that the robot's graph has, or else the likeliest place."""
+        places = self.places(name)
+        return next((item for item in places if item.name in self.services.graphs.of(item.robot).services), places[0])
+
+    def find_action(self, name: str) -> Place:
+        """What an action's name means, likewise."""
+        places = self.places(name)
+        return next((item for item in places if item.name in self.services.graphs.of(item.robot).actions), places[0])
+
     def places(self, name: str) -> list[Place]:
         """What a name may mean, of robots that once connected; never empty (UnknownRobotError)."""
         known = self.services.registry.find
@@ -178,7 +196,7 @@ class Visitor:
         if len(self._publications) >= LIMITS.subscriptions_per_viewer:
             raise TooManyError(f"a client publishes on at most {LIMITS.subscriptions_per_viewer} topics")
         publication = self._publications[place] = Publication(place, type_name)
-        await self._audit("robots.publish", f"{place.robot} {place.name} begins")
+        await self.record("robots.publish", f"{place.robot} {place.name} begins")
         return publication
 
     async def publish(
@@ -231,7 +249,7 @@ class Visitor:
         for publication in publications:
             self._end(publication)
 
-    # -- services, parameters --------------------------------------------------------------------------------------
+    # -- services, actions, parameters -----------------------------------------------------------------------------
 
     async def call(
         self,
@@ -239,25 +257,79 @@ class Visitor:
         *,
         type_name: str = "",
         request: Any = None,
+        cdr: bytes | None = None,
+        raw: bool = False,
         timeout_s: float = LIMITS.command_timeout_s,
         lease_id: str = "",
     ) -> Any:
-        """Call a robot's service; its response as JSON-able values."""
-        place = self.places(name)[0]
+        """Call a robot's service; its response as JSON-able values, or its CDR where `raw`. `cdr` wins over `request`.
+
+        Without `type_name` the robot's graph says it (UnknownServiceError).
+        """
+        place = self.find_service(name)
         self.require("robots.call", place.robot)
-        asked: dict[str, Any] = {"service": place.name, "type": type_name, "request": request}
+        asked: dict[str, Any] = {"service": place.name, "type": type_name}
+        asked |= {"request": request} if request is not None or cdr is None else {"cdr_bytes": len(cdr)}
         order = Order(robot=place.robot, kind="call_service", request=asked, timeout_s=timeout_s)
-        await self._audit("robots.call", f"{place.robot} {place.name}")
+        await self.record("robots.call", f"{place.robot} {place.name}")
         with self.services.orders.noted(order, self.principal) as noted:
-            noted.result = await self.services.fleet.call(
+            answer = await self.services.fleet.call(
                 place.robot,
                 place.name,
                 type_name=type_name,
                 request={} if request is None else request,
+                cdr=cdr,
+                raw=raw,
                 timeout_s=timeout_s,
                 lease_id=lease_id,
             )
-        return noted.result
+            noted.result = None if raw else answer
+        return answer
+
+    async def send_goal(
+        self,
+        name: str,
+        *,
+        type_name: str = "",
+        goal: Any = None,
+        cdr: bytes | None = None,
+        timeout_s: float = LIMITS.command_timeout_s,
+        lease_id: str = "",
+    ) -> Goal:
+        """Start a goal of a robot's action; `cdr` (of X_Goal) wins over `goal`. It goes on when the client leaves."""
+        place = self.find_action(name)
+        self.require("robots.call", place.robot)
+        await self.record("robots.call", f"{place.robot} {place.name} goal")
+        return await self.services.goals.send(
+            place.robot,
+            place.name,
+            type_name=type_name,
+            goal=goal,
+            cdr=cdr,
+            timeout_s=timeout_s,
+            lease_id=lease_id,
+            by=self.principal.name or self.principal.id,
+        )
+
+    async def cancel_goal(self, robot: str, goal_id: str) -> bool:
+        """Ask a robot to stop a goal; whether it will."""
+        self.require("robots.call", robot)
+        await self.record("robots.call", f"{robot} cancel {goal_id}")
+        return await self.services.goals.cancel(robot, goal_id)
+
+    async def offer_service(self, name: str, type_name: str, answer: Answer) -> Offer:
+        """Serve a service in a robot's graph until the offer is closed; OfferRefusedError."""
+        place = self.places(name)[0]
+        self.require("robots.publish", place.robot)
+        await self.record("robots.publish", f"{place.robot} {place.name} offers a service")
+        return await self.services.offers.service(place.robot, place.name, type_name, answer)
+
+    async def offer_action(self, name: str, type_name: str, execute: Execute) -> Offer:
+        """Serve an action in a robot's graph until the offer is closed; OfferRefusedError."""
+        place = self.places(name)[0]
+        self.require("robots.publish", place.robot)
+        await self.record("robots.publish", f"{place.robot} {place.name} offers an action")
+        return await self.services.offers.action(place.robot, place.name, type_name, execute)
 
     async def parameters(self, node: str) -> list[Parameter]:
         """The parameters of a robot's node, by name."""
@@ -269,7 +341,7 @@ class Visitor:
         """Set parameters of a robot's node, each for itself; they are forgotten with the node's process."""
         place = self.places(node)[0]
         self.require("nodes.control", place.robot)
-        await self._audit("nodes.control", f"{place.robot} {place.name}: {', '.join(values)}")
+        await self.record("nodes.control", f"{place.robot} {place.name}: {', '.join(values)}")
         code = permission("nodes.code").granted(self.principal)
         editor = Editor(name=self.principal.name or self.principal.id, reason="", code=code, confirm_within_s=None)
         actor = Actor(editor=editor, principal=self.principal)
@@ -289,7 +361,8 @@ class Visitor:
         detail = f"{place.robot} {place.name} ends: {publication.sent} sent, {publication.refused} refused"
         self.services.audit.add(**self._facts("robots.publish", 200, "", detail))
 
-    async def _audit(self, action: str, detail: str) -> None:
+    async def record(self, action: str, detail: str) -> None:
+        """A row of the audit log about what it does; returns when that is committed."""
         await self.services.audit.record(**self._facts(action, 200, "", detail))
 
     def _note_refusal(self, action: str, robot: str) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import cbor2
 
+from gateway.api.problem import error_code
 from gateway.api.rosbridge.outward import json_bytes
 from gateway.api.rosbridge.pieces import Assembler, fragments, png_message
 from gateway.api.rosbridge.requests import LEVELS, Request, SetLevel, Shape, read_object, read_request
@@ -59,18 +60,23 @@ class Protocol:
                 said = found.get("id")
             request = read_request(found, chars=len(frame))
         except MetarosError as error:
-            return None, self.status("error", str(error), said if isinstance(said, str) else None)
+            return None, self.fault(error, said if isinstance(said, str) else None)
         if isinstance(request, SetLevel):
             self._level = LEVELS.index(request.level)
             return None, []
         return request, []
 
-    def status(self, level: str, text: str, about: str | None = None) -> list[Frame]:
+    def status(self, level: str, text: str, about: str | None = None, *, code: str = "") -> list[Frame]:
         """A status of that level about a request's id; nothing where the client does not want it."""
         if LEVELS.index(level) > self._level:
             return []
         message = {"op": "status", "level": level, "msg": text[:STATUS_CHARS]}
-        return self.answer({**message, "id": about} if about is not None else message)
+        more = {"id": about, "code": code or None}
+        return self.answer({**message, **{name: value for name, value in more.items() if value is not None}})
+
+    def fault(self, error: MetarosError, about: str | None = None) -> list[Frame]:
+        """The status of an error; `code` is an addition of ours, its stable code."""
+        return self.status("error", str(error), about, code=error_code(error))
 
     def answer(self, message: Any, shape: Shape = PLAIN) -> list[Frame]:
         """The frames of an op that answers."""

@@ -78,12 +78,13 @@ class Unadvertise(Request):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Publish(Request):
-    """One message; `lease_id` is an addition of ours, for actuators."""
+    """One message; `lease_id` and `sent_ns` are additions of ours, for actuators."""
 
     topic: str
     message: Any
     type_name: str = ""
     lease_id: str = ""
+    sent_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,9 +216,11 @@ def _lenient(frame: str | bytes, error: Exception) -> Any:
     if "NaN" not in text and "Infinity" not in text:
         raise InvalidRequestError(f"no JSON: {error}") from None
     try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as second:
+        found = json.loads(text)
+        orjson.dumps(found)  # numbers and texts that nobody else could write are refused here
+    except (ValueError, TypeError, RecursionError) as second:
         raise InvalidRequestError(f"no JSON: {str(second)[:200]}") from None
+    return found
 
 
 def _text(found: Mapping[str, Any], name: str, default: str | None = None) -> str:
@@ -227,6 +230,10 @@ def _text(found: Mapping[str, Any], name: str, default: str | None = None) -> st
     if not isinstance(value, str) or not value or len(value) > NAME_CHARS or "\0" in value:
         raise InvalidRequestError(f"{name} is a text of at most {NAME_CHARS} characters")
     return value
+
+
+def _optional(found: Mapping[str, Any], name: str) -> str:
+    return "" if found.get(name) in (None, "") else _text(found, name)
 
 
 def _name(found: Mapping[str, Any], name: str) -> str:
@@ -262,8 +269,14 @@ def _advertise(found: Mapping[str, Any], **more: Any) -> Request:
 
 def _publish(found: Mapping[str, Any], **more: Any) -> Request:
     message = found.get("msg", {})
-    lease_id = _text(found, "lease_id", "")
-    return Publish(topic=_name(found, "topic"), message=message, type_name=_type(found), lease_id=lease_id, **more)
+    return Publish(
+        topic=_name(found, "topic"),
+        message=message,
+        type_name=_type(found),
+        lease_id=_optional(found, "lease_id"),
+        sent_ns=int(_number(found, "sent_ns", high=2**62)),
+        **more,
+    )
 
 
 def _subscribe(found: Mapping[str, Any], **more: Any) -> Request:
@@ -284,7 +297,7 @@ def _call(found: Mapping[str, Any], **more: Any) -> Request:
         args=found.get("args"),
         type_name=_type(found),
         timeout_s=min(timeout_s, MAX_TIMEOUT_S) if timeout_s else None,
-        lease_id=_text(found, "lease_id", ""),
+        lease_id=_optional(found, "lease_id"),
         shape=_shape(found),
         **more,
     )
@@ -303,7 +316,7 @@ def _goal(found: Mapping[str, Any], **more: Any) -> Request:
         type_name=_type(found, "action_type"),
         args=found.get("args"),
         feedback=bool(found.get("feedback", False)),
-        lease_id=_text(found, "lease_id", ""),
+        lease_id=_optional(found, "lease_id"),
         shape=_shape(found),
         **more,
     )
