@@ -24,6 +24,7 @@ from gateway.crowd import Crowd, Guest, open_files
 from gateway.domain.networks import is_within, read_address
 from gateway.drain import drain
 from gateway.grpc_server import ServerTls, make_server, tls_credentials
+from gateway.heap import settle_heap
 from gateway.http_server import protocols
 from gateway.identity.door import Door
 from gateway.ingest.link_service import add_links
@@ -265,6 +266,7 @@ def run(settings: Settings, *, status_file: Path | None = None) -> None:
         access.begin(where)
         if status_file is not None:
             write_status(status_file, where)
+        settle_heap()
 
     async def main() -> None:
         stop = asyncio.Event()

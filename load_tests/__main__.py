@@ -20,6 +20,7 @@ BENCHMARKS = {
     "memory": "resident size over an hour of 1 kHz, accelerated, and over images in shared memory",
     "peers": "Meta-ROS beside raw zenoh, cyclonedds-python, pyzmq, metaros 1.1.5 and rospy",
     "pubsub": "typed publish and receive against raw eclipse-zenoh",
+    "rest": "pages of 100 of ten thousand robots for 50 clients at a time",
     "record": "MCAP writers beside a plain file, PyPI's mcap and rosbags; a recorder on the wire",
     "restart": "kill -9 of a supervised node to the first message of its replacement, against bare python with zenoh",
     "service": "service round trips and action goals against raw eclipse-zenoh queries",

@@ -11,6 +11,7 @@ from gateway.api.address import Proxies
 from gateway.api.audited import Audited
 from gateway.api.authenticate import Authenticate
 from gateway.api.bodies import Bodies
+from gateway.api.conditional import Conditional
 from gateway.api.guard import Guard
 from gateway.api.measured import Measured
 from gateway.api.openapi import describe_permissions
@@ -45,7 +46,7 @@ from gateway.api.rest import (
     uplink,
     users,
 )
-from gateway.api.rosbridge import socket as rosbridge
+from gateway.api.robot_rows import make_robot_rows
 from gateway.api.services import Services
 from gateway.api.static import Dashboard
 from gateway.api.viewer_doors import QueryToken
@@ -83,7 +84,6 @@ ROUTERS: tuple[APIRouter, ...] = (
     stream.router,
     teleop.router,
     link.router,
-    rosbridge.router,
 )
 OPENAPI = "/api/v1/openapi.json"
 
@@ -92,13 +92,14 @@ def create_api(services: Services) -> ASGIApp:
     """The whole ASGI application, behind its guard."""
     app = FastAPI(title="Meta-ROS gateway", version="1", openapi_url=OPENAPI, docs_url=None, redoc_url=None)
     app.state.services = services
+    app.state.robot_rows = make_robot_rows(services)
     install_problems(app)
     for router in ROUTERS:
         app.include_router(router)
     describe_permissions(app, ROUTERS)
     app.mount("/", Dashboard(services.settings.static_dir))
     settings = services.settings
-    limited = RateLimited(Bodies(app), services.rates)
+    limited = RateLimited(Bodies(Conditional(app)), services.rates)
     logged = Audited(limited, services.audit)
     known = Authenticate(
         logged, services.door, anonymous=settings.anonymous_viewers, host=settings.host, rates=services.rates

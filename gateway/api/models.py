@@ -160,9 +160,10 @@ class Robot(_Model):
 
 
 class RobotList(_Model):
-    """Every robot that ever connected."""
+    """A page of the robots that ever connected; `next` is the `after` of the page behind it."""
 
     robots: list[Robot]
+    next: str | None
 
 
 class Topic(_Model):
@@ -195,6 +196,7 @@ class TopicList(_Model):
     """What the robot announced."""
 
     topics: list[Topic]
+    next: str | None
 
 
 class SeriesState(_Model):
@@ -211,6 +213,7 @@ class SeriesList(_Model):
     """The robot's series by name."""
 
     series: list[SeriesState]
+    next: str | None
 
 
 class SeriesPiece(_Model):

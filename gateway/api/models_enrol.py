@@ -118,6 +118,7 @@ class EnrolmentTokenList(_Model):
     """The newest first."""
 
     tokens: list[EnrolmentToken]
+    next: str | None
 
 
 class RobotCertificate(_Model):
@@ -147,6 +148,7 @@ class IdentityList(_Model):
     """By robot."""
 
     identities: list[RobotIdentity]
+    next: str | None
 
 
 class RevokeRequest(_Model):

@@ -125,6 +125,7 @@ class UserList(_Model):
     """Everybody, by name."""
 
     users: list[User]
+    next: str | None
 
 
 class ApiKeyRequest(_Model):
@@ -162,3 +163,4 @@ class ApiKeyList(_Model):
     """The newest first."""
 
     keys: list[ApiKey]
+    next: str | None

@@ -104,3 +104,4 @@ class RolloutList(_Model):
     """The newest rollouts, newest first."""
 
     rollouts: list[Rollout]
+    next: str | None

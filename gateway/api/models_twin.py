@@ -86,6 +86,7 @@ class TwinList(BaseModel):
     """Twins by robot."""
 
     twins: list[TwinBrief]
+    next: str | None
 
 
 class TwinChange(BaseModel):
@@ -188,6 +189,7 @@ class TemplateList(BaseModel):
     """In the order in which they are laid over each other."""
 
     templates: list[Template]
+    next: str | None
 
 
 class TemplateChange(BaseModel):

@@ -78,6 +78,10 @@ class LeaseTable:
             return None
         return held
 
+    def find(self, robot: str) -> Lease | None:
+        """The robot's lease, which may have run out a moment ago."""
+        return self._leases.get(robot)
+
     def expire(self, *, now_s: float) -> None:
         """End the leases that were not renewed in time, also where nobody asks for them."""
         for robot in list(self._leases):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+from bisect import bisect_right, insort
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -290,9 +291,12 @@ class Registry:
 
     def __init__(self) -> None:
         self._records: dict[str, RobotRecord] = {}
+        self._ids: list[str] = []  # in order: a page of ten thousand robots sorts nothing
 
     def add(self, record: RobotRecord) -> RobotRecord:
         """Know a robot; the first record of an id stays."""
+        if record.robot.id not in self._records:
+            insort(self._ids, record.robot.id)
         return self._records.setdefault(record.robot.id, record)
 
     def get(self, robot_id: str) -> RobotRecord:
@@ -308,4 +312,9 @@ class Registry:
 
     def all(self) -> list[RobotRecord]:
         """Every robot, by id."""
-        return [self._records[key] for key in sorted(self._records)]
+        return [self._records[key] for key in self._ids]
+
+    def behind(self, robot_id: str, most: int) -> list[RobotRecord]:
+        """At most so many robots behind an id, which need not be one, by id; from the first with ""."""
+        start = bisect_right(self._ids, robot_id) if robot_id else 0
+        return [self._records[key] for key in self._ids[start : start + most]]

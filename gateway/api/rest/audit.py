@@ -11,6 +11,7 @@ from starlette.responses import Response
 
 from gateway.api import models, models_audit
 from gateway.api.allow import allow
+from gateway.api.listing import FieldsText, read_fields
 from gateway.api.problem import JsonResponse
 from gateway.api.services import services_of
 from gateway.api.views import rfc3339
@@ -37,12 +38,14 @@ async def list_audit(
     limit: Annotated[int, Query(ge=1, le=MAX_ROWS)] = 100,
     action: Exact = "",
     name: Exact = "",
+    fields: FieldsText = "",
 ) -> Response:
     """Rows, the newest first; only those of one action (a permission's name), or of one name."""
     wanted = {"action": _text(action), "name": _text(name)}
     rows = await services_of(request).audit.page(before=before, limit=limit, **wanted)
     following = rows[-1].number if len(rows) == limit else None
-    return JsonResponse({"rows": [_view(row) for row in rows], "next": following})
+    chosen = read_fields(fields, models_audit.AuditRow)
+    return JsonResponse({"rows": [chosen.of(_view(row)) for row in rows], "next": following})
 
 
 @router.get(

@@ -14,6 +14,7 @@ from gateway.api import models, models_enrol
 from gateway.api.address import PROXIED_KEY
 from gateway.api.allow import allow, principal_of, require_seen
 from gateway.api.audited import note
+from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.auth import REFUSALS
 from gateway.api.rest.bodies import body_document, read_body
@@ -98,12 +99,12 @@ async def renew(request: Request) -> Response:
     dependencies=[allow("robots.enrol")],
     responses={200: {"model": models_enrol.EnrolmentTokenList}, **REFUSALS},
 )
-async def list_tokens(request: Request) -> Response:
+async def list_tokens(request: Request, window: Paged) -> Response:
     """The newest enrolment tokens, used and unused, of robots in one's scope."""
     principal = principal_of(request)
     found = await services_of(request).identities.enrol.tokens()
     seen = [one for one in found if principal.sees_all or principal.sees(one.robot or one.used_robot)]
-    return JsonResponse({"tokens": [_token(one) for one in seen]})
+    return listing("tokens", seen, _token, model=models_enrol.EnrolmentToken, key=lambda one: one.id, window=window)
 
 
 @router.post(
@@ -147,11 +148,14 @@ async def drop_token(request: Request, token_id: str) -> Response:
     dependencies=[allow("robots.enrol")],
     responses={200: {"model": models_enrol.IdentityList}, **REFUSALS},
 )
-async def list_identities(request: Request) -> Response:
+async def list_identities(request: Request, window: Paged) -> Response:
     """Every robot's identity and its certificates, of robots in one's scope."""
     principal = principal_of(request)
     found = await services_of(request).identities.robots.list()
-    return JsonResponse({"identities": [_identity(one) for one in found if principal.sees(one.robot)]})
+    seen = [one for one in found if principal.sees(one.robot)]
+    return listing(
+        "identities", seen, _identity, model=models_enrol.RobotIdentity, key=lambda one: one.robot, window=window
+    )
 
 
 @router.post(

@@ -10,6 +10,7 @@ from starlette.responses import Response
 
 from gateway.api import models_events
 from gateway.api.allow import allow, principal_of
+from gateway.api.listing import FieldsText, read_fields
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS
 from gateway.api.rest.downloads import DownloadResponse
@@ -44,6 +45,7 @@ async def list_events(
     after: Cursor = None,
     before: Cursor = None,
     limit: Annotated[int, Query(ge=1, le=MAX_LISTED)] = 100,
+    fields: FieldsText = "",
 ) -> Response:
     """What happened: a page as JSON; with `Accept: text/event-stream` what follows, for ever, as server-sent events.
 
@@ -54,7 +56,8 @@ async def list_events(
     if EVENT_STREAM not in request.headers.get("accept", ""):
         page = await journal.read(after=after, before=before, limit=limit, wanted=wanted)
         following = str(page.next) if after is not None or page.next else None
-        events = [cloud_event(event) for event in page.events]
+        chosen = read_fields(fields, models_events.CloudEvent)
+        events = [chosen.of(cloud_event(event)) for event in page.events]
         return JsonResponse({"events": events, "next": following, "lost": page.lost})
     cursor = _last_event(request, after)
     principal = principal_of(request)

@@ -9,6 +9,7 @@ from starlette.responses import Response
 from gateway.api import models, models_identity
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note, reach
+from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.auth import REFUSALS
 from gateway.api.rest.bodies import body_document, read_body
@@ -28,10 +29,17 @@ router = APIRouter(prefix="/api/v1/keys", tags=["accounts"], default_response_cl
     dependencies=[allow("keys.own")],
     responses={200: {"model": models_identity.ApiKeyList}, 401: {"model": models.Problem}},
 )
-async def list_keys(request: Request) -> Response:
+async def list_keys(request: Request, window: Paged) -> Response:
     """One's own keys, or for an admin everybody's, the newest first. A key sees none but as an admin."""
     found = await services_of(request).accounts.list_keys(principal_of(request))
-    return JsonResponse({"keys": [key_view(key, owner) for key, owner in found]})
+    return listing(
+        "keys",
+        found,
+        lambda pair: key_view(*pair),
+        model=models_identity.ApiKey,
+        key=lambda pair: pair[0].id,
+        window=window,
+    )
 
 
 @router.post(

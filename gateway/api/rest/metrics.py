@@ -10,6 +10,7 @@ from starlette.responses import Response
 
 from gateway.api import models
 from gateway.api.allow import allow
+from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.times import parse_time
 from gateway.api.services import services_of
@@ -32,11 +33,14 @@ router = APIRouter(prefix="/api/v1/robots/{robot_id}/metrics", tags=["robots"], 
     dependencies=[allow("telemetry.read")],
     responses={200: {"model": models.SeriesList}, 404: {"model": models.Problem}},
 )
-async def list_series(request: Request, robot_id: str) -> Response:
+async def list_series(request: Request, robot_id: str, window: Paged) -> Response:
     """The robot's stored series."""
     services = services_of(request)
     services.registry.get(robot_id)
-    return JsonResponse({"series": [series_view(facts) for facts in await services.store.series(robot_id)]})
+    found = await services.store.series(robot_id)
+    return listing(
+        "series", found, series_view, model=models.SeriesState, key=lambda facts: facts.series.name, window=window
+    )
 
 
 @router.get(

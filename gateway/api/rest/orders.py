@@ -13,6 +13,7 @@ from starlette.responses import Response
 from gateway.api import models
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
+from gateway.api.listing import FieldsText, read_fields
 from gateway.api.models_commands import Command, CommandList, CommandRequest, FleetCommandRequest, FleetCommands, State
 from gateway.api.problem import JsonResponse, error_code
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
@@ -118,11 +119,13 @@ async def list_commands(
     issuer: Annotated[str, Query(description="only those that this user or key sent", max_length=200)] = "",
     limit: Annotated[int, Query(ge=1, le=MAX_LISTED)] = 100,
     before: Annotated[str, Query(description="the `next` of the page before", max_length=64)] = "",
+    fields: FieldsText = "",
 ) -> Response:
     """The newest commands, newest first."""
     filters = {"robot": robot, "state": state or "", "issuer": issuer}
     page, following = await _seen(request, filters, limit=limit, before=before)
-    return JsonResponse({"commands": [command_view(item) for item in page], "next": following})
+    chosen = read_fields(fields, Command)
+    return JsonResponse({"commands": [chosen.of(command_view(item)) for item in page], "next": following})
 
 
 @router.get(

@@ -11,6 +11,7 @@ from starlette.responses import Response, StreamingResponse
 
 from gateway.api import models
 from gateway.api.allow import allow, principal_of
+from gateway.api.listing import FieldsText, read_fields
 from gateway.api.models_recordings import Recording, RecordingList, RecordingRequest
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
@@ -73,12 +74,14 @@ async def list_recordings(
     robot: Annotated[str, Query(description="only this robot's")] = "",
     limit: Annotated[int, Query(ge=1, le=MAX_LISTED)] = 100,
     before: Annotated[str, Query(description="the `next` of the page before")] = "",
+    fields: FieldsText = "",
 ) -> Response:
     """The newest recordings, newest first."""
     found = await _seen(request, robot or None, limit=limit + 1, before=before or None)
     page = found[:limit]
     following = page[-1].id if len(found) > limit else None
-    return JsonResponse({"recordings": [recording_view(item) for item in page], "next": following})
+    chosen = read_fields(fields, Recording)
+    return JsonResponse({"recordings": [chosen.of(recording_view(item)) for item in page], "next": following})
 
 
 @router.get(

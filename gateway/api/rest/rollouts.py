@@ -11,6 +11,7 @@ from starlette.responses import Response
 from gateway.api import models, models_rollouts
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
+from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.services import services_of
@@ -27,10 +28,12 @@ router = APIRouter(prefix="/api/v1/rollouts", tags=["updates"], default_response
 
 
 @router.get("", dependencies=[allow("updates.read")], responses={200: {"model": models_rollouts.RolloutList}})
-async def list_rollouts(request: Request) -> Response:
+async def list_rollouts(request: Request, window: Paged) -> Response:
     """The newest rollouts that have a robot in one's scope, the newest first."""
     found = [one for one in await services_of(request).rollouts.list() if _sees(request, one)]
-    return JsonResponse({"rollouts": [rollout_view(one) for one in found]})
+    return listing(
+        "rollouts", found, rollout_view, model=models_rollouts.Rollout, key=lambda one: one.id, window=window
+    )
 
 
 @router.post(

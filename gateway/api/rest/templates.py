@@ -12,6 +12,7 @@ from starlette.responses import Response
 from gateway.api import models_twin as models
 from gateway.api.allow import allow, require_all
 from gateway.api.audited import note
+from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.twin import PRECONDITIONS, Count, DryRun, Reason, Window, editor_of
@@ -30,10 +31,10 @@ router = APIRouter(prefix="/api/v1/templates", tags=["twins"], default_response_
 
 
 @router.get("", dependencies=[allow("twin.read")], responses={200: {"model": models.TemplateList}})
-async def list_templates(request: Request) -> Response:
+async def list_templates(request: Request, window: Paged) -> Response:
     """Every template, in the order in which they are laid over each other."""
     found = await services_of(request).twins.templates.all()
-    return JsonResponse({"templates": [template_view(item) for item in found]})
+    return listing("templates", found, template_view, model=models.Template, key=lambda item: item.name, window=window)
 
 
 @router.get("/{name}", dependencies=[allow("twin.read")], responses={200: {"model": models.Template}, **PRECONDITIONS})

@@ -13,6 +13,7 @@ from starlette.responses import Response
 from gateway.api import models_twin as models
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
+from gateway.api.listing import Paged, listing
 from gateway.api.models_identity import Nothing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
@@ -166,10 +167,14 @@ async def label(request: Request, robot_id: str, dry_run: DryRun = False, reason
     dependencies=[allow("twin.read")],
     responses={200: {"model": models.TwinList}, **PROBLEMS},
 )
-async def list_twins(request: Request, selector: Select = "") -> Response:
+async def list_twins(request: Request, window: Paged, selector: Select = "") -> Response:
     """Every robot that the selector names and that one sees: whether it lives by what is desired."""
     states = await services_of(request).twins.desk.states(Selector.parse(selector), principal_of(request).sees)
-    return JsonResponse({"twins": await asyncio.to_thread(lambda: [brief_view(state) for state in states])})
+    return await asyncio.to_thread(
+        lambda: listing(
+            "twins", states, brief_view, model=models.TwinBrief, key=lambda state: state.desired.robot, window=window
+        )
+    )
 
 
 @router.patch(

@@ -10,6 +10,7 @@ from starlette.responses import Response
 
 from gateway.api import models
 from gateway.api.allow import allow
+from gateway.api.listing import FieldsText, read_fields
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.once import carried_once, key_of
@@ -59,9 +60,15 @@ async def set_uplink(request: Request, robot_id: str) -> Response:
     dependencies=[allow("robots.read")],
     responses={200: {"model": models.GapList}, 404: {"model": models.Problem}},
 )
-async def list_gaps(request: Request, robot_id: str, limit: Annotated[int, Query(ge=1, le=MAX_GAPS)] = 50) -> Response:
+async def list_gaps(
+    request: Request,
+    robot_id: str,
+    limit: Annotated[int, Query(ge=1, le=MAX_GAPS)] = 50,
+    fields: FieldsText = "",
+) -> Response:
     """The newest declared losses."""
     services = services_of(request)
     record = services.registry.get(robot_id)
     found = await services.store.gaps(robot_id, limit=limit)
-    return JsonResponse({"gaps": [gap_view(record, gap) for gap in found]})
+    chosen = read_fields(fields, models.DeclaredGap)
+    return JsonResponse({"gaps": [chosen.of(gap_view(record, gap)) for gap in found]})

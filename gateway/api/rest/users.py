@@ -9,6 +9,7 @@ from starlette.responses import Response
 from gateway.api import models, models_identity
 from gateway.api.allow import allow
 from gateway.api.audited import note, reach
+from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.auth import REFUSALS
 from gateway.api.rest.bodies import body_document, read_body
@@ -26,10 +27,10 @@ router = APIRouter(prefix="/api/v1/users", tags=["accounts"], default_response_c
     dependencies=[allow("users.manage")],
     responses={200: {"model": models_identity.UserList}, 401: {"model": models.Problem}},
 )
-async def list_users(request: Request) -> Response:
+async def list_users(request: Request, window: Paged) -> Response:
     """Everybody, by name."""
     found = await services_of(request).accounts.list_users()
-    return JsonResponse({"users": [user_view(user) for user in found]})
+    return listing("users", found, user_view, model=models_identity.User, key=lambda user: user.name, window=window)
 
 
 @router.post(

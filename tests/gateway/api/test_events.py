@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator, AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
@@ -171,7 +171,7 @@ async def ready_gateway(tmp_path: Path) -> AsyncIterator[Ready]:
 async def test_a_stream_says_that_it_lives_and_why_it_ends() -> None:
     going = asyncio.Event()
 
-    async def items() -> AsyncIterator[int]:
+    async def items() -> AsyncGenerator[int, None]:
         await going.wait()
         yield 7
         raise StoreError("the store is away")
