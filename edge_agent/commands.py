@@ -119,8 +119,8 @@ class Commands:
         action = command.WhichOneof("action")
         if action not in self._actions:
             raise UnsupportedError("this agent does not know the command, or not as a durable one; update it")
-        name = command.publish.topic if action == "publish" else command.call_service.service
-        if action in ("publish", "call_service") and self._teleop.is_actuator(name):
+        name = driven(command)
+        if name and self._teleop.is_actuator(name):
             raise LeaseError(f"{name} is an actuator: what moves the robot is never durable")
 
     def _admit(self, event: CommandArrived) -> None:
@@ -180,9 +180,9 @@ class Commands:
         result = link_pb2.CommandResult(command_id=command.command_id)
         try:
             remaining_s = self._remaining_s(event)
-            if command.WhichOneof("action") == "call_service":
+            if command.WhichOneof("action") in ("call_service", "send_goal"):
                 age_s = event.age_s(self._clock.monotonic_s())
-                self._teleop.check(command.call_service.service, command.lease_id, age_s=age_s)
+                self._teleop.check(driven(command), command.lease_id, age_s=age_s)
             result.payload = await self._actions[command.WhichOneof("action") or ""](command, remaining_s)
             result.ok = True
         except MetarosError as error:
@@ -209,3 +209,15 @@ class Commands:
         with contextlib.closing(client):
             response: bytes = await client.call_async(call.request, remaining_s)
             return response
+
+
+def driven(command: link_pb2.Command) -> str:
+    """The topic, service or action that a command uses, which may move the robot; "" where it uses none."""
+    match command.WhichOneof("action"):
+        case "publish":
+            return command.publish.topic
+        case "call_service":
+            return command.call_service.service
+        case "send_goal":
+            return command.send_goal.action
+    return ""

@@ -12,6 +12,7 @@ MetarosError (metaros.errors)
 │   │   ├── NothingRecordedError  the black box holds nothing of that time         nothing_there
 │   │   ├── ManyRecordingsError   too many of them wait for the gateway            too_many_recordings
 │   │   ├── TwinRulesError    the robot's twin says what it is to be               twin_rules
+│   │   ├── TakenError        somebody serves that name already                    taken
 │   │   └── UnsupportedError  a command this agent does not know                   unsupported
 │   ├── TokenFormatError      that is no enrolment token                           token_malformed
 │   └── InsecureGatewayError  an identity is not shown without TLS                 insecure_gateway
@@ -60,6 +61,7 @@ __all__ = [
     "RefusedError",
     "ScopeError",
     "StaleError",
+    "TakenError",
     "TokenFormatError",
     "TwinRulesError",
     "UnprovenError",
@@ -132,6 +134,12 @@ class TwinRulesError(CommandError):
     """What the command would change is what the robot's twin says: it is changed there."""
 
     code = "twin_rules"
+
+
+class TakenError(CommandError):
+    """Somebody in the robot's graph serves that name already."""
+
+    code = "taken"
 
 
 class UnsupportedError(CommandError):

@@ -29,6 +29,7 @@ from edge_agent.nodes.setup import open_nodes
 from edge_agent.outbox import OutboxWriter
 from edge_agent.pipeline import Pipeline
 from edge_agent.publishers import Publishers
+from edge_agent.ros.desk import RosDesk
 from edge_agent.sample_trace import Tracer
 from edge_agent.scope import Scope
 from edge_agent.sealing import open_sealing
@@ -144,6 +145,7 @@ class Parts:
         self.updates = open_updates(settings, state.directory, known, clock, running=self.who.agent_version)
         bundles = self.updates.nodes if known is not None else None
         self.nodes = open_nodes(settings, state.directory, clock, domain=node.context.domain_id, bundles=bundles)
+        self.ros = RosDesk(node, self.scope, clock)
         self.commands = self._commands()
         self.twin, self.values = state.twin.build(
             RosServices(node, self.scope),
@@ -161,7 +163,7 @@ class Parts:
     def runs(self) -> Iterator[Coroutine[Any, Any, None]]:
         """What runs beside each other until the agent ends."""
         yield from (self.twin.run(), self.values.run(), self.uplink.run(), self.teleop.run())
-        yield from (self.updates.agent.run(), self.nodes.run())
+        yield from (self.updates.agent.run(), self.nodes.run(), self.ros.run())
         if self.renewing is not None:
             yield self.renewing.run()
         if self.settings.host_metrics:
@@ -194,7 +196,7 @@ class Parts:
             limit=self.limit,
             saver=saver,
             kept=state.kept_results,
-            actions=self.nodes.actions,
+            actions={**self.nodes.actions, **self.ros.actions},
         )
 
     def _keeper(self) -> SessionKeeper:
@@ -210,7 +212,7 @@ class Parts:
             wake=lambda: self.uplink.wake(),
             credentials=self.credentials,
             expired=self.renewing.now if self.renewing is not None else lambda: None,
-            desks=[self.commands.durable, self.updates.agent, self.nodes, self.twin],
+            desks=[self.commands.durable, self.updates.agent, self.nodes, self.twin, self.ros],
         )
 
     def _link(self) -> None:

@@ -13,7 +13,7 @@ from metaros._proto import link_pb2
 
 __all__ = ["DESK_FRAMES", "LinkDesk", "Tell", "Told"]
 
-DESK_FRAMES: Final = frozenset({"twin", "twin_confirmed", "node_leases", "result_stored"})
+DESK_FRAMES: Final = frozenset({"twin", "twin_confirmed", "node_leases", "result_stored", "offers", "offer_answer"})
 Tell = Callable[[link_pb2.AgentFrame], None]
 
 

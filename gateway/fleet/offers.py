@@ -10,7 +10,6 @@ import asyncio
 import contextlib
 import itertools
 import logging
-from collections.abc import Coroutine
 from typing import Any, Final
 
 from gateway.errors import CommandTimeoutError, RobotOfflineError, TooManyError
@@ -149,15 +148,16 @@ class OfferDesk:
             if sum(known[0] == robot_id for known in self._tasks) >= self._limits.offer_asks:
                 self._refuse(key, f"{self._limits.offer_asks} requests are under way already")
                 return
-            work = self._serve(key, offer, asked) if offer.answer else self._execute(key, offer, asked)
-            self._tasks[key] = asyncio.create_task(self._guarded(key, work))
+            begun = self._tasks[key] = asyncio.create_task(self._guarded(key, offer, asked))
+            begun.add_done_callback(lambda _: (self._tasks.pop(key, None), self._goals.pop(key, None)))
         elif offer is None:
             self._refuse(key, "this offer was taken back")
 
-    async def _guarded(self, key: Ask, work: Coroutine[Any, Any, link_pb2.OfferAnswer]) -> None:
+    async def _guarded(self, key: Ask, offer: Offer, asked: link_pb2.OfferAsked) -> None:
         """Do it, and answer however it goes."""
+        work = self._serve if offer.answer is not None else self._execute
         try:
-            self._answer(key, await work)
+            self._answer(key, await work(key, offer, asked))
         except asyncio.CancelledError:
             self._refuse(key, "its client went away")
         except MetarosError as error:
@@ -165,9 +165,6 @@ class OfferDesk:
         except Exception as error:
             log.exception("an offered service or action")
             self._refuse(key, f"internal: {type(error).__name__}")
-        finally:
-            self._tasks.pop(key, None)
-            self._goals.pop(key, None)
 
     async def _serve(self, key: Ask, offer: Offer, asked: link_pb2.OfferAsked) -> link_pb2.OfferAnswer:
         assert offer.answer is not None

@@ -1,0 +1,62 @@
+"""The robot's ROS graph as one desk of the link: tells it, follows goals, serves what clients offer."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from edge_agent.ros.goals import GoalRunner
+from edge_agent.ros.offers import OfferSide
+from edge_agent.ros.teller import GraphWatch
+from edge_agent.scope import Scope
+from edge_agent.uplink.desk import Tell, Told
+from metaros._proto import link_pb2
+from metaros.clock import Clock
+from metaros.node import Node
+
+if TYPE_CHECKING:
+    from edge_agent.commands import Action
+
+__all__ = ["RosDesk"]
+
+
+class RosDesk:
+    """See LinkDesk. A gateway that does not know these frames is told none of them."""
+
+    frames = frozenset({"offers", "offer_answer"})
+
+    def __init__(self, node: Node, scope: Scope, clock: Clock) -> None:
+        self._graph = GraphWatch(node, scope)
+        self._goals = GoalRunner(node, scope, clock)
+        self._offers = OfferSide(node, scope)
+
+    @property
+    def actions(self) -> Mapping[str, Action]:
+        """The commands about goals, by their names in `Command.action`."""
+        return self._goals.actions
+
+    def link_up(self, tell: Tell, welcome: link_pb2.Welcome) -> None:
+        """See LinkDesk."""
+        self._link(tell if welcome.graph else None)
+
+    def link_down(self) -> None:
+        """See LinkDesk."""
+        self._link(None)
+
+    def take(self, told: Told) -> None:
+        """See LinkDesk."""
+        self._offers.take(told.frame)
+
+    async def run(self) -> None:
+        """Until cancelled; then nothing is followed or served any more."""
+        try:
+            async with asyncio.TaskGroup() as group:
+                for part in (self._graph, self._goals, self._offers):
+                    group.create_task(part.run())
+        finally:
+            await self._goals.close()
+
+    def _link(self, tell: Tell | None) -> None:
+        for part in (self._graph, self._goals, self._offers):
+            part.link(tell)
