@@ -47,6 +47,7 @@ from gateway.api.rest import (
     users,
 )
 from gateway.api.robot_rows import make_robot_rows
+from gateway.api.rosbridge import socket as rosbridge
 from gateway.api.services import Services
 from gateway.api.static import Dashboard
 from gateway.api.viewer_doors import QueryToken
@@ -84,6 +85,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     stream.router,
     teleop.router,
     link.router,
+    rosbridge.router,
 )
 OPENAPI = "/api/v1/openapi.json"
 
