@@ -14,9 +14,9 @@ from typing import Any, Final
 
 import orjson
 
-from metaros.inert import InertFormatter, inert_json
+from metaros.inert import InertFormatter, inert, inert_json
 
-__all__ = ["FORMATS", "LEVELS", "JsonFormatter", "TextFormatter", "asked_by", "set_up_logs"]
+__all__ = ["FORMATS", "LEVELS", "JsonFormatter", "TextFormatter", "asked_by", "set_up_logs", "tell_of"]
 
 FORMATS: Final = ("text", "json")
 LEVELS: Final = ("debug", "info", "warning", "error")
@@ -36,6 +36,11 @@ def asked_by(facts: Callable[[], Mapping[str, str]]) -> Iterator[None]:
         _WHO.reset(token)
 
 
+def tell_of(facts: Callable[[], Mapping[str, str]]) -> None:
+    """The same from here to the end of this task."""
+    _WHO.set(facts)
+
+
 class TextFormatter(InertFormatter):
     """A line for people; the request's facts stand behind it."""
 
@@ -45,7 +50,7 @@ class TextFormatter(InertFormatter):
     def formatMessage(self, record: logging.LogRecord) -> str:
         """The line itself."""
         facts = " ".join(f"{key}={value}" for key, value in _facts().items())
-        return super().formatMessage(record) + (f" [{facts}]" if facts.isprintable() and facts else "")
+        return super().formatMessage(record) + (f" [{inert(facts)}]" if facts else "")
 
 
 class JsonFormatter(logging.Formatter):

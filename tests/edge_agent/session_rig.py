@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from edge_agent.batch import Linger
 from edge_agent.channels import METRIC_STREAM, Channels
 from edge_agent.live import LiveQueue
+from edge_agent.sample_trace import Tracer
 from edge_agent.topics import TopicRule, TopicTable
 from edge_agent.uplink.budget import Budget
 from edge_agent.uplink.lane import Compression
@@ -52,11 +53,12 @@ class SessionRig:
         self.number, self.store_id = 100, ""
         self.limits = Limits()
         self.compression: Compression = "none"
+        self.tracer: Tracer | None = None
         self.session = self.new_session()
 
     @property
     def queues(self) -> Queues:
-        return Queues(self.channels, self.outbox, self.live, self.linger, self.budget)
+        return Queues(self.channels, self.outbox, self.live, self.linger, self.budget, tracer=self.tracer)
 
     @property
     def epoch(self) -> int:

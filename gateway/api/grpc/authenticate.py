@@ -10,6 +10,7 @@ import logging
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from secrets import token_hex
 from typing import Any
 
 import grpc
@@ -30,6 +31,7 @@ from gateway.errors import (
 )
 from gateway.identity.permissions import Permission, permission
 from gateway.ingest.link_service import address_of_peer, forwarded, is_local_peer
+from gateway.ops.logs import tell_of
 from metaros.errors import MetarosError
 
 __all__ = ["Call", "Gate"]
@@ -50,6 +52,7 @@ class Call:
     services: Services
     detail: str = ""
     robot: str = field(default="")
+    status: int = 499  # once it has ended, as HTTP would say it; its caller may go before
 
     def require(self, robot_id: str) -> None:
         """The robot that it is about: UnknownRobotError out of scope, TooManyRequestsError for too many changes."""
@@ -78,7 +81,8 @@ class Gate:
     async def call(self, method: str, context: Context) -> AsyncIterator[Call]:
         """One call of a method of `RPCS`; whatever goes wrong inside becomes its status."""
         services, row = self._services(), permission(RPCS[method])
-        call = Call(NOBODY, row, None, services)
+        call, began_s, number = Call(NOBODY, row, None, services), services.clock.monotonic_s(), token_hex(8)
+        tell_of(lambda: {"request_id": number, "principal": _name(call.principal), "robot": call.robot})
         try:
             if row.mutates:
                 services.audit.check_room()
@@ -91,6 +95,8 @@ class Gate:
             await refuse(context, error)
         else:
             await self._ended(method, call, context, None)
+        finally:
+            services.operations.meters.rpc(method, call.status, seconds=services.clock.monotonic_s() - began_s)
 
     async def _admit(self, call: Call, context: Context) -> None:
         services, address = call.services, address_of_peer(context.peer())
@@ -120,7 +126,7 @@ class Gate:
             status, code = error_row(error).http, error_code(error)
         elif error is not None:
             status, code = 500, "internal"
-        who = call.principal
+        who, call.status = call.principal, status
         facts: dict[str, Any] = {
             "kind": who.kind,
             "actor": who.id,
@@ -141,6 +147,10 @@ class Gate:
                 await call.services.audit.record(**facts)
             except MetarosError as failed:  # it is over, and cannot be taken back
                 log.warning("the audit log has no row of %s: %s", method, failed)
+
+
+def _name(who: Principal) -> str:
+    return f"{who.kind}:{who.name or who.id}"
 
 
 def credential_of(metadata: Mapping[str, str]) -> Credential | None:
