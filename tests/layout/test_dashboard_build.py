@@ -122,4 +122,5 @@ def test_text_from_robots_is_never_markup() -> None:
 
 def test_modules_are_small() -> None:
     over = {path.name: n for path in (DASHBOARD / "src").rglob("*.ts*") if (n := path.read_text().count("\n")) > 250}
+    over.pop("schema.ts", None)  # tools/gen_ts_client.py writes it
     assert over == {}

@@ -1,8 +1,8 @@
 /** Typed calls of the gateway's REST interface. Every failure is an ApiError with the server's own words. */
 
-import type { Ranged } from "./history_types";
+import { prepared, type AnswerOf, type Arguments, type Operation } from "./operation.js";
+import type { Problem } from "./schema.js";
 import { refresh, session } from "./session";
-import type { Gap, Problem, Robot, SeriesInfo, Topic, Uplink } from "./types";
 
 const BASE = "/api/v1";
 
@@ -74,6 +74,12 @@ export function send<T>(method: Method, path: string, body?: unknown): Promise<T
   });
 }
 
+/** An operation by its name: `call("GET /robots/{robot_id}/topics", { path: { robot_id } })`. */
+export async function call<K extends Operation>(operation: K, ...[given]: Arguments<K>): Promise<AnswerOf<K>> {
+  const { method, path, body } = prepared(operation, given);
+  return request(path, method === "GET" ? undefined : { method, headers: { "content-type": "application/json" }, body });
+}
+
 /** What a failure says to a person. */
 export const saidOf = (error: unknown) => (error instanceof Error ? error.message : String(error));
 
@@ -81,29 +87,14 @@ export const BASE_PATH = BASE;
 export const robotPath = (id: string) => `/robots/${encodeURIComponent(id)}`;
 
 export const api = {
-  robot: (id: string) => request<Robot>(robotPath(id)),
-  topics: async (id: string) => (await request<{ topics: Topic[] }>(`${robotPath(id)}/topics`)).topics,
-  metrics: async (id: string) => (await request<{ series: SeriesInfo[] }>(`${robotPath(id)}/metrics`)).series,
-  range: (id: string, names: string[], start: string, points: number) => {
-    const query = new URLSearchParams([
-      ...names.map((name) => ["name", name]),
-      ["start", start],
-      ["end", "now"],
-      ["points", String(points)],
-    ]);
-    return request<Ranged>(`${robotPath(id)}/metrics/range?${query}`);
-  },
-  gaps: async (id: string, limit: number) =>
-    (await request<{ gaps: Gap[] }>(`${robotPath(id)}/gaps?limit=${limit}`)).gaps,
-  setUplink: (id: string, bytesPerS: number | null) =>
-    send<Uplink>("PUT", `${robotPath(id)}/uplink`, { bytes_per_s: bytesPerS }),
-  callService: (id: string, service: string, type: string, body: object, timeoutS = 5) =>
-    send<{ response: Record<string, unknown> }>("POST", `${robotPath(id)}/services/call`, {
-      service,
-      type,
-      request: body,
-      timeout_s: timeoutS,
-    }),
+  topics: async (id: string) => (await call("GET /robots/{robot_id}/topics", { path: { robot_id: id } })).topics,
+  metrics: async (id: string) => (await call("GET /robots/{robot_id}/metrics", { path: { robot_id: id } })).series,
+  range: (id: string, name: string[], start: string, points: number) =>
+    call("GET /robots/{robot_id}/metrics/range", { path: { robot_id: id }, query: { name, start, end: "now", points } }),
+  gaps: async (id: string, limit: number) => (await call("GET /robots/{robot_id}/gaps", { path: { robot_id: id }, query: { limit } })).gaps,
+  setUplink: (id: string, bytesPerS: number | null) => call("PUT /robots/{robot_id}/uplink", { path: { robot_id: id }, body: { bytes_per_s: bytesPerS } }),
+  callService: (id: string, service: string, type: string, body: Record<string, unknown>, timeoutS = 5) =>
+    call("POST /robots/{robot_id}/services/call", { path: { robot_id: id }, body: { service, type, request: body, timeout_s: timeoutS } }),
 };
 
 /** The WebSocket address of a path on the gateway that served this page. */

@@ -3,34 +3,14 @@
 import type { Json, JsonObject } from "../fleet_ops/json";
 import { request, robotPath } from "./client";
 import { askExact, sendExact } from "./exact";
+import type { TypeConstant, TypeField, TypeShape as Told } from "./schema.js";
 
-export interface FieldShape {
-  name: string;
-  /** A primitive, or the full name of a message. */
-  type: string;
-  array: "" | "fixed" | "bounded" | "unbounded";
-  /** The n of `T[n]` and `T[<=n]`, else 0. */
-  capacity: number;
-  /** The n of `string<=n`, else 0. */
-  string_bound: number;
-  /** Null: zero, empty text, an empty list. */
-  default: Json;
-}
-
-export interface ConstantShape {
-  name: string;
-  type: string;
-  value: Json;
-}
+/** One field: of a list `capacity` is the n of `T[n]` and `T[<=n]`, else 0; a default of null is zero, empty text or an empty list. */
+export type FieldShape = Omit<TypeField, "default"> & { default: Json };
+export type ConstantShape = Omit<TypeConstant, "value"> & { value: Json };
 
 /** What a type is made of. Its numbers are as they were written: a default may be 10.0 or 2^60. */
-export interface TypeShape {
-  type: string;
-  type_hash: string;
-  text: string;
-  parts: Partial<Record<"message" | "request" | "response" | "goal" | "result" | "feedback", string>>;
-  definitions: Record<string, { fields: FieldShape[]; constants: ConstantShape[] }>;
-}
+export type TypeShape = Omit<Told, "definitions"> & { definitions: Record<string, { fields: FieldShape[]; constants: ConstantShape[] }> };
 
 export interface Endpoint {
   /** "": a node that is not one of the robot's own. */

@@ -2,28 +2,16 @@
 
 import type { Json, Numeric } from "../fleet_ops/json";
 import type { Kind } from "../fleet_ops/values";
-import { BASE_PATH, request, robotPath, send } from "./client";
+import { BASE_PATH, call, robotPath } from "./client";
 import { askExact, sendExact } from "./exact";
+import type { BodyOf } from "./operation.js";
+import type { Lifecycle as ToldLifecycle, Node as ToldNode, NodeResult as ToldResult, Operations, RobotNodes as ToldNodes } from "./schema.js";
 
-export type NodeVerb = "start" | "stop" | "restart" | "retry" | "signal";
-
-export interface NodeReport {
-  state: string;
-  why: string;
-  pid: number | null;
-  restarts: number;
-  since: string | null;
-  last_exit: string;
-  version: string;
-  waits_for: string[];
-  lease_id: string;
-  nice: number | null;
-  quarantined: boolean;
-  crashes: number;
-  /** Of a critical node: how the safe stop goes that its death asked for; "" for none. */
-  safe_stop: "" | "under way" | "done" | "failed";
-  update: { state: string; version: string; code: string; message: string } | null;
-}
+export type { Crash, LogLine, LogPage, ReportedNode as NodeReport } from "./schema.js";
+export type NodeVerb = Operations["POST /robots/{robot_id}/nodes/{node}/{verb}"]["path"]["verb"];
+export type Transition = BodyOf<"POST /robots/{robot_id}/nodes/{node}/lifecycle">["transition"];
+/** What an act on a node came to. */
+export type NodeResult = Pick<ToldResult, "node" | "outcome" | "told" | "message"> & { verb: NodeVerb };
 
 /** A row of the robot's effective twin, with its defaults. */
 export interface NodeRow {
@@ -38,61 +26,9 @@ export interface NodeRow {
   run: boolean;
 }
 
-export interface Node {
-  robot: string;
-  name: string;
-  ros_name: string;
-  online: boolean;
-  state: string;
-  wanted: "running" | "stopped" | "standby" | "absent";
-  in_step: boolean;
-  differs: { what: string; desired: unknown; reported: unknown; why: string }[];
-  in_own: boolean;
-  desired: NodeRow | null;
-  reported: NodeReport | null;
-  reported_at: string | null;
-  holder: string | null;
-}
-
-export interface RobotNodes {
-  robot: string;
-  online: boolean;
-  revision: number;
-  applied: number;
-  in_step: boolean;
-  nodes: Node[];
-}
-
-export interface NodeResult {
-  node: string;
-  verb: NodeVerb;
-  outcome: "done" | "pending" | "failed";
-  told: boolean;
-  message: string;
-}
-
-export interface LogLine {
-  at: string | null;
-  at_ns: string;
-  text: string;
-}
-
-export interface LogPage {
-  lines: LogLine[];
-  cursor: string;
-  more: boolean;
-}
-
-export interface Crash {
-  at: string | null;
-  reason: string;
-  pid: number | null;
-  ran_s: number | null;
-  version: string;
-  argv: string[];
-  env: Record<string, string>;
-  lines: string[];
-}
+export type Lifecycle = Omit<ToldLifecycle, "transitions"> & { transitions: Transition[] };
+export type Node = Omit<ToldNode, "desired"> & { desired: NodeRow | null };
+export type RobotNodes = Omit<ToldNodes, "nodes"> & { nodes: Node[] };
 
 interface Bounds {
   from: Numeric;
@@ -120,28 +56,22 @@ export interface SetResult {
   reason: string;
 }
 
-export interface Lifecycle {
-  managed: boolean;
-  state: string;
-  wanted: string | null;
-  transitions: string[];
-}
+const nodePath = (robot: string, node: string) => `${robotPath(robot)}/nodes/${encodeURIComponent(node)}`;
 
-const nodesPath = (robot: string) => `${robotPath(robot)}/nodes`;
-const nodePath = (robot: string, node: string) => `${nodesPath(robot)}/${encodeURIComponent(node)}`;
+const at = (robot: string, node: string) => ({ path: { robot_id: robot, node } });
 
 export const nodesApi = {
-  list: (robot: string) => request<RobotNodes>(nodesPath(robot)),
+  list: (robot: string) => call("GET /robots/{robot_id}/nodes", { path: { robot_id: robot } }) as Promise<RobotNodes>,
   act: (robot: string, node: string, verb: NodeVerb, signal?: number) =>
-    send<NodeResult>("POST", `${nodePath(robot, node)}/${verb}`, signal === undefined ? {} : { signal }),
-  log: (robot: string, node: string, query: Record<string, string>) => request<LogPage>(`${nodePath(robot, node)}/log?${new URLSearchParams(query)}`),
+    call("POST /robots/{robot_id}/nodes/{node}/{verb}", { path: { robot_id: robot, node, verb }, body: signal === undefined ? {} : { signal } }) as Promise<NodeResult>,
+  log: (robot: string, node: string, query: Record<string, string>) => call("GET /robots/{robot_id}/nodes/{node}/log", { ...at(robot, node), query }),
   /** For an EventSource: `lines` as they come, `end` with a code and why. */
   tailUrl: (robot: string, node: string, query: Record<string, string>) => `${BASE_PATH}${nodePath(robot, node)}/log/tail?${new URLSearchParams(query)}`,
-  crashes: async (robot: string, node: string) => (await request<{ crashes: Crash[] }>(`${nodePath(robot, node)}/crashes`)).crashes,
+  crashes: async (robot: string, node: string) => (await call("GET /robots/{robot_id}/nodes/{node}/crashes", at(robot, node))).crashes,
   parameters: async (robot: string, node: string) => (await askExact<{ parameters: Parameter[] }>(`${nodePath(robot, node)}/parameters`)).parameters,
   setParameters: async (robot: string, node: string, parameters: Record<string, Json>, keep: boolean) =>
     (await sendExact<{ results: SetResult[] }>("PATCH", `${nodePath(robot, node)}/parameters`, { parameters, keep })).results,
-  lifecycle: (robot: string, node: string) => request<Lifecycle>(`${nodePath(robot, node)}/lifecycle`),
-  transit: (robot: string, node: string, transition: string, keep: boolean) =>
-    send<Lifecycle & { success: boolean }>("POST", `${nodePath(robot, node)}/lifecycle`, { transition, keep }),
+  lifecycle: (robot: string, node: string) => call("GET /robots/{robot_id}/nodes/{node}/lifecycle", at(robot, node)) as Promise<Lifecycle>,
+  transit: (robot: string, node: string, transition: Transition, keep: boolean) =>
+    call("POST /robots/{robot_id}/nodes/{node}/lifecycle", { ...at(robot, node), body: { transition, keep } }) as Promise<Lifecycle & { success: boolean }>,
 };

@@ -1,21 +1,17 @@
 /** Typed calls for recordings, exports and the store. */
 
-import { BASE_PATH, request, robotPath, send } from "./client";
+import { BASE_PATH, call } from "./client";
 import { rfc3339 } from "./history";
-import type { Recording, StoreView } from "./history_types";
 
 const path = (id: string) => `/recordings/${encodeURIComponent(id)}`;
 
 export const recordingsApi = {
-  list: async (robot = "", limit = 200) => {
-    const query = new URLSearchParams([...(robot ? [["robot", robot]] : []), ["limit", String(limit)]]);
-    return (await request<{ recordings: Recording[] }>(`/recordings?${query}`)).recordings;
-  },
-  saveLast: (robot: string, lastS: number) => send<Recording>("POST", `${robotPath(robot)}/recordings`, { last_s: lastS }),
+  list: async (robot = "", limit = 200) => (await call("GET /recordings", { query: { robot: robot || undefined, limit } })).recordings,
+  saveLast: (robot: string, lastS: number) => call("POST /robots/{robot_id}/recordings", { path: { robot_id: robot }, body: { last_s: lastS } }),
   save: (robot: string, startMs: number, endMs: number) =>
-    send<Recording>("POST", `${robotPath(robot)}/recordings`, { start: rfc3339(startMs), end: rfc3339(endMs) }),
-  remove: (id: string) => send<null>("DELETE", path(id)),
-  store: () => request<StoreView>("/store"),
+    call("POST /robots/{robot_id}/recordings", { path: { robot_id: robot }, body: { start: rfc3339(startMs), end: rfc3339(endMs) } }),
+  remove: (id: string) => call("DELETE /recordings/{recording_id}", { path: { recording_id: id } }),
+  store: () => call("GET /store"),
   fileHref: (id: string) => `${BASE_PATH}${path(id)}/file.mcap`,
 };
 

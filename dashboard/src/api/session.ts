@@ -1,20 +1,10 @@
 /** Who uses this page and what they may do: one signal, which every view reads and the gateway alone decides. */
 
 import { computed, signal } from "@preact/signals";
+import type { Account } from "./schema.js";
 
-export type Role = "none" | "viewer" | "operator" | "admin";
-
-export interface Account {
-  kind: "anonymous" | "user" | "key" | "robot";
-  id: string;
-  name: string;
-  role: Role;
-  robots: string[];
-  scopes: string[];
-  csrf: string;
-  has_password: boolean;
-  permissions: string[];
-}
+export type { Account };
+export type Role = Account["role"];
 
 export const NOBODY: Account = {
   kind: "anonymous",

@@ -3,7 +3,7 @@
 import { useSignal } from "@preact/signals";
 import { Confirm, Refusal, useAttempt, type Question } from "../admin/modal";
 import { useAsked } from "../admin/use_list";
-import { nodesApi, type Lifecycle, type Node } from "../api/nodes";
+import { nodesApi, type Lifecycle, type Node, type Transition } from "../api/nodes";
 import { can } from "../api/session";
 
 const LOOK_MS = 3000;
@@ -19,13 +19,13 @@ export function LifecycleView({ node: { robot, name } }: { node: Node }) {
   const found = asked.value.value;
   if (!found) return asked.problem.value ? <Refusal text={asked.problem.value} /> : <p class="hint pad-in">Asking the node…</p>;
   if (!found.managed) return <p class="hint pad-in">This node has no lifecycle: it is not a managed node, it simply runs.</p>;
-  const run = async (transition: string) => {
+  const run = async (transition: Transition) => {
     said.value = "";
     const result = await nodesApi.transit(robot, name, transition, keep.value && transition !== "cleanup");
     said.value = result.success ? `${transition}: it is ${result.state} now.` : `${transition} did not succeed: it is ${result.state}.`;
     await asked.refresh();
   };
-  const go = (transition: string) => {
+  const go = (transition: Transition) => {
     if (transition === "shutdown") question.value = { title: `Shut ${name} down?`, text: <p>A node that is finalized does not come back without a restart.</p>, yes: "Shut it down", run: () => run(transition) };
     else void attempt(() => run(transition));
   };

@@ -1,7 +1,7 @@
 /** What the page knows of the fleet: robots, their newest values, and a short memory of CPU load for spark lines. */
 
 import { signal, type Signal } from "@preact/signals";
-import type { Robot, Sample } from "../api/types";
+import type { Robot } from "../api/types";
 import { isStale } from "./age";
 import { noteLink } from "./link_history";
 import type { Stream } from "./stream";
@@ -10,6 +10,12 @@ export const SPARK_POINTS = 60;
 export const FLEET_SERIES = ["battery_state.percentage", "odom.twist.twist.linear.x", "host.cpu.percent"];
 
 export type Health = "offline" | "attention" | "online";
+
+/** A value that is a number: a series may have others, which no cell can show. */
+export interface Sample {
+  stamp_ms: number;
+  value: number;
+}
 
 export const robots = signal<Robot[] | null>(null);
 const values = new Map<string, Signal<Sample | null>>();
@@ -49,7 +55,7 @@ export function followFleet(stream: Stream): void {
       noteLink(robot, Date.now());
       for (const name of FLEET_SERIES) {
         const sample = robot.latest[name];
-        if (sample && latest(robot.id, name).peek() === null) setValue(robot.id, name, sample);
+        if (sample && sample.value !== null && latest(robot.id, name).peek() === null) setValue(robot.id, name, { ...sample, value: sample.value });
       }
     }
     robots.value = [...merged.values()];

@@ -42,6 +42,6 @@ function PastProvider({ robot, children }: { robot: string; children: ComponentC
 function topicsOfStore(stored: StoredTopic[]): Topic[] {
   return stored.map(
     ({ topic, type, class: kind, samples }) =>
-      ({ topic, type, class: kind, encoding: "cdr", publishers: 0, messages: samples, received: samples, rate_hz: null }) as Topic,
+      ({ topic, type, class: kind, encoding: "cdr", publishers: 0, messages: samples, received: samples, rate_hz: 0 }) as Topic,
   );
 }

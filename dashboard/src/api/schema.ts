@@ -1,0 +1,1457 @@
+/**
+ * The documents of the gateway's REST interface, and what each operation takes and answers.
+ *
+ * Written by tools/gen_ts_client.py from the gateway's OpenAPI: do not edit.
+ */
+
+/**
+ * Who asks, and what they may do. `csrf` goes into X-CSRF-Token; "" where no cookie is used.
+ *
+ * `has_password`: whether they can sign in by a password; one who cannot may set the first without an old one.
+ */
+export interface Account {
+  kind: "anonymous" | "user" | "key" | "robot";
+  id: string;
+  name: string;
+  role: "none" | "viewer" | "operator" | "admin";
+  robots: string[];
+  scopes: string[];
+  csrf: string;
+  has_password: boolean;
+  permissions: string[];
+}
+
+/** A key without its secret; `user` is "" for a key of nobody's. `used` is exact to five minutes. */
+export interface ApiKey {
+  id: string;
+  name: string;
+  user: string;
+  role: "viewer" | "operator" | "admin";
+  robots: string[];
+  scopes: string[];
+  created: string;
+  expires: string | null;
+  used: string | null;
+}
+
+/** The newest first. */
+export interface ApiKeyList {
+  keys: ApiKey[];
+  next: string | null;
+}
+
+/** What does not hold, at which row. */
+export interface AuditFault {
+  number: number;
+  fault: "hash" | "missing" | "head" | "export";
+  detail: string;
+}
+
+/** Rows, the newest first; `next` is `before` of the page after this one, null at the end. */
+export interface AuditPage {
+  rows: AuditRow[];
+  next: number | null;
+}
+
+/**
+ * Whether every row follows from the one before, and the exported heads are those of this chain.
+ *
+ * At most 100 faults. `heads` were compared; `heads_sealed` of them were sealed with this gateway's master key.
+ */
+export interface AuditProof {
+  ok: boolean;
+  rows: number;
+  hash: string;
+  faults: AuditFault[];
+  heads: number;
+  heads_sealed: number;
+  heads_error: string;
+}
+
+/** A row of the log; `hash` proves it and all before it. */
+export interface AuditRow {
+  number: number;
+  at: string;
+  gateway: string;
+  kind: string;
+  actor: string;
+  name: string;
+  role: string;
+  address: string;
+  action: string;
+  method: string;
+  target: string;
+  status: number;
+  code: string;
+  detail: string;
+  hash: string;
+}
+
+/** What the robot still has of its last minutes, by its clock; `lost` messages did not reach its disk. */
+export interface BlackBox {
+  from: string | null;
+  to: string | null;
+  size_bytes: number;
+  quota_bytes: number;
+  lost: number;
+}
+
+/** Both ends included; a step of 0: any value between them. */
+export interface Bounds {
+  from: number;
+  to: number;
+  step: number;
+}
+
+/** An uploaded bundle; robots can have it once it is `signed`, and until it is `withdrawn`. */
+export interface Bundle {
+  path: string;
+  kind: "node" | "agent";
+  name: string;
+  version: string;
+  min_version: string;
+  hw: string[];
+  python: string;
+  sha256: string;
+  size_bytes: number;
+  signed: boolean;
+  uploaded: string;
+  uploaded_by: string;
+  withdrawn: string | null;
+  reason: string;
+}
+
+/** The service's response. */
+export interface CallResult {
+  response: Record<string, unknown>;
+}
+
+/** One difference; `path` is a JSON pointer. `old` or `new` is left out where the key is not there. */
+export interface Change {
+  path: string;
+  verb: "add" | "remove" | "change";
+  old?: unknown;
+  new?: unknown;
+}
+
+/** One class, and its own bounds. */
+export interface ClassAccount {
+  class: "metric" | "bulk" | "event" | "recording";
+  bytes: number;
+  oldest: string | null;
+  keep_days: number | null;
+  keep_bytes: number | null;
+}
+
+/** How much of a class waits on the robot: accepted while the link was up (fresh) or down (backfill). */
+export interface ClassDepth {
+  name: string;
+  fresh_bytes: number;
+  backfill_bytes: number;
+  samples: number;
+  lost: number;
+  disk_bytes: number;
+  quota_bytes: number;
+}
+
+/** One event, CloudEvents 1.0. `id` is its place in the journal: the cursor behind which to go on. */
+export interface CloudEvent {
+  specversion: "1.0";
+  id: string;
+  source: string;
+  type: string;
+  subject?: string | null;
+  time: string;
+  datacontenttype: "application/json";
+  gateway: string;
+  data: Record<string, unknown>;
+}
+
+/** A command and how far it is. Times are null until they came. */
+export interface Command {
+  id: string;
+  robot: string;
+  kind: string;
+  request: unknown;
+  state: "issued" | "delivered" | "running" | "done" | "failed" | "expired" | "cancelled";
+  durable: boolean;
+  issued_by: string;
+  idempotency_key: string | null;
+  timeout_s: number;
+  issued: string;
+  expires: string | null;
+  delivered: string | null;
+  running: string | null;
+  ended: string | null;
+  code: string;
+  message: string;
+  result: unknown;
+}
+
+/** A page, newest first; `next` is the `before` of the page after it. */
+export interface CommandList {
+  commands: Command[];
+  next: string | null;
+}
+
+/**
+ * What arrived since this gateway started; `lost` samples were declared by gaps.
+ *
+ * Of a robot that sends more than its quota `over_quota` live samples were dropped; `put_off`: how often it was told
+ * to send the others later.
+ */
+export interface Counts {
+  samples: number;
+  bytes: number;
+  duplicates: number;
+  gaps: number;
+  lost: number;
+  over_quota: number;
+  put_off: number;
+}
+
+/** How a node ended, with its last words. */
+export interface Crash {
+  at: string | null;
+  reason: string;
+  pid: number | null;
+  ran_s: number | null;
+  version: string;
+  argv: string[];
+  env: Record<string, string>;
+  lines: string[];
+}
+
+/** The newest first. */
+export interface Crashes {
+  crashes: Crash[];
+}
+
+/** One finding of the last check. */
+export interface DamageAccount {
+  object: string | null;
+  robot: string | null;
+  topic: string | null;
+  start: string | null;
+  end: string | null;
+  what: string;
+}
+
+/** A report for people; its parts may change. */
+export interface Debug {
+  gateway: string;
+  store: string;
+  checks: Record<string, string>;
+  draining: boolean;
+  process: Record<string, unknown>;
+  settings: Record<string, string>;
+  numbers: Record<string, number>;
+  robots: Record<string, number>;
+  tasks: (Record<string, unknown>)[];
+}
+
+/** A declared loss: the numbers `from` to `to` of a stream were accepted, or given, and are stored nowhere. */
+export interface DeclaredGap {
+  topic: string | null;
+  class: "event" | "metric" | "bulk" | "live" | null;
+  stream: number;
+  backfill: boolean;
+  epoch: string;
+  from: number;
+  to: number;
+  count: number;
+  reason: string;
+  lost_from: string | null;
+  lost_to: string | null;
+  declared: string;
+}
+
+/** One thing that is not as desired: state, version, nice, absent, extra; and why, in words. */
+export interface Difference {
+  what: string;
+  desired: unknown;
+  reported: unknown;
+  why: string;
+}
+
+/** 32 bytes to sign, base64url; whom the signature is for, and for how long. */
+export interface EnrolChallenge {
+  nonce: string;
+  audience: string;
+  valid_s: number;
+}
+
+/**
+ * A robot's certificate with what goes above it, in PEM, and where it connects; `grpc_port` 0: over HTTP alone.
+ *
+ * `vouchers` are certificates by which earlier roots confirm those that follow them; mostly there are none.
+ */
+export interface Enrolment {
+  robot: string;
+  fleet: string;
+  certificate: string;
+  chain: string;
+  roots: string;
+  vouchers: string;
+  not_after: string;
+  now: string;
+  grpc_port: number;
+  grpc_tls: boolean;
+}
+
+/** A token without its secret. */
+export interface EnrolmentToken {
+  id: string;
+  robot: string;
+  made: string;
+  made_by: string;
+  expires: string;
+  used: string | null;
+  used_by: string;
+}
+
+/** The newest first. */
+export interface EnrolmentTokenList {
+  tokens: EnrolmentToken[];
+  next: string | null;
+}
+
+/**
+ * A page of events. `lost` is how many behind the cursor are not kept any more.
+ *
+ * Behind `after` the oldest come first, and `next` is always there: ask again with it. Else the newest come first,
+ * and `next` is the `before` of the page of older ones, null where there is none.
+ */
+export interface EventList {
+  events: CloudEvent[];
+  next: string | null;
+  lost: number;
+}
+
+/** One command for each robot that was named, or why that robot got none. */
+export interface FleetCommands {
+  commands: Command[];
+  refused: Record<string, Record<string, string>>;
+  robots: string[];
+}
+
+/** By what a robot recognises its fleet: `roots` in PEM, and the pins that enrolment tokens carry. */
+export interface FleetRoots {
+  fleet: string;
+  roots: string;
+  pins: string[];
+}
+
+/** The newest declared losses, newest first. */
+export interface GapList {
+  gaps: DeclaredGap[];
+}
+
+/** The process answers. */
+export interface Health {
+  status: "ok";
+}
+
+/** What is stored of a robot; `first` and `last` are over all topics, null without any. */
+export interface History {
+  topics: StoredTopicState[];
+  series: number;
+  first: string | null;
+  last: string | null;
+}
+
+/** By robot. */
+export interface IdentityList {
+  identities: RobotIdentity[];
+  next: string | null;
+}
+
+/** The newest message of each topic at an instant. */
+export interface InstantMessages {
+  t_ms: number;
+  messages: StoredMessage[];
+  missing: MissingTopic[];
+  gaps: Loss[];
+}
+
+/** Who drives. */
+export interface LeaseState {
+  holder: string;
+  expires_in_s: number;
+}
+
+/** A managed node's state, what the twin wants of it, and where it may go from there. */
+export interface Lifecycle {
+  robot: string;
+  node: string;
+  managed: boolean;
+  state: string;
+  wanted: string | null;
+  transitions: string[];
+}
+
+/** The same after it; `success`: the node made the transition, or with a dry run: it could. */
+export interface LifecycleChanged {
+  robot: string;
+  node: string;
+  managed: boolean;
+  state: string;
+  wanted: string | null;
+  transitions: string[];
+  dry_run: boolean;
+  success: boolean;
+  revision: number | null;
+}
+
+/** The agent's connection. From `transport` on it is what the agent said last. */
+export interface Link {
+  session: number;
+  rtt_ms: number | null;
+  outbox_bytes: number;
+  outbox_samples: number;
+  bytes_per_s: number;
+  transport: string;
+  gateway: string;
+  budget_bytes_per_s: number | null;
+  sent_bytes_per_s: number;
+  reconnects: number;
+  classes: ClassDepth[];
+  disk_free_bytes: number;
+  clock_offset_ms: number;
+  forks: number;
+  epochs: number;
+  black_box: BlackBox | null;
+}
+
+/** One line; `at_ns` is text, as no browser counts so far. */
+export interface LogLine {
+  at: string | null;
+  at_ns: string;
+  text: string;
+}
+
+/** Lines, oldest first, and the cursor to go on with in the same direction. */
+export interface LogPage {
+  lines: LogLine[];
+  cursor: string;
+  more: boolean;
+}
+
+/** Samples that are not stored; `topic` null: metric rows, or not known. */
+export interface Loss {
+  from_ms: number;
+  to_ms: number;
+  count: number;
+  reason: string;
+  topic: string | null;
+}
+
+/** Why a message is not shown as JSON. */
+export interface MessageError {
+  code: string;
+  message: string;
+}
+
+/** Messages in order of their stamps; `next` is the cursor of the page after, null at the end. */
+export interface MessagePage {
+  messages: StoredMessage[];
+  gaps: Loss[];
+  next: string | null;
+}
+
+/**
+ * The asked pieces in the asked order, and what is missing of the robot's metric rows in this time.
+ *
+ * A gap is [from_ms, to_ms, how many rows, reason].
+ */
+export interface MetricRange {
+  series: SeriesPiece[];
+  gaps: ([number, number, number, string])[];
+}
+
+/** A topic without a message to show. */
+export interface MissingTopic {
+  topic: string;
+  reason: "not_stored" | "too_old" | "damaged" | "purged" | "too_large";
+  nearest_ms: number | null;
+}
+
+/** A new key. `key` is what goes behind "Authorization: Bearer"; it and `secret` are told this once. */
+export interface NewApiKey {
+  id: string;
+  name: string;
+  user: string;
+  role: "viewer" | "operator" | "admin";
+  robots: string[];
+  scopes: string[];
+  created: string;
+  expires: string | null;
+  used: string | null;
+  secret: string;
+  key: string;
+}
+
+/** The whole token, told this once, and the command that uses it. */
+export interface NewEnrolmentToken {
+  id: string;
+  robot: string;
+  made: string;
+  made_by: string;
+  expires: string;
+  used: string | null;
+  used_by: string;
+  token: string;
+  command: string;
+}
+
+/**
+ * One node of one robot: desired and reported. `state` is the reported one; `holder` has a migratable one's lease.
+ *
+ * `wanted` is running, stopped, standby (another robot runs it) or absent (the twin does not name it).
+ */
+export interface Node {
+  robot: string;
+  name: string;
+  ros_name: string;
+  online: boolean;
+  state: string;
+  wanted: string;
+  in_step: boolean;
+  differs: Difference[];
+  in_own: boolean;
+  desired: Record<string, unknown> | null;
+  reported: ReportedNode | null;
+  reported_at: string | null;
+  holder: string | null;
+}
+
+/** Nodes of many robots; `more`: there are further ones than are listed. */
+export interface NodeList {
+  nodes: Node[];
+  more: boolean;
+}
+
+/**
+ * What became of a verb at one robot.
+ *
+ * pending: the twin has it, the robot does it when it gets it; `told`: the robot itself has done it.
+ */
+export interface NodeResult {
+  robot: string;
+  node: string;
+  verb: string;
+  dry_run: boolean;
+  outcome: "done" | "pending" | "failed";
+  told: boolean;
+  changed: boolean;
+  revision: number | null;
+  changes: Change[];
+  code: string;
+  message: string;
+}
+
+/** The same, robot by robot. */
+export interface NodeResults {
+  verb: string;
+  node: string;
+  dry_run: boolean;
+  robots: number;
+  done: number;
+  results: NodeResult[];
+}
+
+/** How the update of a node's bundle stands. */
+export interface NodeUpdate {
+  state: string;
+  version: string;
+  code: string;
+  message: string;
+}
+
+/** The object store by the states of the ledger; `bytes` of the stored ones. */
+export interface ObjectsAccount {
+  where: string;
+  stored: number;
+  bytes: number;
+  uploading: number;
+  doomed: number;
+}
+
+/** Done. */
+export interface Ok {
+  ok: true;
+}
+
+/** The public keys of the gateway's roles, as an offline folder takes them. */
+export interface OnlineKeys {
+  keys: Record<string, Record<string, unknown>>;
+}
+
+/** One parameter. `desired` is there where the twin names it. Whole numbers beyond 2^53 are text. */
+export interface Parameter {
+  name: string;
+  type: string;
+  value: unknown;
+  desired?: unknown;
+  description: string;
+  constraints: string;
+  read_only: boolean;
+  dynamic_typing: boolean;
+  integer_range: Bounds | null;
+  floating_point_range: Bounds | null;
+}
+
+/** What became of one value. */
+export interface ParameterResult {
+  name: string;
+  successful: boolean;
+  reason: string;
+}
+
+/** A node's parameters, by name; `node` is its full ROS name. */
+export interface Parameters {
+  robot: string;
+  node: string;
+  parameters: Parameter[];
+}
+
+/** What became of each; `revision` is the twin's where that has changed. */
+export interface ParametersChanged {
+  robot: string;
+  node: string;
+  dry_run: boolean;
+  results: ParameterResult[];
+  revision: number | null;
+}
+
+/** What goes of a class for one reason. */
+export interface PlanItem {
+  class: "metric" | "bulk" | "event" | "recording";
+  why: "age" | "class_size" | "store_size";
+  count: number;
+  bytes: number;
+  oldest: string;
+  newest: string;
+}
+
+/**
+ * An error, RFC 9457; `code` is stable and listed in docs/reference/errors.md.
+ *
+ * `holder` is who drives, with the code lease_taken; `retry_after_s` comes with the status 429.
+ */
+export interface Problem {
+  type: string;
+  title: string;
+  status: number;
+  code: string;
+  detail: string;
+  holder?: string | null;
+  retry_after_s?: number | null;
+}
+
+/** What the sign-in page offers; nulls where there is no provider. */
+export interface Provider {
+  name: string | null;
+  url: string | null;
+}
+
+/** The newest version of each role. */
+export interface Published {
+  roles: Record<string, number>;
+}
+
+/** Whether the gateway can do its work, check by check: "ok" or what is wrong. */
+export interface Ready {
+  status: "ready" | "not ready";
+  checks: Record<string, string>;
+  notes: Record<string, string>;
+}
+
+/** A clip of a robot's black box. `start` to `end` was asked, `first` to `last` is what the robot had of it. */
+export interface Recording {
+  id: string;
+  robot: string;
+  state: "requested" | "cutting" | "transferring" | "stored" | "failed";
+  start: string;
+  end: string;
+  first: string | null;
+  last: string | null;
+  topics: string[];
+  requested: string;
+  size_bytes: number;
+  received_bytes: number;
+  messages: number;
+  sha256: string | null;
+  code: string;
+  message: string;
+  url: string | null;
+}
+
+/** The newest first; `next` is the `before` of the next page, null at the end. */
+export interface RecordingList {
+  recordings: Recording[];
+  next: string | null;
+}
+
+/** What the robot says of a node. `safe_stop`: of a critical one that died, how the robot's stop went. */
+export interface ReportedNode {
+  state: string;
+  why: string;
+  pid: number | null;
+  restarts: number;
+  since: string | null;
+  last_exit: string;
+  version: string;
+  waits_for: string[];
+  lease_id: string;
+  nice: number | null;
+  quarantined: boolean;
+  crashes: number;
+  safe_stop: string;
+  update: NodeUpdate | null;
+}
+
+/** What the robot said last. `applied` is the revision that it lives by, 0 its own settings. */
+export interface ReportedTwin {
+  at: string;
+  revision: number;
+  applied: number;
+  state: "applied" | "applying" | "confirming" | "reverted" | "refused";
+  code: string;
+  message: string;
+  values: Record<string, unknown>;
+}
+
+/** What the next purge would delete. */
+export interface RetentionPlan {
+  items: PlanItem[];
+  bytes: number;
+  gaps: number;
+}
+
+/** One robot; `latest` holds at most 64 series. */
+export interface Robot {
+  id: string;
+  namespace: string;
+  hostname: string;
+  state: "online" | "offline";
+  since: string;
+  last_seen: string;
+  agent_version: string;
+  labels: Record<string, string>;
+  link: Link;
+  channels: number;
+  counts: Counts;
+  lease: LeaseState | null;
+  latest: Record<string, Value>;
+}
+
+/** What one robot takes. */
+export interface RobotAccount {
+  robot: string;
+  bytes: number;
+}
+
+/** One certificate of a robot. */
+export interface RobotCertificate {
+  serial: string;
+  how: "token" | "renewal" | "grace";
+  issued: string;
+  not_after: string;
+  revoked: string | null;
+}
+
+/** A robot's identity; `alarm` says what looks like a copy of the robot. */
+export interface RobotIdentity {
+  robot: string;
+  state: "active" | "revoked";
+  enrolled: string;
+  revoked: string | null;
+  reason: string;
+  alarm: string;
+  alarm_at: string | null;
+  certificates: RobotCertificate[];
+}
+
+/** A page of the robots that ever connected; `next` is the `after` of the page behind it. */
+export interface RobotList {
+  robots: Robot[];
+  next: string | null;
+}
+
+/** One robot's nodes, and how the robot stands to its twin. */
+export interface RobotNodes {
+  robot: string;
+  online: boolean;
+  namespace: string;
+  revision: number;
+  applied: number;
+  in_step: boolean;
+  nodes: Node[];
+}
+
+/** A rollout; `counts` are robots by state. */
+export interface Rollout {
+  id: string;
+  state: "running" | "paused" | "halted" | "done" | "aborted";
+  reason: string;
+  kind: "agent" | "node";
+  node: string;
+  bundle: string;
+  version: string;
+  selector: string;
+  max_failure_rate: number;
+  health_s: number;
+  steady_s: number;
+  offline_s: number;
+  give_up_s: number;
+  robots: number;
+  wave: number;
+  waves: Wave[];
+  counts: Record<string, number>;
+  created: string;
+  created_by: string;
+  changed: string;
+  dry_run: boolean;
+}
+
+/** With its robots, in the order of their turns. */
+export interface RolloutDetail {
+  id: string;
+  state: "running" | "paused" | "halted" | "done" | "aborted";
+  reason: string;
+  kind: "agent" | "node";
+  node: string;
+  bundle: string;
+  version: string;
+  selector: string;
+  max_failure_rate: number;
+  health_s: number;
+  steady_s: number;
+  offline_s: number;
+  give_up_s: number;
+  robots: number;
+  wave: number;
+  waves: Wave[];
+  counts: Record<string, number>;
+  created: string;
+  created_by: string;
+  changed: string;
+  dry_run: boolean;
+  members: RolloutRobot[];
+}
+
+/** The newest rollouts, newest first. */
+export interface RolloutList {
+  rollouts: Rollout[];
+  next: string | null;
+}
+
+/** One robot of it; `wave` is 0 before its turn. */
+export interface RolloutRobot {
+  robot: string;
+  state: "waiting" | "starting" | "updating" | "done" | "failed" | "unreached";
+  wave: number;
+  since: string;
+  reason: string;
+}
+
+/** The robot's series by name. */
+export interface SeriesList {
+  series: SeriesState[];
+  next: string | null;
+}
+
+/** Columns; rows as they are have count 1, buckets more. */
+export interface SeriesPiece {
+  name: string;
+  stamp_ms: number[];
+  mean: number[];
+  min: number[];
+  max: number[];
+  count: number[];
+}
+
+/** One stored series. */
+export interface SeriesState {
+  name: string;
+  topic: string;
+  field: string;
+  samples: number;
+  latest: Value | null;
+}
+
+/** A link that signs `user` in once; nobody can look it up again. */
+export interface SignInLink {
+  user: string;
+  url: string;
+  token: string;
+  expires: string;
+}
+
+/** The newest signed document of a role. */
+export interface SignedRole {
+  role: string;
+  version: number;
+  expires: string;
+  online: boolean;
+}
+
+/** A stage, in nanoseconds of the gateway's wall clock since the epoch. */
+export interface Span {
+  /** bus, tap, outbox, uplink, link, ingest, fanout, store */
+  name: string;
+  start_ns: number;
+  end_ns: number;
+}
+
+/** What is stored, how fast it grows, and what is damaged. */
+export interface StoreAccount {
+  total_bytes: number;
+  keep_bytes: number;
+  disk_free_bytes: number | null;
+  growth_bytes_per_day: number | null;
+  days_until_bound: number | null;
+  days_until_full: number | null;
+  classes: ClassAccount[];
+  robots: RobotAccount[];
+  tables: TableAccount[];
+  objects: ObjectsAccount;
+  damaged: DamageAccount[];
+  checked: string | null;
+}
+
+/** One message: `message` or, as it was published, `cdr` in base64. */
+export interface StoredMessage {
+  topic: string;
+  type: string;
+  stamp: string;
+  stamp_ms: number;
+  seq: number;
+  epoch: string;
+  class: "event" | "metric" | "bulk" | "live";
+  message?: Record<string, unknown> | null;
+  error?: MessageError | null;
+  cdr?: string | null;
+}
+
+/** What is stored of one topic under one type and class; `bytes` are those of the messages. */
+export interface StoredTopicState {
+  topic: string;
+  type: string;
+  class: "event" | "metric" | "bulk" | "live";
+  samples: number;
+  bytes: number;
+  first: string;
+  last: string;
+}
+
+/** One table of the database. */
+export interface TableAccount {
+  table: string;
+  rows: number;
+  bytes: number;
+}
+
+/** A template as it is stored. */
+export interface Template {
+  name: string;
+  selector: string;
+  priority: number;
+  revision: number;
+  author: string;
+  at: string;
+  reason: string;
+  document: Record<string, unknown>;
+}
+
+/** What a change of a template did, or would do, to the robots that it reaches. */
+export interface TemplateChange {
+  dry_run: boolean;
+  template: Template;
+  robots: number;
+  changed: number;
+  results: TwinChange[];
+}
+
+/** One change of a template; `changes` of its document are those against the entry before. */
+export interface TemplateEntry {
+  name: string;
+  selector: string;
+  priority: number;
+  revision: number;
+  author: string;
+  at: string;
+  reason: string;
+  document: Record<string, unknown>;
+  removed: boolean;
+  changes: Change[];
+}
+
+/** The newest first; `more` older ones had no room in this answer. */
+export interface TemplateHistory {
+  entries: TemplateEntry[];
+  more: number;
+}
+
+/** In the order in which they are laid over each other. */
+export interface TemplateList {
+  templates: Template[];
+  next: string | null;
+}
+
+/** A bearer for viewers' sockets: `ws://…/foxglove?token=TICKET`. */
+export interface Ticket {
+  ticket: string;
+  expires: string;
+}
+
+/** Messages and metric rows by bucket of `width_ms`. */
+export interface Timeline {
+  start_ms: number;
+  end_ms: number;
+  width_ms: number;
+  messages: number[];
+  rows: number[];
+  gaps: Loss[];
+}
+
+/** One topic; rates, messages, dropped, publishers and subscribers are the agent's, the rest the gateway's. */
+export interface Topic {
+  channel: number;
+  topic: string;
+  type: string;
+  type_hash: string;
+  encoding: string;
+  class: "event" | "metric" | "bulk" | "live";
+  forward: boolean;
+  qos: string;
+  rate_hz: number;
+  bytes_per_s: number;
+  messages: number;
+  dropped: number;
+  thinned: number;
+  publishers: number;
+  subscribers: number;
+  received: number;
+  received_bytes: number;
+  lost: number;
+  last_stamp_ms: number | null;
+  demand_hz: number | null;
+  history_hz: number;
+}
+
+/** What the robot announced. */
+export interface TopicList {
+  topics: Topic[];
+  next: string | null;
+}
+
+/** One followed sample; its stages touch, so their durations add up. */
+export interface Trace {
+  /** as in W3C Trace Context */
+  trace_id: string;
+  robot: string;
+  topic: string;
+  seq: number;
+  /** samples that came in the same batch */
+  batch_samples: number;
+  batch_bytes: number;
+  /** the sample's stamp, on the gateway's clock */
+  start_ns: number;
+  /** from there to the later of viewers and row */
+  total_ns: number;
+  /** the gateway's clock less the robot's */
+  clock_offset_ns: number;
+  /** whether a clock was so wrong that it had to yield */
+  clock_adjusted: boolean;
+  spans: Span[];
+  class: string;
+}
+
+/** The newest first. */
+export interface Traces {
+  traces: Trace[];
+}
+
+/** One robot's twin. `own` on top of the templates makes `desired`; `behind`: from what it lives by to that. */
+export interface Twin {
+  robot: string;
+  revision: number;
+  edition: number;
+  in_step: boolean;
+  own: Record<string, unknown>;
+  desired: Record<string, unknown>;
+  templates: string[];
+  labels: Record<string, string>;
+  own_labels: Record<string, string>;
+  problem: string;
+  author: string;
+  at: string | null;
+  reason: string;
+  confirm_within_s: number;
+  reported: ReportedTwin | null;
+  behind: Change[];
+}
+
+/** One robot's twin in one line. `in_step`: it lives by what is desired. */
+export interface TwinBrief {
+  robot: string;
+  revision: number;
+  edition: number;
+  in_step: boolean;
+  state: string;
+  applied: number;
+  code: string;
+  message: string;
+  templates: string[];
+  labels: Record<string, string>;
+  problem: string;
+}
+
+/** What an edit did, or would do: to the robot's own document and to the whole that it gets. */
+export interface TwinChange {
+  robot: string;
+  dry_run: boolean;
+  revision: number;
+  edition: number;
+  changed: boolean;
+  changes: Change[];
+  own_changes: Change[];
+  own_labels: Record<string, string>;
+  /** changes beyond those that are listed */
+  more: number;
+}
+
+/** One change of a robot's desired state; `changes` are those against the entry before. */
+export interface TwinEntry {
+  revision: number;
+  edition: number;
+  at: string;
+  author: string;
+  reason: string;
+  changes: Change[];
+  own: Record<string, unknown>;
+  desired: Record<string, unknown>;
+}
+
+/** The newest first; `more` older ones had no room in this answer. */
+export interface TwinHistory {
+  entries: TwinEntry[];
+  more: number;
+}
+
+/** Twins by robot. */
+export interface TwinList {
+  twins: TwinBrief[];
+  next: string | null;
+}
+
+/** The same of many robots. */
+export interface TwinsChange {
+  dry_run: boolean;
+  robots: number;
+  changed: number;
+  results: TwinChange[];
+}
+
+/** A named value; it is not on the wire. */
+export interface TypeConstant {
+  name: string;
+  type: string;
+  value: boolean | number | string | null;
+}
+
+/** A message's fields, in their order, and its constants. */
+export interface TypeDefinition {
+  fields: TypeField[];
+  constants: TypeConstant[];
+}
+
+/** One field; `capacity` is the n of `T[n]` and `T[<=n]`, `string_bound` that of `string<=n`, else 0. */
+export interface TypeField {
+  name: string;
+  /** a primitive, or the full name of a message */
+  type: string;
+  array: "" | "fixed" | "bounded" | "unbounded";
+  capacity: number;
+  string_bound: number;
+  /** null: zero, empty text, an empty list */
+  default: boolean | number | string | (boolean | number | string | null)[] | null;
+}
+
+/** A type: what is encoded of it (`parts`), and every message that those are made of. */
+export interface TypeShape {
+  type: string;
+  type_hash: string;
+  /** as in its .msg, .srv or .action file, without comments */
+  text: string;
+  parts: Record<string, string>;
+  definitions: Record<string, TypeDefinition>;
+}
+
+/** What robots can be given; `trouble`: why this gateway cannot sign again what ends soon, "" if it can. */
+export interface UpdateList {
+  roles: SignedRole[];
+  bundles: Bundle[];
+  trouble: string;
+}
+
+/** What may leave the robot and what does; `bytes_per_s` null is no limit. */
+export interface Uplink {
+  bytes_per_s: number | null;
+  sent_bytes_per_s: number;
+}
+
+/** A user; `external`: they sign in elsewhere. */
+export interface User {
+  id: string;
+  name: string;
+  role: "viewer" | "operator" | "admin";
+  robots: string[];
+  disabled: boolean;
+  has_password: boolean;
+  external: boolean;
+  created: string;
+  signed_in: string | null;
+}
+
+/** Everybody, by name. */
+export interface UserList {
+  users: User[];
+  next: string | null;
+}
+
+/** A series' newest row. */
+export interface Value {
+  stamp_ms: number;
+  value: number | null;
+}
+
+/** One wave and how far it is. */
+export interface Wave {
+  wave: number;
+  size: number;
+  in_flight: number;
+  done: number;
+  failed: number;
+}
+
+/** Nothing is taken. */
+export type None = Record<never, never>;
+
+/** Every operation by its method and its path below /api/v1. */
+export interface Operations {
+  /** Take back a durable command that has not left for its robot. */
+  "DELETE /commands/{command_id}": { path: { command_id: string }; query: None; body: undefined; answer: Command };
+  /** Take back a token that no robot has used. */
+  "DELETE /enrolment-tokens/{token_id}": { path: { token_id: string }; query: None; body: undefined; answer: Ok };
+  /** Revoke a key for ever. */
+  "DELETE /keys/{key_id}": { path: { key_id: string }; query: None; body: undefined; answer: Ok };
+  /** Delete a recording with its file; an unfinished one is given up, and its robot forgets it. */
+  "DELETE /recordings/{recording_id}": { path: { recording_id: string }; query: None; body: undefined; answer: Ok };
+  /** Take the node away from the robot, also where a template brings it. */
+  "DELETE /robots/{robot_id}/nodes/{node}": { path: { robot_id: string; node: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: undefined; answer: TwinChange };
+  /** Take a template away; robots go on with what is left. */
+  "DELETE /templates/{name}": { path: { name: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: undefined; answer: TemplateChange };
+  /** Delete a user with their sessions and keys. */
+  "DELETE /users/{name}": { path: { name: string }; query: None; body: undefined; answer: Ok };
+  /** Rows, the newest first; only those of one action (a permission's name), or of one name. */
+  "GET /audit": { path: None; query: { before?: number | null; limit?: number; action?: string; name?: string; fields?: string }; body: undefined; answer: AuditPage };
+  /** Prove the whole chain, and compare the heads in the object store. One proof at a time; it reads every row. */
+  "GET /audit/verify": { path: None; query: None; body: undefined; answer: AuditProof };
+  /** Who asks, and what they may do. */
+  "GET /auth/me": { path: None; query: None; body: undefined; answer: Account };
+  /** Whether people sign in elsewhere, and what to write on the button. */
+  "GET /auth/oidc": { path: None; query: None; body: undefined; answer: Provider };
+  /** Where the provider sends the browser back: a session, and the dashboard; else the sign-in page, with a code. */
+  "GET /auth/oidc/callback": { path: None; query: { code?: string; state?: string; error?: string }; body: undefined; answer: unknown };
+  /** Send the browser to the provider. */
+  "GET /auth/oidc/start": { path: None; query: None; body: undefined; answer: unknown };
+  /** The newest commands, newest first. */
+  "GET /commands": { path: None; query: { robot?: string; state?: "issued" | "delivered" | "running" | "done" | "failed" | "expired" | "cancelled" | null; issuer?: string; limit?: number; before?: string; fields?: string }; body: undefined; answer: CommandList };
+  /** One command, and how far it is. */
+  "GET /commands/{command_id}": { path: { command_id: string }; query: { wait_s?: number }; body: undefined; answer: Command };
+  /** Tasks, threads, memory, queues, settings without their secrets: what a bug report needs. */
+  "GET /debug": { path: None; query: { format?: string }; body: undefined; answer: Debug };
+  /** The fleet's roots, for a robot that compares them with the pin in its token before it believes anything. */
+  "GET /enrol/roots": { path: None; query: None; body: undefined; answer: FleetRoots };
+  /** The newest enrolment tokens, used and unused, of robots in one's scope. */
+  "GET /enrolment-tokens": { path: None; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: EnrolmentTokenList };
+  /** What happened: a page as JSON; with `Accept: text/event-stream` what follows, for ever, as server-sent events. */
+  "GET /events": { path: None; query: { kind?: string; robot?: string; after?: number | null; before?: number | null; limit?: number; fields?: string }; body: undefined; answer: EventList };
+  /** Messages of some robots as one MCAP file, sorted by their stamps, with an index and an account of the losses. */
+  "GET /export.mcap": { path: None; query: { robot: string[]; topic?: string[] | null; start?: string; end?: string }; body: undefined; answer: unknown };
+  /** Every robot's identity and its certificates, of robots in one's scope. */
+  "GET /identities": { path: None; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: IdentityList };
+  /** One's own keys, or for an admin everybody's, the newest first. A key sees none but as an admin. */
+  "GET /keys": { path: None; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: ApiKeyList };
+  /** The nodes of every robot that the selector names and that one sees; of one state, or of one name. */
+  "GET /nodes": { path: None; query: { selector?: string; state?: string; node?: string; limit?: number }; body: undefined; answer: NodeList };
+  /** The newest recordings, newest first. */
+  "GET /recordings": { path: None; query: { robot?: string; limit?: number; before?: string; fields?: string }; body: undefined; answer: RecordingList };
+  /** One recording, and how far it is. */
+  "GET /recordings/{recording_id}": { path: { recording_id: string }; query: None; body: undefined; answer: Recording };
+  /** The recording's MCAP file, streamed; one byte range may be asked for, so that a download goes on. */
+  "GET /recordings/{recording_id}/file.mcap": { path: { recording_id: string }; query: None; body: undefined; answer: unknown };
+  /** The robots that ever connected and that one sees, by id. What a link brings is at most a second old. */
+  "GET /robots": { path: None; query: { selector?: string; online?: boolean | null; q?: string; limit?: number; after?: string; fields?: string }; body: undefined; answer: RobotList };
+  /** One robot. */
+  "GET /robots/{robot_id}": { path: { robot_id: string }; query: None; body: undefined; answer: Robot };
+  /** The newest stored message of each topic at or before `t`: as the stream's records, or decoded. */
+  "GET /robots/{robot_id}/at": { path: { robot_id: string }; query: { t: string; topic?: string[] | null; max_age?: string; format?: "records" | "json" }; body: undefined; answer: InstantMessages };
+  /** The newest declared losses. */
+  "GET /robots/{robot_id}/gaps": { path: { robot_id: string }; query: { limit?: number; fields?: string }; body: undefined; answer: GapList };
+  /** Which topics are stored, how much of them, from when to when. */
+  "GET /robots/{robot_id}/history": { path: { robot_id: string }; query: None; body: undefined; answer: History };
+  /** Messages in order of their stamps, page by page. */
+  "GET /robots/{robot_id}/messages": { path: { robot_id: string }; query: { topic?: string[] | null; start?: string; end?: string; limit?: number; cursor?: string; format?: "json" | "cdr"; order?: "asc" | "desc" }; body: undefined; answer: MessagePage };
+  /** The robot's stored series. */
+  "GET /robots/{robot_id}/metrics": { path: { robot_id: string }; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: SeriesList };
+  /** Series between two times, and what was lost there. */
+  "GET /robots/{robot_id}/metrics/range": { path: { robot_id: string }; query: { name: string[]; start?: string; end?: string; points?: number; method?: "buckets" | "lttb" }; body: undefined; answer: MetricRange };
+  /** A robot's nodes: as they are to be, as the robot says they are, and why they differ. */
+  "GET /robots/{robot_id}/nodes": { path: { robot_id: string }; query: None; body: undefined; answer: RobotNodes };
+  /** One of them. */
+  "GET /robots/{robot_id}/nodes/{node}": { path: { robot_id: string; node: string }; query: None; body: undefined; answer: Node };
+  /** How the node ended the last times, with its last words; the newest first. */
+  "GET /robots/{robot_id}/nodes/{node}/crashes": { path: { robot_id: string; node: string }; query: None; body: undefined; answer: Crashes };
+  /** The node's lifecycle state and where it may go from there; `managed` is false for a node that has none. */
+  "GET /robots/{robot_id}/nodes/{node}/lifecycle": { path: { robot_id: string; node: string }; query: { ros_name?: string }; body: undefined; answer: Lifecycle };
+  /** A page of the node's log, from the robot's disk. */
+  "GET /robots/{robot_id}/nodes/{node}/log": { path: { robot_id: string; node: string }; query: { cursor?: string; query?: string; backwards?: boolean; max_bytes?: number }; body: undefined; answer: LogPage };
+  /** The node's newest lines and those that follow, as server-sent events `lines`; the last event is `end`. */
+  "GET /robots/{robot_id}/nodes/{node}/log/tail": { path: { robot_id: string; node: string }; query: { cursor?: string; query?: string }; body: undefined; answer: unknown };
+  /** The running node's parameters, with their types, rules and values. */
+  "GET /robots/{robot_id}/nodes/{node}/parameters": { path: { robot_id: string; node: string }; query: { ros_name?: string }; body: undefined; answer: Parameters };
+  /** How many messages and metric rows there are in each part of a range, and its losses. */
+  "GET /robots/{robot_id}/timeline": { path: { robot_id: string }; query: { start?: string; end?: string; buckets?: number }; body: undefined; answer: Timeline };
+  /** What the robot announced, by name. */
+  "GET /robots/{robot_id}/topics": { path: { robot_id: string }; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: TopicList };
+  /** What the robot is to be, what it says it is, and the difference. The ETag is for If-Match. */
+  "GET /robots/{robot_id}/twin": { path: { robot_id: string }; query: None; body: undefined; answer: Twin };
+  /** Who changed what, when and why; the newest first, at most 100 are kept. */
+  "GET /robots/{robot_id}/twin/history": { path: { robot_id: string }; query: { limit?: number }; body: undefined; answer: TwinHistory };
+  /** What a type is made of: as the robot announced it with a topic, else as the library ships it. */
+  "GET /robots/{robot_id}/types/{package}/{kind}/{name}": { path: { robot_id: string; package: string; kind: string; name: string }; query: None; body: undefined; answer: TypeShape };
+  /** The robot's byte budget, as its agent said last. */
+  "GET /robots/{robot_id}/uplink": { path: { robot_id: string }; query: None; body: undefined; answer: Uplink };
+  /** The newest rollouts that have a robot in one's scope, the newest first. */
+  "GET /rollouts": { path: None; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: RolloutList };
+  /** One rollout, with those of its robots that are in one's scope. */
+  "GET /rollouts/{rollout_id}": { path: { rollout_id: string }; query: None; body: undefined; answer: RolloutDetail };
+  /** The account of the store; at most 10 s old. Robots out of scope are in its sums only. */
+  "GET /store": { path: None; query: None; body: undefined; answer: StoreAccount };
+  /** What the next purge would delete, and why; nothing is deleted by asking. */
+  "GET /store/retention": { path: None; query: None; body: undefined; answer: RetentionPlan };
+  /** Every template, in the order in which they are laid over each other. */
+  "GET /templates": { path: None; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: TemplateList };
+  /** One template. */
+  "GET /templates/{name}": { path: { name: string }; query: None; body: undefined; answer: Template };
+  /** Who changed a template, when and why, also of one that is gone; the newest first. */
+  "GET /templates/{name}/history": { path: { name: string }; query: { limit?: number }; body: undefined; answer: TemplateHistory };
+  /** The newest samples that were followed from their robot to viewers and row, with the time of each stage. */
+  "GET /traces": { path: None; query: { robot?: string; topic?: string; limit?: number }; body: undefined; answer: Traces };
+  /** The desired document as JSON Schema. */
+  "GET /twin/schema": { path: None; query: None; body: undefined; answer: unknown };
+  /** Every robot that the selector names and that one sees: whether it lives by what is desired. */
+  "GET /twins": { path: None; query: { selector?: string; limit?: number; after?: string; fields?: string }; body: undefined; answer: TwinList };
+  /** Every bundle, the newest first, and how long what was signed counts. */
+  "GET /updates": { path: None; query: None; body: undefined; answer: UpdateList };
+  /** One bundle by its target path, such as nodes/lidar-node/1.2.0.zip. */
+  "GET /updates/bundles/{path}": { path: { path: string }; query: None; body: undefined; answer: Bundle };
+  /** A signed document, for robots: timestamp.json, or one by its version such as 3.targets.json. */
+  "GET /updates/metadata/{file}": { path: { file: string }; query: None; body: undefined; answer: unknown };
+  /** A bundle, for robots; one byte range may be asked for, so that a download goes on. */
+  "GET /updates/targets/{file}": { path: { file: string }; query: None; body: undefined; answer: unknown };
+  /** Everybody, by name. */
+  "GET /users": { path: None; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: UserList };
+  /** A merge patch of that node's row, for every robot named whose twin has it: all of them, or none. */
+  "PATCH /nodes/{node}": { path: { node: string }; query: { selector: string; dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: Record<string, unknown>; answer: TwinsChange };
+  /** Give the robot labels, over those that it says itself; null takes one away. Templates may follow. */
+  "PATCH /robots/{robot_id}/labels": { path: { robot_id: string }; query: { dry_run?: boolean; reason?: string }; body: { labels: Record<string, string | null> }; answer: TwinChange };
+  /** A merge patch of the node's row in the robot's own document; what it runs is an admin's to change. */
+  "PATCH /robots/{robot_id}/nodes/{node}": { path: { robot_id: string; node: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: Record<string, unknown>; answer: TwinChange };
+  /** Set parameters of the running node, each for itself; with `keep` they are the twin's as well. */
+  "PATCH /robots/{robot_id}/nodes/{node}/parameters": { path: { robot_id: string; node: string }; query: { ros_name?: string; dry_run?: boolean; reason?: string }; body: { parameters: Record<string, unknown>; keep?: boolean }; answer: ParametersChanged };
+  /** A JSON merge patch (RFC 7396) of the robot's own document. */
+  "PATCH /robots/{robot_id}/twin": { path: { robot_id: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: Record<string, unknown>; answer: TwinChange };
+  /** A merge patch of the own documents of every robot that the selector names: all of them, or none. */
+  "PATCH /twins": { path: None; query: { selector: string; dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: Record<string, unknown>; answer: TwinsChange };
+  /** Change role, robots or password, or lock a user out. It counts at once, for open sockets within seconds. */
+  "PATCH /users/{name}": { path: { name: string }; query: None; body: { role?: "viewer" | "operator" | "admin" | null; robots?: string[] | null; disabled?: boolean | null; password?: string | null }; answer: User };
+  /** Have the browser drop a session's cookie that is not good any more; a good one stays, which `logout` ends. */
+  "POST /auth/forget": { path: None; query: None; body: {  }; answer: Ok };
+  /** Sign in by a one-time link; the answer sets the session's cookie. */
+  "POST /auth/link": { path: None; query: None; body: { token: string }; answer: Account };
+  /** A link that signs a user in once, within 15 minutes; for the first administrator where no name is given. */
+  "POST /auth/links": { path: None; query: None; body: { name?: string }; answer: SignInLink };
+  /** Sign in by name and password; the answer sets the session's cookie. */
+  "POST /auth/login": { path: None; query: None; body: { name: string; password: string }; answer: Account };
+  /** End the session that asks. */
+  "POST /auth/logout": { path: None; query: None; body: {  }; answer: Ok };
+  /** Set one's own password; one's other sessions end. */
+  "POST /auth/password": { path: None; query: None; body: { old?: string; new: string }; answer: Ok };
+  /** A ticket that opens the sockets of viewers (/foxglove, /rosbridge, /api/v1/stream) as `?token=`. */
+  "POST /auth/tickets": { path: None; query: None; body: { robots?: string[] | null; role?: "viewer" | "operator" | "admin"; ttl_s?: number }; answer: Ticket };
+  /** Have every robot that a selector names do something: one command each, durable or not. */
+  "POST /commands": { path: None; query: None; body: { kind: "publish" | "call_service" | "node_verb" | "read_log" | "save_recording" | "set_uplink"; request?: Record<string, unknown>; durable?: boolean; expires_s?: number; timeout_s?: number; sent_ns?: number; selector: string; dry_run?: boolean }; answer: FleetCommands };
+  /** A robot's first certificate for its token; 200 for the answer to a request that was answered before. */
+  "POST /enrol": { path: None; query: None; body: { token: string; robot: string; csr: string }; answer: Enrolment };
+  /** What a renewal has to sign; the same for every robot, known or not. */
+  "POST /enrol/challenge": { path: None; query: None; body: { robot: string }; answer: EnrolChallenge };
+  /** The next certificate for a robot that proves to hold the old one's key, up to 30 days after that one's end. */
+  "POST /enrol/renew": { path: None; query: None; body: { robot: string; nonce: string; certificate: string; csr: string; proof: string }; answer: Enrolment };
+  /** Make a token that enrols one robot once. Its secret is in this answer and nowhere else. */
+  "POST /enrolment-tokens": { path: None; query: None; body: { robot?: string; ttl_s?: number }; answer: NewEnrolmentToken };
+  /** Make a key that reaches no further than who asks. Its secret is in this answer and nowhere else. */
+  "POST /keys": { path: None; query: None; body: { name: string; role: "viewer" | "operator" | "admin"; robots?: string[]; scopes?: string[]; expires_s?: number | null }; answer: NewApiKey };
+  /** A verb for a node of every robot that the selector names. What robots make of it is told one by one. */
+  "POST /nodes/{verb}": { path: { verb: "start" | "stop" | "restart" | "retry" | "signal" }; query: { dry_run?: boolean; reason?: string }; body: { signal?: number; selector: string; node: string }; answer: NodeResults };
+  /** Have a robot do something. 200 when the command is over, however it ended; 202 while it is not. */
+  "POST /robots/{robot_id}/commands": { path: { robot_id: string }; query: { wait_s?: number }; body: { kind: "publish" | "call_service" | "node_verb" | "read_log" | "save_recording" | "set_uplink"; request?: Record<string, unknown>; durable?: boolean; expires_s?: number; timeout_s?: number; sent_ns?: number }; answer: Command };
+  /** Have the node make a transition; `success` is false where it stays what it is. */
+  "POST /robots/{robot_id}/nodes/{node}/lifecycle": { path: { robot_id: string; node: string }; query: { ros_name?: string; dry_run?: boolean; reason?: string }; body: { transition: "configure" | "activate" | "deactivate" | "cleanup" | "shutdown"; keep?: boolean }; answer: LifecycleChanged };
+  /** A verb for one node. What `start` and `stop` say lasts: a robot that is offline does it when it is back. */
+  "POST /robots/{robot_id}/nodes/{node}/{verb}": { path: { robot_id: string; node: string; verb: "start" | "stop" | "restart" | "retry" | "signal" }; query: { dry_run?: boolean; reason?: string }; body: { signal?: number }; answer: NodeResult };
+  /** Publish once; JSON, or CDR with topic, type, lease_id and sent_ns in the query. Answers after the agent's result. */
+  "POST /robots/{robot_id}/publish": { path: { robot_id: string }; query: { topic?: string; type?: string; lease_id?: string; sent_ns?: number }; body: { topic: string; type?: string; message?: Record<string, unknown>; lease_id?: string; sent_ns?: number }; answer: Ok };
+  /** Ask for a clip of the robot's black box. The robot may be offline: it is asked when it comes. */
+  "POST /robots/{robot_id}/recordings": { path: { robot_id: string }; query: None; body: { last_s?: number | null; start?: string; end?: string; topics?: string[] }; answer: Recording };
+  /** End a robot's identity: its links are cut now, on other gateways within seconds. */
+  "POST /robots/{robot_id}/revoke": { path: { robot_id: string }; query: None; body: { reason: string }; answer: Ok };
+  /** Call a service of the robot and wait for its response. */
+  "POST /robots/{robot_id}/services/call": { path: { robot_id: string }; query: None; body: { service: string; type: string; request?: Record<string, unknown>; timeout_s?: number; lease_id?: string; sent_ns?: number }; answer: CallResult };
+  /** The same document under a new revision: for a robot that refused it or went back. */
+  "POST /robots/{robot_id}/twin/retry": { path: { robot_id: string }; query: { reason?: string; confirm_within_s?: number | null }; body: {  }; answer: TwinChange };
+  /** Give the robot its own document of an earlier revision; templates stay as they are. */
+  "POST /robots/{robot_id}/twin/revert": { path: { robot_id: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: { revision: number }; answer: TwinChange };
+  /** Start a rollout to every robot in scope that the selector names; 200 and nothing done for a dry run. */
+  "POST /rollouts": { path: None; query: None; body: { version: string; selector: string; node?: string; bundle?: string; waves?: string[]; max_failure_rate?: number; health_s?: number; steady_s?: number; offline_s?: number; give_up_s?: number; dry_run?: boolean }; answer: RolloutDetail };
+  /** End it. Robots that were told keep what their twins say. */
+  "POST /rollouts/{rollout_id}/abort": { path: { rollout_id: string }; query: None; body: { reason?: string }; answer: Rollout };
+  /** Tell no further robot; those at it go on. */
+  "POST /rollouts/{rollout_id}/pause": { path: { rollout_id: string }; query: None; body: { reason?: string }; answer: Rollout };
+  /** Go on in spite of the failures so far; or with another version, from the first wave and for every robot. */
+  "POST /rollouts/{rollout_id}/resume": { path: { rollout_id: string }; query: None; body: { version?: string }; answer: Rollout };
+  /** The template as it was at an earlier revision, also of one that is gone; with what becomes of each robot. */
+  "POST /templates/{name}/revert": { path: { name: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: { revision: number }; answer: TemplateChange };
+  /** Take a bundle in; robots can have it once it is named by signed targets. */
+  "POST /updates/bundles": { path: None; query: { group?: string }; body: undefined; answer: Bundle };
+  /** Publish what was signed offline. All of it is taken, or nothing is. */
+  "POST /updates/metadata": { path: None; query: None; body: { roots?: string[]; targets?: string | null; groups?: Record<string, string> }; answer: Published };
+  /** The public keys that a root has to name for this store, made when they are first asked for. */
+  "POST /updates/online-keys": { path: None; query: None; body: { fresh?: boolean }; answer: OnlineKeys };
+  /** Hand a version out no more, at once; robots that run it keep it until they are told otherwise. */
+  "POST /updates/withdrawals": { path: None; query: None; body: { path: string; reason?: string }; answer: Bundle };
+  /** Make a user; without a password they sign in by a link. */
+  "POST /users": { path: None; query: None; body: { name: string; role: "viewer" | "operator" | "admin"; robots?: string[]; password?: string }; answer: User };
+  /** Give the robot this node, or this row of it, whatever templates say. */
+  "PUT /robots/{robot_id}/nodes/{node}": { path: { robot_id: string; node: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: Record<string, unknown>; answer: TwinChange };
+  /** Another own document; null in it takes away what templates say. */
+  "PUT /robots/{robot_id}/twin": { path: { robot_id: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: Record<string, unknown>; answer: TwinChange };
+  /** Give the robot another byte budget. Answers when its agent has taken it and keeps it. */
+  "PUT /robots/{robot_id}/uplink": { path: { robot_id: string }; query: None; body: { bytes_per_s: number | null }; answer: Uplink };
+  /** Add a template, or put another in its place; with what becomes of every robot that it changes. */
+  "PUT /templates/{name}": { path: { name: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: { selector: string; document: Record<string, unknown>; priority?: number }; answer: TemplateChange };
+}
