@@ -14,12 +14,14 @@ from metaros.cli.visit import Visit, visiting
 from metaros.limits import LIMITS
 
 if TYPE_CHECKING:
+    from metaros.cli.afar.graph import FarGraph
+    from metaros.cli.afar.place import RobotPlace
     from metaros.cli.output import Output
     from metaros.node import Node
     from metaros.node.action import ClientGoal
     from metaros.wire import Graph
 
-__all__ = ["send_goal"]
+__all__ = ["send_goal", "show_part"]
 
 _SLICE_S = 0.05
 _CANCEL_S = 5.0
@@ -60,16 +62,18 @@ def send_goal(
 ) -> None:
     """Send a goal and wait for its result; Ctrl-C cancels it. Exit code 1 unless it succeeds."""
     from metaros.cli import running
-    from metaros.cli.connection import absolute
     from metaros.cli.types import full_type, parse_values
     from metaros.errors import TimeoutError_
     from metaros.idl import message_class
     from metaros.idl.json import from_json
     from metaros.node import Node
 
-    out, name = at.out, absolute(action)
+    out, name = at.out, at.absolute(action)
     if type_or_values.lstrip().startswith("{"):  # the type was left out
         type_or_values, values = "", type_or_values
+    if at.place is not None:
+        _send_afar(at, at.place, name, type_or_values, values, feedback=feedback, timeout_s=timeout)
+        return
     with at.connect() as context:
         full = _type_of(context.graph, name, full_type(type_or_values, "action") if type_or_values else "")
         kind: Any = message_class(full)
@@ -79,13 +83,29 @@ def send_goal(
             client = node.create_action_client(kind, name)
             if not client.wait_for_server(min(timeout, max(at.spin_time, 0.1))):
                 raise TimeoutError_(f"{name} is not complete: its server may be starting or stopping; try again")
-            _show(out, "Sending goal", goal)
+            show_part(out, "Sending goal", goal)
             with running.stop_on_signals() as stop:  # from here on there is a goal to cancel
                 handle = client.send_goal(goal, feedback=heard.put if feedback else None, timeout_s=timeout).wait()
                 _follow(out, handle, heard, stop)
 
 
-def _type_of(graph: Graph, name: str, wanted: str) -> str:
+def _send_afar(
+    at: Visit, place: RobotPlace, name: str, type_name: str, values: str, *, feedback: bool, timeout_s: float
+) -> None:
+    """The same to a robot elsewhere."""
+    from metaros.cli.afar.goal import follow_goal
+    from metaros.cli.types import full_type, parse_values
+    from metaros.idl import message_class
+    from metaros.idl.json import from_json
+
+    with at.look() as graph:
+        full = _type_of(graph, name, full_type(type_name, "action") if type_name else "")
+    kind: Any = message_class(full)
+    goal = from_json(kind.Goal, parse_values(values, f"{full}_Goal"))
+    follow_goal(place, at.out, name, kind, goal, feedback=feedback, timeout_s=timeout_s)
+
+
+def _type_of(graph: Graph | FarGraph, name: str, wanted: str) -> str:
     """The type that the action's server declares; UnavailableError where there is none."""
     from metaros.cli.graph_model import draw
     from metaros.cli.names import no_such
@@ -138,7 +158,7 @@ def _follow(out: Output, handle: ClientGoal, heard: _Heard, stop: threading.Even
 
         out.object_line({"status": ended.status.name, "result": plain(ended.result)})
     else:
-        _show(out, "Result", ended.result)
+        show_part(out, "Result", ended.result)
         good = ended.status.name == "SUCCEEDED"
         out.line(f"Goal finished with status: {out.style(ended.status.name, '32' if good else '31')}")
     if ended.status.name != "SUCCEEDED":
@@ -152,7 +172,7 @@ def _wait(out: Output, handle: ClientGoal, heard: _Heard, stop: threading.Event)
         done = reply.done
         message = heard.get()
         if message is not None:
-            _show(out, "Feedback", message)
+            show_part(out, "Feedback", message)
         elif done:
             if heard.dropped:
                 out.note(f"{heard.dropped} feedback messages came faster than they could be printed and are left out")
@@ -160,7 +180,8 @@ def _wait(out: Output, handle: ClientGoal, heard: _Heard, stop: threading.Event)
     return None
 
 
-def _show(out: Output, title: str, message: Any) -> None:
+def show_part(out: Output, title: str, message: Any) -> None:
+    """A goal, feedback or result under its title; machines get feedback here, and the rest in the lines around it."""
     from metaros.cli.render import message_yaml, plain
 
     if out.json:

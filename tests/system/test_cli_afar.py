@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
+import signal
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.support.command_line import ask_metaros
+from tests.support.processes import started
 from tests.support.stack import Stack
 from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 ROBOT = "sim_1"
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -85,6 +91,28 @@ def test_services_and_parameters_answer(stack: Stack) -> None:
     name = here["parameters"][0]["name"]
     assert far(stack, "param", "get", "base", name) == run(stack, "param", "get", "/sim_1/base", name)[0]
     assert far(stack, "param", "dump", "base") == run(stack, "param", "dump", "/sim_1/base")[0]
+
+
+def test_a_goal_is_sent_followed_and_cancelled(stack: Stack) -> None:
+    environ = {**os.environ, "METAROS_ZENOH_PORT": str(stack.zenoh_port)}
+    argv = [sys.executable, str(ROOT / "examples" / "fibonacci_server.py"), "--ros-args", "-r", "__ns:=/sim_1"]
+    with started(argv, env=environ):
+        wait_until(lambda: "/sim_1/fibonacci" in far(stack, "action", "list"), timeout_s=120)
+        lines = far(stack, "action", "send_goal", "fibonacci", "{order: 3}", "--feedback", "-o", "json").splitlines()
+        told = [json.loads(line) for line in lines]
+        assert told[0]["accepted"] is True
+        assert "feedback" in told[1]
+        assert told[-1] == {"status": "SUCCEEDED", "result": {"sequence": [0, 1, 1, 2]}}
+        words = ("action", "send_goal", "fibonacci", "{order: 46}", "--robot", ROBOT)
+        more = {"METAROS_KEY": stack.key, "METAROS_GATEWAY_URL": stack.url}
+        with started([sys.executable, "-u", "-m", "metaros", *words], env={**environ, **more}) as client:
+            assert client.stdout is not None
+            while "accepted" not in client.stdout.readline():
+                assert client.poll() is None
+            client.send_signal(signal.SIGINT)
+            out, _ = client.communicate(timeout=60)
+        assert client.returncode == 130
+        assert "CANCELED" in out
 
 
 def test_nobody_there_is_said_plainly(stack: Stack) -> None:
