@@ -107,6 +107,7 @@ class Publishing:
             )
         finally:
             self._room.release()
+        self._client.status("info", f"the robot has taken it: {request.topic}", request.id)
 
     def _moves(self, place: Place) -> bool:
         return self._client.services.fleet.is_actuator(place.robot, place.name)
