@@ -71,6 +71,7 @@ ERRORS: tuple[ErrorRow, ...] = (
     ErrorRow("lease_taken", 409, "FAILED_PRECONDITION", "Somebody else holds the teleop lease"),
     ErrorRow("type_hash_mismatch", 409, "FAILED_PRECONDITION", "The robot's type has the same name but other fields"),
     ErrorRow("twin_changed", 412, "FAILED_PRECONDITION", "Somebody else was faster: read it again"),
+    ErrorRow("changed", 412, "FAILED_PRECONDITION", "Somebody else was faster: read it again"),
     ErrorRow("body_too_large", 413, "RESOURCE_EXHAUSTED", "The body is over its limit"),
     ErrorRow("too_large", 413, "RESOURCE_EXHAUSTED", "The message is over its limit"),
     ErrorRow("unsupported_media_type", 415, "INVALID_ARGUMENT", "Send application/json or application/cdr"),

@@ -5,12 +5,18 @@ An answer that has an ETag of its own keeps it; streams and files are let throug
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from hashlib import blake2b
+from typing import Any
 
 from starlette.datastructures import MutableHeaders
+from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["Conditional", "entity_tag", "matches"]
+from gateway.api.problem import JsonResponse
+from gateway.domain.errors import ChangedError
+
+__all__ = ["Conditional", "check_match", "entity_tag", "matches"]
 
 PREFIX = "/api/v1/"
 KEPT = ("etag", "cache-control", "vary", "content-location", "expires")  # of a 304, RFC 9110 section 15.4.5
@@ -25,6 +31,16 @@ def matches(condition: str, tag: str) -> bool:
     """Whether If-None-Match names a tag; weak comparison, as RFC 9110 asks for there."""
     wanted = tag.removeprefix("W/")
     return any(part.strip().removeprefix("W/") in (wanted, "*") for part in condition.split(","))
+
+
+def check_match(request: Request, view: Mapping[str, Any]) -> None:
+    """ChangedError when If-Match names another state than what a GET of this would answer now."""
+    said = request.headers.get("if-match", "").strip()
+    if said in ("", "*"):
+        return
+    tag = entity_tag(bytes(JsonResponse(view).body))
+    if tag not in (part.strip() for part in said.split(",")):
+        raise ChangedError("it is not as If-Match names it any more: read it again")
 
 
 class Conditional:

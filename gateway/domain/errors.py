@@ -6,6 +6,7 @@ RequestError
 ├── UnknownNodeError        the robot has no such node                          unknown_node
 ├── UnknownRevisionError    the revision of a twin is not kept, or never was    unknown_revision
 ├── TwinChangedError        somebody else was faster than this edit             twin_changed
+├── ChangedError            what If-Match names is not what there is          changed
 ├── UnknownCommandError     there is no such command                            unknown_command
 ├── IdempotencyConflictError  the key was used for another request              idempotency_conflict
 └── CommandDeliveredError   too late to take the command back                   command_delivered
@@ -16,6 +17,7 @@ from __future__ import annotations
 from gateway.errors import RequestError
 
 __all__ = [
+    "ChangedError",
     "CommandDeliveredError",
     "IdempotencyConflictError",
     "SelectorError",
@@ -55,6 +57,12 @@ class TwinChangedError(RequestError):
     """The twin or template is not at the revision that If-Match names: somebody else was faster."""
 
     code = "twin_changed"
+
+
+class ChangedError(RequestError):
+    """What If-Match names is not what there is by now: somebody else was faster."""
+
+    code = "changed"
 
 
 class UnknownCommandError(RequestError):

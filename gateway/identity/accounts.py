@@ -161,18 +161,31 @@ class Accounts:
         robots: tuple[str, ...] | None,
         disabled: bool | None,
         password: str | None,
+        check: Callable[[User], None] | None = None,
     ) -> User:
-        """Change what is given."""
+        """Change what is given, unless `check` of who they are now raises."""
         hashed = await self._hashed(name, password) if password is not None else None
-        return await self._change(
-            lambda engine: users.change_user(
-                engine, name, role=role, robots=robots, disabled=disabled, password_hash=hashed
-            )
-        )
 
-    async def delete_user(self, name: str) -> User:
-        """Delete a user with their sessions and keys."""
-        return await self._change(lambda engine: users.delete_user(engine, name))
+        def job(engine: StoreEngine) -> User:
+            if check is not None:
+                check(users.user_named(engine, name))
+            return users.change_user(engine, name, role=role, robots=robots, disabled=disabled, password_hash=hashed)
+
+        return await self._change(job)
+
+    async def get_user(self, name: str) -> User:
+        """One user; UnknownUserError."""
+        return await self._read(lambda engine: users.user_named(engine, name))
+
+    async def delete_user(self, name: str, *, check: Callable[[User], None] | None = None) -> User:
+        """Delete a user with their sessions and keys, unless `check` of who they are now raises."""
+
+        def job(engine: StoreEngine) -> User:
+            if check is not None:
+                check(users.user_named(engine, name))
+            return users.delete_user(engine, name)
+
+        return await self._change(job)
 
     async def list_keys(self, principal: Principal) -> list[tuple[ApiKey, str]]:
         """Keys with their users' names: one's own, or everybody's for an admin."""

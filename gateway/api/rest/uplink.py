@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
 from starlette.requests import Request
@@ -10,12 +10,14 @@ from starlette.responses import Response
 
 from gateway.api import models
 from gateway.api.allow import allow
+from gateway.api.conditional import matches
 from gateway.api.listing import FieldsText, read_fields
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.once import carried_once, key_of
 from gateway.api.services import services_of
 from gateway.api.views import gap_view, uplink_view
+from gateway.domain.errors import ChangedError
 from gateway.fleet.orders import Order
 
 __all__ = ["router"]
@@ -32,19 +34,23 @@ router = APIRouter(prefix="/api/v1/robots", tags=["link"], default_response_clas
 )
 async def get_uplink(request: Request, robot_id: str) -> Response:
     """The robot's byte budget, as its agent said last."""
-    return JsonResponse(uplink_view(services_of(request).registry.get(robot_id)))
+    view = uplink_view(services_of(request).registry.get(robot_id))
+    return JsonResponse(view, headers={"ETag": _tag(view)})
 
 
 @router.put(
     "/{robot_id}/uplink",
     dependencies=[allow("robots.configure")],
-    responses={200: {"model": models.Uplink}, **PROBLEMS},
+    responses={200: {"model": models.Uplink}, **PROBLEMS, 412: {"model": models.Problem}},
     openapi_extra=body_document(models.UplinkRequest),
 )
 async def set_uplink(request: Request, robot_id: str) -> Response:
     """Give the robot another byte budget. Answers when its agent has taken it and keeps it."""
     services = services_of(request)
     body = await read_body(request, models.UplinkRequest)
+    tag = _tag(uplink_view(services.registry.get(robot_id)))
+    if (said := request.headers.get("if-match", "*")) != "*" and not matches(said, tag):
+        raise ChangedError(f"the byte budget of {robot_id} is another one by now: read it again")
     if (key := key_of(request)) is not None:
         order = Order(robot=robot_id, kind="set_uplink", request={"bytes_per_s": body.bytes_per_s}, idempotency=key)
         await carried_once(request, order)
@@ -52,7 +58,8 @@ async def set_uplink(request: Request, robot_id: str) -> Response:
         await services.fleet.set_uplink(robot_id, body.bytes_per_s)
     record = services.registry.get(robot_id)
     record.budgeted(body.bytes_per_s)
-    return JsonResponse(uplink_view(record))
+    view = uplink_view(record)
+    return JsonResponse(view, headers={"ETag": _tag(view)})
 
 
 @router.get(
@@ -72,3 +79,8 @@ async def list_gaps(
     found = await services.store.gaps(robot_id, limit=limit)
     chosen = read_fields(fields, models.DeclaredGap)
     return JsonResponse({"gaps": [chosen.of(gap_view(record, gap)) for gap in found]})
+
+
+def _tag(view: dict[str, Any]) -> str:
+    """Of the budget alone: what is sent changes all the time."""
+    return f'"{view["bytes_per_s"] or 0}"'

@@ -9,6 +9,7 @@ from starlette.responses import Response
 from gateway.api import models, models_identity
 from gateway.api.allow import allow
 from gateway.api.audited import note, reach
+from gateway.api.conditional import check_match
 from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.auth import REFUSALS
@@ -50,10 +51,20 @@ async def create_user(request: Request) -> Response:
     return JsonResponse(user_view(made), status_code=201)
 
 
-@router.patch(
+@router.get(
     "/{name}",
     dependencies=[allow("users.manage")],
     responses={200: {"model": models_identity.User}, **REFUSALS},
+)
+async def get_user(request: Request, name: str) -> Response:
+    """One user. The ETag is for If-Match."""
+    return JsonResponse(user_view(await services_of(request).accounts.get_user(name)))
+
+
+@router.patch(
+    "/{name}",
+    dependencies=[allow("users.manage")],
+    responses={200: {"model": models_identity.User}, **REFUSALS, 412: {"model": models.Problem}},
     openapi_extra=body_document(models_identity.UserChange),
 )
 async def change_user(request: Request, name: str) -> Response:
@@ -65,6 +76,7 @@ async def change_user(request: Request, name: str) -> Response:
         robots=tuple(body.robots) if body.robots is not None else None,
         disabled=body.disabled,
         password=body.password,
+        check=lambda user: check_match(request, user_view(user)),
     )
     detail = reach(changed.name, changed.role, changed.robots, disabled=changed.disabled)
     note(request, detail=detail + (", password set" if body.password is not None else ""))
@@ -74,9 +86,9 @@ async def change_user(request: Request, name: str) -> Response:
 @router.delete(
     "/{name}",
     dependencies=[allow("users.manage")],
-    responses={200: {"model": models.Ok}, **REFUSALS},
+    responses={200: {"model": models.Ok}, **REFUSALS, 412: {"model": models.Problem}},
 )
 async def delete_user(request: Request, name: str) -> Response:
     """Delete a user with their sessions and keys."""
-    await services_of(request).accounts.delete_user(name)
+    await services_of(request).accounts.delete_user(name, check=lambda user: check_match(request, user_view(user)))
     return JsonResponse({"ok": True})

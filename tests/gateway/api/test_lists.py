@@ -38,8 +38,11 @@ async def fleet(folder: Path, count: int) -> AsyncIterator[httpx.AsyncClient]:
         http = await stack.enter_async_context(client(ready, key=key))
         for number in range(count):
             await stack.enter_async_context(ScriptedAgent(ready, f"r{number}"))
-        while len(await ids(http, online="true")) < count:  # noqa: ASYNC110 (there is nothing to wait for but this)
-            await asyncio.sleep(0.02)
+        async with asyncio.timeout(60):
+            while True:
+                if len(await ids(http, online="true")) == count:
+                    break
+                await asyncio.sleep(0.02)
         yield http
 
 
@@ -134,8 +137,11 @@ async def test_topics_come_in_pages(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready, "r0") as agent:
         await agent.announce(*(channel(n, f"/r0/t{n}", "std_msgs/msg/String") for n in (1, 2, 3)))
         path = f"{ROBOTS}/r0/topics"
-        while len((await http.get(path)).json()["topics"]) < 3:  # noqa: ASYNC110
-            await asyncio.sleep(0.02)
+        async with asyncio.timeout(60):
+            while True:
+                if len((await http.get(path)).json()["topics"]) == 3:
+                    break
+                await asyncio.sleep(0.02)
         first = (await http.get(path, params={"limit": 2})).json()
         rest = (await http.get(path, params={"limit": 2, "after": first["next"]})).json()
         assert [topic["topic"] for topic in (*first["topics"], *rest["topics"])] == ["/r0/t1", "/r0/t2", "/r0/t3"]

@@ -1,0 +1,113 @@
+"""Groups of robots by their labels, and what a robot says at this moment."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+from starlette.requests import Request
+from starlette.responses import Response
+
+from gateway.api import models_fleet, models_twin
+from gateway.api.allow import allow, principal_of
+from gateway.api.audited import note
+from gateway.api.listing import Paged, listing
+from gateway.api.problem import JsonResponse
+from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.rest.ranges import Topics, chosen_topics
+from gateway.api.rest.twin import DryRun, Reason, Select, editor_of
+from gateway.api.services import services_of
+from gateway.api.snapshot import heard, stored
+from gateway.api.views import rfc3339
+from gateway.api.views_twin import outcomes_view
+from gateway.domain.selector import Selector, check_labels
+from gateway.fleet.twin_plan import Edit
+
+__all__ = ["router"]
+
+MAX_WAIT_S = 10.0
+LOOKED_AT_ONCE = 500  # robots that are counted before others get to do something
+
+router = APIRouter(prefix="/api/v1", tags=["robots"], default_response_class=JsonResponse)
+
+
+@router.get("/groups", dependencies=[allow("robots.read")], responses={200: {"model": models_fleet.GroupList}})
+async def list_groups(
+    request: Request,
+    window: Paged,
+    label: Annotated[str, Query(max_length=128, description="only the values of this label")] = "",
+) -> Response:
+    """The values of robots' labels, and how many robots have each."""
+    services, principal = services_of(request), principal_of(request)
+    robots: Counter[tuple[str, str]] = Counter()
+    online: Counter[tuple[str, str]] = Counter()
+    for place, record in enumerate(services.registry.all(), 1):
+        if principal.sees(record.robot.id):
+            pairs = services.twins.labels_of(record.robot.id).items()
+            chosen = [pair for pair in pairs if not label or pair[0] == label]
+            robots.update(chosen)
+            if record.online:
+                online.update(chosen)
+        if place % LOOKED_AT_ONCE == 0:
+            await asyncio.sleep(0)
+
+    def view(pair: tuple[str, str]) -> dict[str, Any]:
+        name, value = pair
+        counts = {"robots": robots[pair], "online": online[pair]}
+        return {"label": name, "value": value, "selector": f"{name}={value}" if value else name, **counts}
+
+    return listing("groups", sorted(robots), view, model=models_fleet.Group, key="=".join, window=window)
+
+
+@router.patch(
+    "/groups",
+    dependencies=[allow("twin.write")],
+    responses={200: {"model": models_twin.TwinsChange}, **PROBLEMS},
+    openapi_extra=body_document(models_twin.LabelsChange),
+)
+async def label_group(request: Request, selector: Select, dry_run: DryRun = False, reason: Reason = "") -> Response:
+    """Give every robot that the selector names labels; null takes one away. All of them, or none."""
+    body = await read_body(request, models_twin.LabelsChange)
+    wanted = Selector.parse(selector)
+    check_labels(body.labels)
+    editor = editor_of(request, reason=reason or "labels", window=None)
+    outcomes = await services_of(request).twins.desk.edit_many(
+        wanted, Edit(labels=body.labels), editor, sees=principal_of(request).sees, dry_run=dry_run
+    )
+    view = await asyncio.to_thread(outcomes_view, outcomes, dry_run=dry_run)
+    note(request, detail=f"{'dry run: ' if dry_run else ''}labels of {len(outcomes)} robots: {wanted.text or 'all'}")
+    return JsonResponse(view)
+
+
+@router.get(
+    "/robots/{robot_id}/snapshot",
+    dependencies=[allow("telemetry.read")],
+    responses={200: {"model": models_fleet.Snapshot}, **PROBLEMS},
+)
+async def get_snapshot(
+    request: Request,
+    robot_id: str,
+    topic: Topics = None,
+    wait_s: Annotated[float, Query(ge=0, le=MAX_WAIT_S, description="for messages of live topics")] = 1.0,
+) -> Response:
+    """The newest message of each topic, as it comes within a moment or else is stored, and the newest metrics."""
+    services = services_of(request)
+    record = services.registry.get(robot_id)
+    names = [state.channel.topic for state in record.topics()]
+    topics = chosen_topics(names, topic, namespace=record.robot.namespace)
+    found = await heard(services.hub, record, topics, wait_s=wait_s)
+    now_ns = services.clock.wall_ns()
+    rest = [name for name in topics if name not in found]
+    found |= await stored(services.history, robot_id, rest, now_ns=now_ns)
+    values = record.newest().items()
+    view = {
+        "robot": robot_id,
+        "time": rfc3339(now_ns),
+        "online": record.online,
+        "topics": [found[name] for name in topics if name in found],
+        "missing": [name for name in topics if name not in found],
+        "metrics": {name: {"stamp_ms": stamp / 1e6, "value": value} for name, (stamp, value) in values},
+    }
+    return JsonResponse(view)
