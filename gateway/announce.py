@@ -11,13 +11,7 @@ from pathlib import Path
 
 from gateway.identity.local import LOCAL_KEY_FILE
 from gateway.names import url_of
-from gateway.settings import (
-    DEFAULT_FOXGLOVE_PORT,
-    DEFAULT_GRPC_PORT,
-    DEFAULT_HTTP_PORT,
-    DEFAULT_ROSBRIDGE_PORT,
-    Settings,
-)
+from gateway.settings import DEFAULT_GRPC_PORT, DEFAULT_HTTP_PORT, Settings
 from gateway.store.engine import shown
 from gateway.tls import ROOT_FILE
 from metaros.cli.credentials import forget_key, save_key
@@ -70,14 +64,12 @@ class Ready:
 
 
 def ready_line(settings: Settings, where: Ready) -> str:
-    """One line with everything that somebody may need to know."""
+    """Three lines: where people go, where programs and robots connect, and where the data is."""
     moved = [
         f"{what} {default} was taken"
         for what, asked, default, got in (
             ("port", settings.port, DEFAULT_HTTP_PORT, where.http_port),
             ("robots' port", settings.grpc_port, DEFAULT_GRPC_PORT, where.grpc_port),
-            ("Foxglove's port", settings.foxglove_port, DEFAULT_FOXGLOVE_PORT, where.foxglove_port),
-            ("rosbridge's port", settings.rosbridge_port, DEFAULT_ROSBRIDGE_PORT, where.rosbridge_port),
         )
         if asked is None and got != default
     ]
@@ -87,7 +79,7 @@ def ready_line(settings: Settings, where: Ready) -> str:
     ports = f"robots {where.host}:{where.grpc_port}  programs {where.host}:{where.api_grpc_port}"
     for name, port in (("foxglove", where.foxglove_port), ("rosbridge", where.rosbridge_port)):
         ports += f"  {name} {where.host}:{port}" if port else ""
-    return f"gateway ready: {where.url}{others}  {ports}  data {where.data_dir}{store}{note}"
+    return f"gateway ready: {where.url}{others}{note}\n  {ports}\n  data {where.data_dir}{store}"
 
 
 def write_status(path: Path, where: Ready) -> None:

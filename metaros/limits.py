@@ -94,6 +94,9 @@ class Limits:
     robot_downloads: int = 2  # of one robot among them: one goes on while another that broke off is not over yet
     bundles: int = 10_000  # that a store keeps
     ticket_s: float = 12 * 3600.0  # the longest life of a ticket for a viewer
+    asset_bytes: int = 32 * MIB  # one file that a viewer fetches
+    foxglove_channels: int = 4096  # that one Foxglove client is told of; of more robots it has to choose
+    foxglove_tasks: int = 64  # publishes, calls and fetches of one Foxglove client that are under way
     fetch_token_s: float = 86_400.0  # how long a robot's token for update files is good; a new one with each Welcome
     rollout_robots: int = 20_000  # of one rollout
     rollouts_open: int = 64  # that run, wait or were halted; more are refused

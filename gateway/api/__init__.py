@@ -12,6 +12,7 @@ from gateway.api.audited import Audited
 from gateway.api.authenticate import Authenticate
 from gateway.api.bodies import Bodies
 from gateway.api.conditional import Conditional
+from gateway.api.foxglove import socket as foxglove
 from gateway.api.guard import Guard
 from gateway.api.measured import Measured
 from gateway.api.openapi import describe_permissions
@@ -86,6 +87,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     ops.router,
     stream.router,
     teleop.router,
+    foxglove.router,
     link.router,
     rosbridge.router,
 )

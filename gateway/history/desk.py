@@ -16,7 +16,7 @@ import orjson
 from gateway.errors import StoreError, TooManyError
 from gateway.history.decode import Decoder
 from gateway.history.export import Export, ExportRequest
-from gateway.history.instant import instant_facts, pack_instant, read_instant
+from gateway.history.instant import Instant, instant_facts, pack_instant, read_instant
 from gateway.history.losses import Loss, folded, loss_view
 from gateway.history.pages import Page, PageRequest, message_facts, read_page
 from gateway.history.source import Source, StoreSource
@@ -109,6 +109,14 @@ class HistoryDesk:
             return _json({**instant_facts(instant), "messages": messages})
 
         return await self._work(job)
+
+    async def read(self, request: PageRequest) -> Page:
+        """Messages of a range as they are stored."""
+        return await self._work(lambda source: read_page(source, request))
+
+    async def at(self, robot_id: str, topics: Sequence[str], *, t_ns: int, max_age_ns: int) -> Instant:
+        """The newest message of each topic at a time, as it is stored."""
+        return await self._work(lambda source: read_instant(source, robot_id, topics, t_ns=t_ns, max_age_ns=max_age_ns))
 
     def export(self, request: ExportRequest) -> ExportStream:
         """An MCAP file, to be taken piece by piece; TooManyError when as many are made as there may be."""

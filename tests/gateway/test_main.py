@@ -57,8 +57,8 @@ def test_a_signal_ends_it_cleanly(tmp_path: Path, number: signal.Signals) -> Non
         process.send_signal(number)
         output, _ = process.communicate(timeout=END_S)
     assert process.returncode == 0
-    assert output.startswith(f"gateway ready: {status['url']}  robots 127.0.0.1:{status['grpc_port']}")
-    assert len(output.splitlines()) == 1
+    assert output.startswith(f"gateway ready: {status['url']}\n  robots 127.0.0.1:{status['grpc_port']}")
+    assert len(output.splitlines()) == 3
 
 
 def test_a_killed_one_leaves_the_directory_usable(tmp_path: Path) -> None:

@@ -1,0 +1,61 @@
+"""A Foxglove client's calls of robots' services, in JSON or CDR as it likes."""
+
+from __future__ import annotations
+
+import orjson
+
+from gateway.api.foxglove.binary import ServiceCall, service_response
+from gateway.api.foxglove.texts import ENCODINGS, ServiceView, service_failure
+from gateway.api.visitor import Visitor
+from gateway.errors import InvalidRequestError
+from metaros.errors import MetarosError
+from metaros.limits import LIMITS
+
+__all__ = ["answer_call", "known_services"]
+
+
+def known_services(visitor: Visitor) -> list[tuple[str, str, str, str]]:
+    """(shown name, type, request's schema, response's) of each service whose type the gateway knows."""
+    found = []
+    for graph in visitor.graphs():
+        for name, info in graph.services.items():
+            if not info.servers:
+                continue
+            request = graph.schema(f"{info.type_name}_Request", info.type_hash)
+            response = graph.schema(f"{info.type_name}_Response", info.type_hash)
+            if request or response:
+                found.append((visitor.names.shown(graph.robot, name), info.type_name, request, response))
+    return found
+
+
+async def answer_call(visitor: Visitor, view: ServiceView | None, call: ServiceCall, *, lease_id: str) -> bytes | str:
+    """What to send back: a binary answer, or the text of a failure. Raises nothing of ours."""
+    try:
+        if view is None:
+            raise InvalidRequestError(f"Unknown service ID: {call.service_id}")
+        if call.encoding not in ENCODINGS:
+            raise InvalidRequestError(f"encoding {call.encoding[:20]!r}: calls are {' or '.join(ENCODINGS)}")
+        timeout_s = LIMITS.command_timeout_s
+        if call.encoding == "cdr":
+            answer: bytes = await visitor.call(
+                view.name, type_name=view.type_name, cdr=call.payload, raw=True, timeout_s=timeout_s, lease_id=lease_id
+            )
+        else:
+            values = await visitor.call(
+                view.name,
+                type_name=view.type_name,
+                request=_request(call.payload),
+                timeout_s=timeout_s,
+                lease_id=lease_id,
+            )
+            answer = orjson.dumps(values)
+        return service_response(call.service_id, call.call_id, call.encoding, answer)
+    except MetarosError as error:
+        return service_failure(call.service_id, call.call_id, str(error)[:500])
+
+
+def _request(payload: bytes) -> object:
+    try:
+        return orjson.loads(payload) if payload else {}
+    except orjson.JSONDecodeError as error:
+        raise InvalidRequestError(f"no JSON: {error}") from None

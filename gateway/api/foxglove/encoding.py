@@ -1,0 +1,28 @@
+"""Samples as Foxglove MessageData, framed for a WebSocket: made once for all clients with the same subscription id."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from gateway.api.foxglove.binary import message_head
+from gateway.api.ws.pipe import BINARY, frame
+from gateway.live.encoding import Block, View
+
+__all__ = ["MessageData"]
+
+
+@dataclass(frozen=True, slots=True)
+class MessageData:
+    """A channel's samples under a client's subscription id, in the encoding that the robot's node published."""
+
+    view: ClassVar[View[Any] | None] = None
+
+    subscription_id: int
+
+    def encode(self, block: Block) -> bytes:
+        """One binary message a sample."""
+        number = self.subscription_id
+        return b"".join(
+            [frame(BINARY, message_head(number, record.stamp_ns) + record.payload) for record in block.records]
+        )

@@ -1,0 +1,325 @@
+"""One Foxglove client: what it asks, and what it is told without asking.
+
+Samples go past this class: the hub writes them into the pipe, made once for all clients (encoding.py). Here is the
+rest: the lists of channels, services and parameters, the graph and the time, and the deeds, which the visitor does.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from gateway.api.foxglove import requests, texts
+from gateway.api.foxglove.assets import read_asset
+from gateway.api.foxglove.binary import (
+    ClientData,
+    PlaybackControl,
+    ServiceCall,
+    asset_failure,
+    asset_response,
+    read_binary,
+    time_message,
+)
+from gateway.api.foxglove.calling import answer_call, known_services
+from gateway.api.foxglove.directory import Directory, Offered, channel_facts
+from gateway.api.foxglove.encoding import MessageData
+from gateway.api.foxglove.graph import graph_view
+from gateway.api.foxglove.playback import Player, PlayerSide
+from gateway.api.foxglove.publishing import Publishing
+from gateway.api.foxglove.requests import Parameter
+from gateway.api.foxglove.texts import ERROR, INFO, WARNING, GraphView
+from gateway.api.foxglove.values import Values
+from gateway.api.visitor import Visitor
+from gateway.api.ws.pipe import Pipe
+from gateway.domain.channel import Channel
+from gateway.errors import InvalidRequestError
+from gateway.live.subscription import TopicSubscription
+from metaros.errors import MetarosError
+from metaros.limits import LIMITS
+
+__all__ = ["Session"]
+
+TEND_S = 0.25  # how often it is looked at what changed, and a live client is told the time
+POLL_S = 2.0  # how often parameters are read that a client watches
+TOGETHER = 128  # channels in one message
+FULL = "Send buffer limit reached"  # the very words for which Lichtblick has a hint
+
+
+@dataclass(eq=False, slots=True)
+class _Watched:
+    """Parameters that a client wants to hear of; `names` empty: all."""
+
+    on: bool = False
+    names: set[str] = field(default_factory=set)
+    last: dict[str, Parameter] = field(default_factory=dict)
+
+
+class Session:
+    """Made when the socket is open; `run` until it is cancelled, `handle` for each message, then `close`."""
+
+    def __init__(self, visitor: Visitor, pipe: Pipe, *, span_ns: tuple[int, int] | None, lease_id: str = "") -> None:
+        """`span_ns`: what is stored, as far as the client may play it; `lease_id`: the teleop lease it has."""
+        services = visitor.services
+        self._visitor = visitor
+        self._services = services
+        self._pipe = pipe
+        self._span_ns = span_ns
+        self._lease_id = lease_id
+        self._viewer = services.hub.join(pipe, on_dropped=lambda *_: self._note(WARNING, FULL, "send-buffer"))
+        self._directory = Directory(LIMITS.foxglove_channels)
+        self._subscriptions: dict[int, Offered] = {}
+        self._values = Values(visitor)
+        self._publishing = Publishing(
+            visitor,
+            self._start,
+            lambda topic, why: self._note(ERROR, f"{topic}: {why}", f"publish {topic}"),
+            lease_id=lease_id,
+        )
+        self._watched = _Watched()
+        self._graph_wanted, self._graph = False, GraphView({}, {}, {})
+        self._graph_told = False
+        self._channels_stale = self._graphs_stale = True
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._unwatch = (services.hub.watch_channels(self._on_channels), services.graphs.watch(self._on_graph))
+        side = PlayerSide(
+            history=services.history,
+            out=pipe,
+            clock=services.clock,
+            wanted=self._wanted,
+            set_live=self._set_live,
+            tell=lambda text: self._note(WARNING, text, "history"),
+        )
+        self._player = Player(side, start_ns=span_ns[0] if span_ns is not None else 0)
+        self._handlers: dict[type, Callable[[Any], None]] = {
+            requests.Subscribe: self._subscribe,
+            requests.Unsubscribe: self._unsubscribe,
+            requests.Advertise: self._publishing.advertise,
+            requests.Unadvertise: self._publishing.unadvertise,
+            requests.GetParameters: lambda asked: self._task(self._get(asked.names, asked.id)),
+            requests.SetParameters: lambda asked: self._task(self._set(asked)),
+            requests.WatchParameters: self._watch,
+            requests.WatchGraph: self._watch_graph,
+            requests.FetchAsset: lambda asked: self._task(self._fetch(asked)),
+            ClientData: self._publishing.publish,
+            ServiceCall: lambda asked: self._task(self._call(asked)),
+            PlaybackControl: self._control,
+        }
+
+    async def run(self, *, name: str, session: str, metadata: Mapping[str, str]) -> None:
+        """Say hello, then tell what changes."""
+        assets = self._services.settings.assets_dir is not None
+        self._pipe.text(
+            texts.server_info(name, session=session, metadata=metadata, span_ns=self._span_ns, assets=assets)
+        )
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._tend())
+            group.create_task(self._poll())
+            group.create_task(self._player.run())
+
+    def handle(self, message: Mapping[str, Any]) -> None:
+        """One message of the client; what is wrong with it is told, and the connection stays."""
+        try:
+            text = message.get("text")
+            asked = requests.read_text(text) if text is not None else read_binary(message.get("bytes") or b"")
+            self._handlers[type(asked)](asked)
+        except MetarosError as error:
+            self._pipe.text(texts.status(ERROR, str(error)[:500]))
+
+    def close(self) -> None:
+        """The socket is over."""
+        for unwatch in self._unwatch:
+            unwatch()
+        self._viewer.close()
+        self._visitor.close()
+        for task in self._tasks:
+            task.cancel()
+
+    # -- samples ---------------------------------------------------------------------------------------------------
+
+    def _subscribe(self, asked: requests.Subscribe) -> None:
+        for number, channel_id in asked.pairs:
+            offered = self._directory.channels.get(channel_id)
+            if offered is None:
+                raise InvalidRequestError(f"Unknown channel ID: {channel_id}")
+            if number in self._subscriptions:
+                raise InvalidRequestError(f"Subscription ID {number} is in use")
+            if self._player.live:
+                self._listen(number, offered.channel)
+            elif len(self._subscriptions) >= LIMITS.subscriptions_per_viewer:
+                raise InvalidRequestError(f"a client has at most {LIMITS.subscriptions_per_viewer} subscriptions")
+            self._subscriptions[number] = offered
+            if not self._player.live:
+                self._player.changed()
+
+    def _unsubscribe(self, asked: requests.Unsubscribe) -> None:
+        for number in asked.ids:
+            if self._subscriptions.pop(number, None) is None:
+                raise InvalidRequestError(f"Unknown subscription ID: {number}")
+            if self._player.live:
+                self._viewer.unsubscribe(number)
+            else:
+                self._player.changed()
+
+    def _listen(self, number: int, channel: Channel) -> None:
+        """Live samples of a channel, however often its robot announces it again."""
+        identity, encoding = channel.identity, MessageData(number)
+        self._viewer.subscribe(TopicSubscription(number, lambda found: found.identity == identity, lambda _: encoding))
+
+    def _set_live(self, live: bool) -> None:
+        for number, offered in self._subscriptions.items():
+            if live:
+                self._listen(number, offered.channel)
+            else:
+                self._viewer.unsubscribe(number)
+
+    def _wanted(self) -> dict[tuple[str, str], tuple[int, Channel]]:
+        return {
+            (item.channel.robot, item.channel.topic): (number, item.channel)
+            for number, item in self._subscriptions.items()
+        }
+
+    def _control(self, asked: PlaybackControl) -> None:
+        if self._span_ns is None:
+            raise InvalidRequestError("there is no history that could be played")
+        self._player.control(asked)
+
+    # -- what there is ---------------------------------------------------------------------------------------------
+
+    def _on_channels(self, robot: str) -> None:
+        self._channels_stale = self._channels_stale or self._visitor.names.covers(robot)
+
+    def _on_graph(self, robot: str) -> None:
+        self._graphs_stale = self._graphs_stale or self._visitor.names.covers(robot)
+
+    async def _tend(self) -> None:
+        while True:
+            if self._channels_stale:
+                self._channels_stale = False
+                await self._tell_channels()
+            if self._graphs_stale:
+                self._graphs_stale = False
+                await self._tell_services()
+                self._tell_graph()
+            if self._player.live and self._pipe.ready():
+                self._pipe.binary(time_message(self._services.clock.wall_ns()))
+            await asyncio.sleep(TEND_S)
+
+    async def _tell_channels(self) -> None:
+        changes = self._directory.update_channels((item.shown, item.channel) for item in self._visitor.topics())
+        if changes.gone:
+            for number in [n for n, item in self._subscriptions.items() if item.number in changes.gone]:
+                self._unsubscribe(requests.Unsubscribe((number,)))
+            self._pipe.text(texts.unadvertise(changes.gone))
+        for start in range(0, max(1, len(changes.new)), TOGETHER):
+            await self._pipe.room()
+            self._pipe.text(texts.advertise([channel_facts(item) for item in changes.new[start : start + TOGETHER]]))
+        self._tell_left_out("sealed", changes.unreadable, "topics are sealed or of unknown types, and not shown")
+        self._tell_left_out("channels", changes.left_out, "further topics are not shown: open /foxglove/ROBOT instead")
+
+    def _tell_left_out(self, about: str, count: int, text: str) -> None:
+        self._note(INFO, f"{count} {text}" if count else "", about)
+
+    async def _tell_services(self) -> None:
+        new, gone = self._directory.update_services(known_services(self._visitor))
+        if gone:
+            self._pipe.text(texts.unadvertise_services(gone))
+        for start in range(0, len(new), TOGETHER):
+            await self._pipe.room()
+            self._pipe.text(texts.advertise_services(new[start : start + TOGETHER]))
+
+    def _watch_graph(self, asked: requests.WatchGraph) -> None:
+        self._graph_wanted, self._graph_told = asked.on, False
+        self._tell_graph()
+
+    def _tell_graph(self) -> None:
+        if self._graph_wanted:
+            now = graph_view(self._visitor.graphs(), self._visitor.names)
+            update = texts.graph_update(self._graph if self._graph_told else None, now)
+            self._graph, self._graph_told = now, True
+            if update is not None:
+                self._pipe.text(update)
+
+    # -- parameters ------------------------------------------------------------------------------------------------
+
+    def _watch(self, asked: requests.WatchParameters) -> None:
+        """No names: all of them, or none any more."""
+        watched = self._watched
+        watched.on = asked.on or bool(asked.names and watched.names - set(asked.names))
+        watched.names = (watched.names | set(asked.names)) if asked.on else (watched.names - set(asked.names))
+        if asked.on and not asked.names:
+            watched.names = set()
+        if len(watched.names) > LIMITS.parameters_per_node:
+            watched.names, watched.on = set(), False
+            raise InvalidRequestError(f"at most {LIMITS.parameters_per_node} parameters are watched")
+
+    async def _poll(self) -> None:
+        while True:
+            await asyncio.sleep(POLL_S)
+            watched = self._watched
+            if not watched.on:
+                watched.last = {}
+                continue
+            try:
+                found = {item.name: item for item in await self._values.read(sorted(watched.names))}
+            except MetarosError:
+                continue
+            changed = [item for name, item in found.items() if name in watched.last and watched.last[name] != item]
+            watched.last = found
+            if changed:
+                self._pipe.text(texts.parameter_values(changed))
+
+    async def _get(self, names: tuple[str, ...], answer_to: str | None) -> None:
+        found = await self._values.read(names)
+        await self._pipe.room()
+        self._pipe.text(texts.parameter_values(found, answer_to=answer_to))
+
+    async def _set(self, asked: requests.SetParameters) -> None:
+        for fault in await self._values.write(asked.parameters):
+            self._pipe.text(texts.status(ERROR, fault[:500]))
+        if asked.id is not None:
+            await self._get(tuple(item.name for item in asked.parameters), asked.id)
+
+    # -- deeds -----------------------------------------------------------------------------------------------------
+
+    async def _call(self, asked: ServiceCall) -> None:
+        view = self._directory.services.get(asked.service_id)
+        answer = await answer_call(self._visitor, view, asked, lease_id=self._lease_id)
+        await self._pipe.room()
+        if isinstance(answer, bytes):
+            self._pipe.binary(answer)
+        else:
+            self._pipe.text(answer)
+
+    async def _fetch(self, asked: requests.FetchAsset) -> None:
+        try:
+            data = await asyncio.to_thread(read_asset, self._services.settings.assets_dir, asked.uri)
+            answer = asset_response(asked.request_id, data)
+        except MetarosError as error:
+            answer = asset_failure(asked.request_id, str(error))
+        await self._pipe.room()
+        self._pipe.binary(answer)
+
+    def _task(self, work: Coroutine[Any, Any, None]) -> None:
+        if not self._start(work):
+            raise InvalidRequestError(f"{LIMITS.foxglove_tasks} requests are under way: wait for an answer")
+
+    def _start(self, work: Coroutine[Any, Any, None]) -> bool:
+        if len(self._tasks) >= LIMITS.foxglove_tasks:
+            work.close()
+            return False
+        task = asyncio.create_task(self._guarded(work))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return True
+
+    async def _guarded(self, work: Coroutine[Any, Any, None]) -> None:
+        try:
+            await work
+        except MetarosError as error:
+            self._pipe.text(texts.status(ERROR, str(error)[:500]))
+
+    def _note(self, level: int, text: str, about: str) -> None:
+        """A note that takes the place of the one before about the same; none: that one does not hold any more."""
+        self._pipe.text(texts.status(level, text[:500], note_id=about) if text else texts.remove_status(about))

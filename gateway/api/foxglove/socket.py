@@ -1,0 +1,112 @@
+"""`/foxglove` and `/foxglove/ROBOT`, which is also `/` and `/ROBOT` on Foxglove's own port: the socket itself."""
+
+from __future__ import annotations
+
+import asyncio
+from importlib.metadata import version
+
+from fastapi import APIRouter
+from starlette.responses import PlainTextResponse
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from gateway.api.allow import allow
+from gateway.api.attendance import REVOKED, Visit
+from gateway.api.foxglove.session import Session
+from gateway.api.services import Services, services_of
+from gateway.api.visitor import Visitor
+from gateway.api.ws.cut import STALLED, cut
+from gateway.api.ws.pipe import Pipe
+
+__all__ = ["PROTOCOLS", "router"]
+
+PROTOCOLS = (
+    "foxglove.sdk.v1",
+    "foxglove.websocket.v1",
+)  # the same on the wire; the first that a client offers of these
+MOST_CLIENTS = 1024
+SPANNED = 64  # robots that are asked since when they have history
+HELP = (
+    "This is a Foxglove WebSocket server. A client offers the subprotocol foxglove.sdk.v1 or foxglove.websocket.v1; "
+    "this one offered {offered}.\n"
+)
+
+router = APIRouter()
+
+
+@router.websocket("/foxglove", dependencies=[allow("telemetry.read")])
+async def foxglove_fleet(socket: WebSocket) -> None:
+    """A client of all robots that it sees, or of the one that `?robot=` names."""
+    await _serve(socket, socket.query_params.get("robot") or None)
+
+
+@router.websocket("/foxglove/{robot_id}", dependencies=[allow("telemetry.read")])
+async def foxglove_robot(socket: WebSocket, robot_id: str) -> None:
+    """A client of one robot, which sees its ROS names as they are."""
+    await _serve(socket, robot_id)
+
+
+async def _serve(socket: WebSocket, robot: str | None) -> None:
+    services = services_of(socket)
+    offered = socket.scope.get("subprotocols", ())
+    chosen = next((name for name in PROTOCOLS if name in offered), None)
+    if chosen is None:
+        said = ", ".join(offered)[:200] or "none"
+        await socket.send_denial_response(PlainTextResponse(HELP.format(offered=said), 400))
+        return
+    if services.hub.viewers >= MOST_CLIENTS:
+        await socket.send_denial_response(PlainTextResponse("too many clients are connected\n", 503))
+        return
+    with services.attendance.visit(socket) as visit:
+        visitor = Visitor.of(socket, services, visit, robot=robot)
+        span_ns = await _span_ns(services, visitor) if socket.query_params.get("history") != "off" else None
+        await socket.accept(chosen)
+        pipe = Pipe(socket, clock=services.clock, stall_s=services.settings.viewer_stall_s)
+        session = Session(visitor, pipe, span_ns=span_ns, lease_id=socket.query_params.get("lease", ""))
+        await _run(socket, visit, pipe, session, robot)
+
+
+async def _run(socket: WebSocket, visit: Visit, pipe: Pipe, session: Session, robot: str | None) -> None:
+    """Until either side ends it."""
+    services = services_of(socket)
+    name = f"Meta-ROS {robot or 'fleet'}"
+    metadata = {"metaros": version("metaros"), **({"robot": robot} if robot else {})}
+    reading = asyncio.create_task(_read(socket, session))
+    telling = asyncio.create_task(session.run(name=name, session=services.store.gateway_id, metadata=metadata))
+    over, stalled = asyncio.create_task(visit.over.wait()), asyncio.create_task(pipe.stalled())
+    tasks = (reading, telling, over, stalled)
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        if over in done:
+            await cut(socket, REVOKED, "bad_credentials")
+        elif stalled in done:
+            await cut(socket, STALLED, "stalled")
+        for task in done:
+            task.result()
+    except (WebSocketDisconnect, RuntimeError):
+        return
+    finally:
+        session.close()
+        pipe.close()
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _read(socket: WebSocket, session: Session) -> None:
+    while True:
+        message = await socket.receive()
+        if message["type"] == "websocket.disconnect":
+            return
+        session.handle(message)
+
+
+async def _span_ns(services: Services, visitor: Visitor) -> tuple[int, int] | None:
+    """From when to when there is history of what the client sees; None: there is none, or it may not be played."""
+    if not visitor.may("history.read"):
+        return None
+    first_ns = 0
+    for record in visitor.robots()[:SPANNED]:
+        stored = await services.store.stored_topics(record.robot.id)
+        starts = [item.first_ns for item in stored if item.first_ns > 0]
+        first_ns = min([first_ns, *starts]) if first_ns else min(starts, default=0)
+    return (first_ns, services.clock.wall_ns()) if first_ns else None
