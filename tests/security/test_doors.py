@@ -153,6 +153,15 @@ async def grpc_command(world: World, speed: float, lease: str, sent_ns: int) -> 
         return code_of(error)
 
 
+async def rosbridge_publish(world: World, speed: float, lease: str, sent_ns: int) -> str:
+    async with open_socket(world.ready, "/rosbridge/sim_1") as socket:
+        said = {"op": "publish", "id": "p", "topic": "/sim_1/cmd_vel", "type": TWIST, "lease_id": lease}
+        message = {"linear": {"x": speed}}
+        for request in ({"op": "set_level", "level": "info"}, {**said, "msg": message, "sent_ns": sent_ns}):
+            await socket.send(json.dumps(request))
+        status = json.loads(await asyncio.wait_for(socket.recv(), 60))
+        assert (status["op"], status["id"]) == ("status", "p")
+        return str(status.get("code", ""))
 DOORS: dict[str, Door] = {
     "REST publish": rest_json,
     "REST publish under a key": rest_once,
@@ -162,6 +171,7 @@ DOORS: dict[str, Door] = {
     "REST command by selector": rest_fleet_command,
     "gRPC publish": grpc_publish,
     "gRPC command": grpc_command,
+    "rosbridge publish": rosbridge_publish,
 }
 
 
