@@ -133,7 +133,7 @@ class Gateway:
             clock=clock,
         )
         self._guests = door is not None
-        self.grpc_port = 0  # where robots connect, once the server is bound
+        self.grpc_port = self.programs_port = 0  # where robots and programs connect, once the servers are bound
 
     @property
     def api(self) -> ASGIApp:
@@ -200,6 +200,7 @@ class Gateway:
             rates=self.rates,
             identities=self.identities,
             grpc_port=lambda: self.grpc_port,
+            programs_port=lambda: self.programs_port,
             clock=self.clock,
             registry=self.registry,
             links=self.links,

@@ -115,7 +115,7 @@ async def _serve(
     gateway: Gateway, listeners: Listeners, stop: asyncio.Event, on_ready: Callable[[Ready], None]
 ) -> None:
     robots, gateway.grpc_port = _robots_server(gateway)
-    programs, api_grpc_port = _programs_server(gateway)
+    programs, gateway.programs_port = _programs_server(gateway)
     crowd = _crowd(gateway)
     gateway.operations.connections = lambda: len(crowd)
     http = _HttpServer(_http_config(gateway, crowd, listeners), crowd=crowd, tls=gateway.tls)
@@ -128,7 +128,7 @@ async def _serve(
             sweeping = group.create_task(crowd.run())
             starting = group.create_task(http.up.wait())
             await asyncio.wait({web, starting}, return_when=asyncio.FIRST_COMPLETED)
-            on_ready(_ready(gateway, listeners, api_grpc_port))
+            on_ready(_ready(gateway, listeners, gateway.programs_port))
             await stop.wait()
             await drain(gateway, robots=robots, programs=programs, end_http=lambda: http.end(web))
             work.cancel()

@@ -27,6 +27,7 @@ from gateway.api.rest import (
     events,
     export,
     fleet,
+    gateway,
     health,
     history,
     keys,
@@ -59,6 +60,7 @@ __all__ = ["ROUTERS", "create_api", "route_paths"]
 
 ROUTERS: tuple[APIRouter, ...] = (
     health.router,
+    gateway.router,
     robots.router,
     types.router,
     events.router,

@@ -56,6 +56,7 @@ class Services:
     rates: Rates
     identities: IdentityDesk
     grpc_port: Callable[[], int]
+    programs_port: Callable[[], int]
     clock: Clock
     registry: Registry
     links: Links

@@ -18,7 +18,6 @@ from fastapi import APIRouter, Depends, FastAPI
 from starlette.routing import Mount, Route
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
-from websockets.typing import Subprotocol
 
 from gateway.api import ROUTERS
 from gateway.api.allow import BARE, RPCS, allow, declared, routes_of
@@ -155,12 +154,11 @@ async def knock(ready: Ready, path: str, key: str) -> tuple[int, str]:
     """The same of a socket; (101, "") where it opened."""
     url = ready.url.replace("http", "ws", 1) + path
     link = path == "/api/v1/link"
-    offered = "metaros.link.v1" if link else ("foxglove.sdk.v1" if path.startswith("/foxglove") else None)
     try:
         async with connect(
             url,
             origin=None if link else ready.url,
-            subprotocols=[Subprotocol(offered)] if offered else None,
+            subprotocols=["metaros.link.v1"] if link else None,
             additional_headers=bearer(key),
             proxy=None,
         ):

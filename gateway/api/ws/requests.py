@@ -8,7 +8,6 @@ from typing import Any
 
 import orjson
 
-from gateway.api.ws.resume import Resumed, read_resume
 from gateway.domain.channel import Channel
 from gateway.domain.principal import Principal
 from gateway.errors import InvalidRequestError
@@ -58,7 +57,6 @@ class SamplesRequest:
     latest: bool
     queue_bytes: int
     json: bool
-    resume: tuple[Resumed, ...] = ()
 
 
 def number_of(request: Mapping[str, Any]) -> int:
@@ -99,7 +97,6 @@ def read_samples(request: Mapping[str, Any], principal: Principal) -> SamplesReq
         latest=mode == "latest",
         queue_bytes=int(queue_bytes),
         json=encoding == "json",
-        resume=tuple(item for item in read_resume(request) if principal.sees(item.robot)),
     )
 
 

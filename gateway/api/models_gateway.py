@@ -1,0 +1,18 @@
+"""The document of the gateway itself, as OpenAPI describes it."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict, Field
+
+__all__ = ["GatewayState"]
+
+
+class GatewayState(BaseModel):
+    """Which gateway this is, and its gRPC ports: where robots connect, and where programs do."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    gateway: str = Field(examples=["4f1c6a0e2b7d4c55"])
+    version: str = Field(examples=["2.0.0"])
+    robots_port: int = Field(examples=[8081])
+    programs_port: int = Field(examples=[8082])

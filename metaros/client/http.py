@@ -1,0 +1,157 @@
+"""Sending asks over HTTP: two thin shells around the same decisions, one that blocks and one that awaits."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from random import Random  # noqa: TID251  (the type of an argument)
+from typing import Any, TypeVar
+
+import httpx
+
+from metaros.client.access import Access
+from metaros.client.asks import Ask, answer_of
+from metaros.client.retries import Retries
+from metaros.clock import system_rng
+from metaros.errors import MetarosError, PeerError, RefusedError, TimeoutError_, UnavailableError
+
+__all__ = ["AsyncHttp", "Http"]
+
+T = TypeVar("T")
+USER_AGENT = "metaros-client"
+
+
+class _Sender:
+    """What both have: how a request looks, what its answer means, and when it is sent again."""
+
+    def __init__(self, access: Access, *, timeout_s: float, retries: Retries, rng: Random | None) -> None:
+        self._access = access
+        self._timeout_s = timeout_s
+        self._retries = retries
+        self._rng = rng or system_rng()
+
+    def _options(self) -> dict[str, Any]:
+        """Of httpx's clients; proxies and keys of the environment are not used."""
+        context = self._access.tls_context()
+        return {
+            "base_url": self._access.url,
+            "headers": {"user-agent": USER_AGENT, **self._access.headers},
+            "timeout": self._timeout_s,
+            "trust_env": False,
+            "verify": context if context is not None else True,
+        }
+
+    def _request(self, ask: Ask[Any]) -> dict[str, Any]:
+        return {
+            "method": ask.method,
+            "url": ask.path,
+            "params": ask.sent_query,
+            "content": ask.content,
+            "headers": ask.sent_headers,
+            "timeout": ask.timeout_s or self._timeout_s,
+        }
+
+    def _wait_s(self, attempt: int, error: MetarosError, ask: Ask[Any]) -> float:
+        """How long to wait before the next attempt; raises the error when there is none."""
+        after_s = getattr(error, "after_s", None)
+        wait_s = self._retries.wait_s(attempt, error, idempotent=ask.idempotent, rng=self._rng, after_s=after_s)
+        if wait_s is None:
+            raise error
+        return wait_s
+
+
+class Http(_Sender):
+    """Blocks; may be used from several threads."""
+
+    def __init__(self, access: Access, *, timeout_s: float, retries: Retries, rng: Random | None = None) -> None:
+        super().__init__(access, timeout_s=timeout_s, retries=retries, rng=rng)
+        self._client = httpx.Client(**self._options())
+        self._closed = threading.Event()
+
+    def send(self, ask: Ask[T]) -> T:
+        """What the answer means.
+
+        Raises:
+            RefusedError: the gateway refuses; `reason` says why.
+            UnavailableError, TimeoutError_: nobody answers, or not in time.
+        """
+        attempt = 1
+        while True:
+            try:
+                return ask.read(answer_of(self._once(ask)))
+            except (PeerError, UnavailableError) as error:
+                self.pause(self._wait_s(attempt, error, ask))
+                attempt += 1
+
+    def pause(self, wait_s: float) -> None:
+        """Wait, but not beyond `close`."""
+        self._closed.wait(wait_s)
+
+    def close(self) -> None:
+        """End its connections."""
+        self._closed.set()
+        self._client.close()
+
+    def _once(self, ask: Ask[Any]) -> bytes:
+        try:
+            return good(self._client.request(**self._request(ask)))
+        except httpx.HTTPError as error:
+            raise silence(self._access.url, error) from error
+
+
+class AsyncHttp(_Sender):
+    """Awaits; of one event loop."""
+
+    def __init__(self, access: Access, *, timeout_s: float, retries: Retries, rng: Random | None = None) -> None:
+        super().__init__(access, timeout_s=timeout_s, retries=retries, rng=rng)
+        self._client = httpx.AsyncClient(**self._options())
+
+    async def send(self, ask: Ask[T]) -> T:
+        """As `Http.send`."""
+        attempt = 1
+        while True:
+            try:
+                return ask.read(answer_of(await self._once(ask)))
+            except (PeerError, UnavailableError) as error:
+                await asyncio.sleep(self._wait_s(attempt, error, ask))
+                attempt += 1
+
+    async def close(self) -> None:
+        """End its connections."""
+        await self._client.aclose()
+
+    async def _once(self, ask: Ask[Any]) -> bytes:
+        try:
+            return good(await self._client.request(**self._request(ask)))
+        except httpx.HTTPError as error:
+            raise silence(self._access.url, error) from error
+
+
+class LaterError(RefusedError):
+    """Refused for now; `after_s` is when to come back."""
+
+    def __init__(self, message: str, *, status: int, reason: str, after_s: float) -> None:
+        super().__init__(message, status=status, reason=reason)
+        self.after_s = after_s
+
+
+def good(answer: httpx.Response) -> bytes:
+    """The body of a good answer; RefusedError for a problem."""
+    if answer.status_code < 400:
+        return answer.content
+    try:
+        document = answer.json()
+        text, reason = str(document.get("detail") or document.get("title")), str(document.get("code", ""))
+    except (ValueError, AttributeError):
+        text, reason = f"the gateway answered {answer.status_code}", ""
+    after = answer.headers.get("retry-after", "")
+    if after.isdigit():
+        raise LaterError(text, status=answer.status_code, reason=reason, after_s=float(after))
+    raise RefusedError(text, status=answer.status_code, reason=reason)
+
+
+def silence(url: str, error: httpx.HTTPError) -> MetarosError:
+    """Why there is no answer."""
+    if isinstance(error, httpx.TimeoutException) and not isinstance(error, httpx.ConnectTimeout):
+        return TimeoutError_(f"the gateway at {url} did not answer in time")
+    return UnavailableError(f"no gateway answers at {url}: {error or type(error).__name__}")
