@@ -2,6 +2,7 @@
 
 Every operation says which permission it needs (`x-metaros-permission`) and how one may prove who one is, and lists the
 answers that come from the walls around it and not from the route itself. Errors are problem documents everywhere.
+Examples are added last: of each request, answer and parameter.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from fastapi.routing import APIRoute
 
 from gateway.api.allow import SAFE_METHODS, declared
 from gateway.api.authenticate import COOKIE
+from gateway.api.examples import add_examples
 from gateway.api.problem import PROBLEM_TYPE
 from gateway.identity.permissions import Permission
 
@@ -58,6 +60,7 @@ def describe_permissions(app: FastAPI, routers: Iterable[APIRouter]) -> None:
                         for method in route.methods or ():
                             operation = described["paths"][route.path_format][method.lower()]
                             _describe(operation, route.path_format, method, declared(route))
+            add_examples(described)
             app.openapi_schema = described
         return app.openapi_schema
 
