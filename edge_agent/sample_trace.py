@@ -52,13 +52,14 @@ class Tracer:
         self._left -= 1
         if self._left > 0 or not self._every:
             return
-        now_s, wall_ns = self._clock.monotonic_s(), self._clock.wall_ns()
+        self._left = max(1, self._every // 10)  # if it cannot be this one
+        now_s = self._clock.monotonic_s()
         if now_s < self._next_s:
             return
         self._marks = {key: mark for key, mark in self._marks.items() if now_s - mark.since_s < _FORGET_S}
         if channel_id in self._marks or len(self._marks) >= _FOLLOWED:
             return
-        self._left, self._next_s = self._every, now_s + 1 / _PER_S
+        self._left, self._next_s, wall_ns = self._every, now_s + 1 / _PER_S, self._clock.wall_ns()
         tapped_ns = wall_ns - round((now_s - arrived_s) * 1e9)
         self._marks[channel_id] = _Mark(stamp_ns, tapped_ns, wall_ns, now_s)
 

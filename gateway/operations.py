@@ -36,7 +36,7 @@ __all__ = ["Operations", "Parts"]
 
 _LOOK_S: Final = 1.0
 _STORE_EVERY_S: Final = 60.0  # an account of the store goes through every table
-_AT_ONCE: Final = 256  # robots that are read before others have their turn on the event loop
+_AT_ONCE: Final = 64  # robots that are read before others have their turn on the event loop
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,7 +110,10 @@ class Operations:
         found.put("metaros_loop_lag_seconds", self._lag_s)
         found.put("metaros_connections", self.connections())
         found.put("metaros_viewers", parts.hub.viewers)
-        found.put("metaros_leases", self._leases())
+        found.put("metaros_viewer_dropped_samples", parts.hub.dropped)
+        found.put("metaros_queue_bytes", parts.hub.waiting_bytes, "viewers")
+        found.put("metaros_queue_limit_bytes", parts.hub.viewers * LIMITS.viewer_queue_bytes, "viewers")
+        found.put("metaros_leases", self._parts.leases.held(now_s=self._clock.monotonic_s()))
         await self._robots(found)
         self._store(found)
         self._traces(found)
@@ -146,7 +149,8 @@ class Operations:
             told = record.statistics
             lag_s = record.lag_ns / 1e9 - told.link.clock_offset_ns / 1e9 if record.lag_ns is not None else None
             view.add(record.robot.id, record.online, record.counts, lag_s, record.rtt_s, told.outbox_bytes)
-        view.put(found)
+            view.lost((item.name, item.lost) for item in told.link.classes)
+        await asyncio.to_thread(view.put, found)  # it sorts them all
 
     def _store(self, found: Families) -> None:
         parts, settings = self._parts, self._settings
@@ -167,10 +171,6 @@ class Operations:
         found.put("metaros_traces_skipped", self.traces.skipped)
         found.put("metaros_traces_exported", exporting.exported if exporting is not None else 0)
         found.put("metaros_traces_lost", exporting.lost if exporting is not None else 0)
-
-    def _leases(self) -> int:
-        now_s = self._clock.monotonic_s()
-        return self._parts.leases.held(now_s=now_s)
 
     def _ended(self, journey: Journey) -> None:
         self.meters.journey(journey)

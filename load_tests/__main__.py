@@ -15,6 +15,7 @@ BENCHMARKS = {
     "cdr": "CDR encode and decode against rosbags",
     "delivery": "durable samples from an agent's outbox to the gateway's disk, and live ones beside them",
     "executor": "shares of the fair executor and a critical node's timer beside them",
+    "fanout": "one topic to 1 to 500 WebSocket viewers, beside foxglove-sdk; JSON; one viewer that never reads",
     "history": "24 h of a series in 1000 buckets out of ten million stored rows, on SQLite and PostgreSQL",
     "ingest": "metric rows and samples through a real gateway",
     "memory": "resident size over an hour of 1 kHz, accelerated, and over images in shared memory",

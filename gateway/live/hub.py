@@ -57,6 +57,7 @@ class Hub:
         self.on_interest: Callable[[], None] = lambda: None  # somebody wants more, or less
         self.on_written: Callable[[Run], None] = lambda run: None  # of runs with a followed sample: see traces
         self._followed: list[Run] = []
+        self._dropped = 0  # by subscriptions that are over
         self._followed_s = 0.0
         self._clock = clock or SystemClock()
         self._tick_s = tick_s
@@ -82,6 +83,16 @@ class Hub:
     def viewers(self) -> int:
         """How many viewers are connected."""
         return len(self._viewers)
+
+    @property
+    def waiting_bytes(self) -> int:
+        """Samples that wait for viewers who do not keep up."""
+        return sum(viewer.size_bytes for viewer in self._viewers)
+
+    @property
+    def dropped(self) -> int:
+        """Samples that such viewers have lost since the start."""
+        return self._dropped + sum(subscription.dropped for subscription in self._places)
 
     def join(self, sink: Sink, *, on_dropped: OnDropped | None = None) -> Viewer:
         """A connection opened: what it subscribes to goes to `sink`. Close the viewer at its end."""
@@ -197,6 +208,7 @@ class Hub:
 
     def removed(self, viewer: Viewer, subscription: TopicSubscription) -> None:
         """A viewer's subscription is over."""
+        self._dropped += subscription.dropped if subscription in self._places else 0
         for identity in self._places.pop(subscription, ()):
             selections = self._index.get(identity, {})
             for key, selection in list(selections.items()):

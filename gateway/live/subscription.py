@@ -39,7 +39,7 @@ class TopicSubscription:
         self.size_bytes = 0
         self.dropped = 0
         self.reported = 0
-        self._queue_bytes = queue_bytes
+        self.queue_bytes = queue_bytes
         self._waiting: deque[tuple[Block, Encoding]] = deque()
         self._start = 0  # samples of the oldest block that were dropped
         self._newest: dict[Identity, tuple[Block, Encoding]] = {}
@@ -55,7 +55,7 @@ class TopicSubscription:
             self._newest[block.channel.identity] = block, encoding
         else:
             self._waiting.append((block, encoding))
-            while self.size_bytes > self._queue_bytes and not self._is_last():
+            while self.size_bytes > self.queue_bytes and not self._is_last():
                 self.drop_oldest()
         return self.size_bytes - before
 

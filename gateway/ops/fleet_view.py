@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final, Protocol
 
+from gateway.domain.channel import CLASSES
 from gateway.ops.meters import Families
 
 __all__ = ["Counted", "FleetView"]
@@ -32,6 +33,7 @@ class FleetView:
         self._most = most
         self._sums = dict.fromkeys(("samples", "bytes", "duplicates", "gaps", "lost", "over_quota", "put_off"), 0)
         self._online = self._offline = self._backlog_bytes = 0
+        self._lost = dict.fromkeys(CLASSES.values(), 0)
         self._lags: list[tuple[float, str]] = []
         self._backlogs: list[tuple[int, str]] = []
         self._rtts: list[float] = []
@@ -53,6 +55,12 @@ class FleetView:
         if rtt_s is not None:
             self._rtts.append(rtt_s)
 
+    def lost(self, classes: Iterable[tuple[str, int]]) -> None:
+        """What a robot's agent has given up, by class; names that are no class of ours count for nothing."""
+        for name, samples in classes:
+            if name in self._lost:
+                self._lost[name] += samples
+
     def put(self, found: Families) -> None:
         """Write the numbers."""
         found.put("metaros_robots", self._online, "online")
@@ -60,6 +68,8 @@ class FleetView:
         for name, metric in _SUMS.items():
             found.put(metric, self._sums[name])
         found.put("metaros_backlog_bytes", self._backlog_bytes)
+        for delivery, samples in self._lost.items():
+            found.put("metaros_agent_lost_samples", samples, delivery)
         _quantiles(found, "metaros_link_rtt_seconds", self._rtts)
         _quantiles(found, "metaros_lag_seconds", [lag_s for lag_s, _ in self._lags])
         for lag_s, robot in heapq.nlargest(self._most, self._lags):

@@ -59,6 +59,8 @@ METRICS: tuple[MetricRow, ...] = (
     MetricRow("metaros_queue_items", "gauge", ("queue",), "what waits in a queue that is bounded in items"),
     MetricRow("metaros_queue_limit_items", "gauge", ("queue",), "its bound"),
     MetricRow("metaros_viewers", "gauge", (), "subscribing connections, of all protocols"),
+    MetricRow("metaros_viewer_dropped_samples", "counter", (), "samples that viewers lost: they do not keep up"),
+    MetricRow("metaros_agent_lost_samples", "gauge", ("class",), "samples that agents gave up since each started"),
     MetricRow("metaros_store_ok", "gauge", (), "0 while the database takes no commits"),
     MetricRow("metaros_objects_ok", "gauge", (), "0 while messages cannot be moved to the object store"),
     MetricRow("metaros_store_commits", "counter", (), "commits of what robots sent"),

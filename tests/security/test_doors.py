@@ -162,6 +162,8 @@ async def rosbridge_publish(world: World, speed: float, lease: str, sent_ns: int
         status = json.loads(await asyncio.wait_for(socket.recv(), 60))
         assert (status["op"], status["id"]) == ("status", "p")
         return str(status.get("code", ""))
+
+
 DOORS: dict[str, Door] = {
     "REST publish": rest_json,
     "REST publish under a key": rest_once,

@@ -18,6 +18,7 @@ from fastapi import APIRouter, Depends, FastAPI
 from starlette.routing import Mount, Route
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
+from websockets.typing import Subprotocol
 
 from gateway.api import ROUTERS
 from gateway.api.allow import BARE, RPCS, allow, declared, routes_of
@@ -154,11 +155,12 @@ async def knock(ready: Ready, path: str, key: str) -> tuple[int, str]:
     """The same of a socket; (101, "") where it opened."""
     url = ready.url.replace("http", "ws", 1) + path
     link = path == "/api/v1/link"
+    offered = "metaros.link.v1" if link else ("foxglove.sdk.v1" if path.startswith("/foxglove") else None)
     try:
         async with connect(
             url,
             origin=None if link else ready.url,
-            subprotocols=["metaros.link.v1"] if link else None,
+            subprotocols=[Subprotocol(offered)] if offered else None,
             additional_headers=bearer(key),
             proxy=None,
         ):

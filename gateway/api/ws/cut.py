@@ -8,6 +8,9 @@ connection is dropped a second later. Without it (another server), the polite wa
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import struct
+from socket import SO_LINGER, SOL_SOCKET
 from typing import Any
 
 from starlette.types import Scope
@@ -33,7 +36,16 @@ async def cut(socket: WebSocket, code: int, reason: str) -> None:
         return
     protocol.conn.send_close(code, reason)
     protocol.transport.write(b"".join(protocol.conn.data_to_send()))
-    asyncio.get_running_loop().call_later(GRACE_S, protocol.transport.abort)
+    asyncio.get_running_loop().call_later(GRACE_S, _drop, protocol.transport)
+
+
+def _drop(transport: asyncio.Transport) -> None:
+    """End it with a reset: what the client did not take would wait in the system for minutes otherwise."""
+    connection = transport.get_extra_info("socket")
+    if connection is not None:
+        with contextlib.suppress(OSError):  # it is gone already
+            connection.setsockopt(SOL_SOCKET, SO_LINGER, struct.pack("ii", 1, 0))
+    transport.abort()
 
 
 def _protocol(scope: Scope) -> Any:

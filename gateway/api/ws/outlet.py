@@ -8,8 +8,11 @@ are taken apart again and sent as ASGI messages; slower, and the same to the cli
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import sys
 from collections import deque
 from collections.abc import Iterator
+from socket import IPPROTO_TCP
 from typing import Any, Protocol
 
 from starlette.websockets import WebSocket, WebSocketState
@@ -20,6 +23,8 @@ from gateway.api.guard import PROTOCOL_KEY
 __all__ = ["BINARY", "TEXT", "AsgiOutlet", "Outlet", "UvicornOutlet", "frame", "open_outlet", "split_frames"]
 
 TEXT, BINARY = 1, 2
+UNSENT_BYTES = 256 * 1024
+TCP_NOTSENT_LOWAT = 25  # Linux; Python's socket module knows it only from 3.12 on
 ROOM_BYTES = 64 * 1024  # that wait in the fallback before it takes no more
 
 
@@ -80,6 +85,7 @@ class UvicornOutlet:
         self._transport: asyncio.Transport = protocol.transport
         self._is_writable = self._writable.is_set
         self.write = self._transport.write
+        _hold_little(self._transport)
 
     @property
     def waiting_bytes(self) -> int:
@@ -164,6 +170,14 @@ class AsgiOutlet:
         message: dict[str, Any] = {"type": "websocket.send"}
         message |= {"text": payload.decode()} if opcode == TEXT else {"bytes": payload}
         await self._socket.send(message)
+
+
+def _hold_little(transport: asyncio.Transport) -> None:
+    """Let the system hold little that it has not sent: what waits there is old by the time it goes, and is memory."""
+    connection = transport.get_extra_info("socket")
+    if connection is not None and sys.platform == "linux":
+        with contextlib.suppress(OSError):  # no TCP
+            connection.setsockopt(IPPROTO_TCP, TCP_NOTSENT_LOWAT, UNSENT_BYTES)
 
 
 def open_outlet(socket: WebSocket) -> Outlet:

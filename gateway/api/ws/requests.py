@@ -8,6 +8,7 @@ from typing import Any
 
 import orjson
 
+from gateway.api.ws.resume import Resumed, read_resume
 from gateway.domain.channel import Channel
 from gateway.domain.principal import Principal
 from gateway.errors import InvalidRequestError
@@ -57,6 +58,7 @@ class SamplesRequest:
     latest: bool
     queue_bytes: int
     json: bool
+    resume: tuple[Resumed, ...] = ()
 
 
 def number_of(request: Mapping[str, Any]) -> int:
@@ -97,6 +99,7 @@ def read_samples(request: Mapping[str, Any], principal: Principal) -> SamplesReq
         latest=mode == "latest",
         queue_bytes=int(queue_bytes),
         json=encoding == "json",
+        resume=tuple(item for item in read_resume(request) if principal.sees(item.robot)),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable
 from typing import Any
 
@@ -19,9 +20,11 @@ from gateway.api.ws.cut import STALLED, cut
 from gateway.api.ws.pipe import Pipe
 from gateway.api.ws.records import BinaryRecords, JsonMessages
 from gateway.api.ws.requests import SamplesRequest, make_feed, number_of, read_request, read_samples
+from gateway.api.ws.resume import Filling
 from gateway.domain.channel import Channel
 from gateway.domain.records import introduction
-from gateway.errors import InvalidRequestError, TooManyError
+from gateway.errors import ForbiddenError, InvalidRequestError, TooManyError
+from gateway.identity.permissions import permission
 from gateway.live.encoding import Encoding
 from gateway.live.feeds import Feeds, MetricSubscription
 from gateway.live.subscription import Identity, TopicSubscription
@@ -34,6 +37,7 @@ PROTOCOL = 1
 MAX_VIEWERS = 1024
 TOO_MANY = 4429
 
+log = logging.getLogger(__name__)
 router = APIRouter()
 
 
@@ -59,6 +63,7 @@ class _Connection:
         self._pipe = Pipe(socket, clock=services.clock, stall_s=services.settings.viewer_stall_s)
         self._viewer = services.hub.join(self._pipe, on_dropped=self._dropped)
         self._feeds, self._wake = Feeds(), asyncio.Event()
+        self._fillings: dict[int, asyncio.Task[None]] = {}
         self._introduced: dict[Identity, int] = {}
         self._handlers: dict[str, Callable[[dict[str, Any]], None]] = {
             "subscribe": self._subscribe,
@@ -87,6 +92,7 @@ class _Connection:
             self._viewer.close()
             self._pipe.close()
             unfeed()
+            tasks += self._fillings.values()
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
@@ -114,16 +120,35 @@ class _Connection:
     def _subscribe(self, request: dict[str, Any]) -> None:
         asked = read_samples(request, self._visit.principal)
         self._check_number(asked.number)
-        self._viewer.subscribe(
-            TopicSubscription(
-                asked.number,
-                asked.wants,
-                lambda channel: self._encoding(channel, asked),
-                max_rate_hz=asked.max_rate_hz,
-                latest=asked.latest,
-                queue_bytes=asked.queue_bytes,
-            )
+        subscription = TopicSubscription(
+            asked.number,
+            asked.wants,
+            lambda channel: self._encoding(channel, asked),
+            max_rate_hz=asked.max_rate_hz,
+            latest=asked.latest,
+            queue_bytes=asked.queue_bytes,
         )
+        if asked.resume:
+            self._resume(subscription, asked)
+        else:
+            self._viewer.subscribe(subscription)
+
+    def _resume(self, subscription: TopicSubscription, asked: SamplesRequest) -> None:
+        """What is stored first, by a task that ends in the live subscription."""
+        if not permission("history.read").granted(self._visit.principal):
+            raise ForbiddenError("history.read is needed to resume")
+        services = self._services
+        filling = Filling(
+            services.hub, self._viewer, self._pipe, subscription, read=services.history.read, say=self._say
+        )
+        task = asyncio.create_task(filling.run(list(asked.resume), services.clock.wall_ns))
+        self._fillings[asked.number] = task
+        task.add_done_callback(lambda _: self._filled(asked.number))
+
+    def _filled(self, number: int) -> None:
+        task = self._fillings.pop(number, None)
+        if task is not None and not task.cancelled() and (error := task.exception()) is not None:
+            log.error("a resumed subscription failed", exc_info=error)
 
     def _encoding(self, channel: Channel, asked: SamplesRequest) -> Encoding:
         """How that subscription gets that channel; the client is told of the channel first."""
@@ -150,15 +175,17 @@ class _Connection:
 
     def _check_number(self, number: int) -> None:
         topics = self._viewer.topics
-        if len(topics) + len(self._feeds) >= LIMITS.subscriptions_per_viewer:
+        if len(topics) + len(self._feeds) + len(self._fillings) >= LIMITS.subscriptions_per_viewer:
             raise TooManyError(f"a connection has at most {LIMITS.subscriptions_per_viewer} subscriptions")
-        if number in self._feeds or any(item.number == number for item in topics):
+        if number in self._feeds or number in self._fillings or any(item.number == number for item in topics):
             raise InvalidRequestError(f"id {number} is in use on this connection")
 
     def _unsubscribe(self, request: dict[str, Any]) -> None:
         number = number_of(request)
         if number in self._feeds:
             self._feeds.remove(number)
+        elif number in self._fillings:
+            self._fillings.pop(number).cancel()
         else:
             self._viewer.unsubscribe(number)
 

@@ -34,11 +34,14 @@ def test_series_of_single_robots_are_bounded_whatever_the_fleet() -> None:
     view = FleetView(most=20)
     for number in range(10_000):
         view.add(f"r{number}", number % 2 == 0, Counts(), number / 1000, 0.01, number)
+        view.lost([("live", 2), ("made-up", 3)])
     found = values(view)
     robots = {labels[0] for name, *labels in found if name == "metaros_robot_lag_seconds"}
     assert robots == {f"r{number}" for number in range(9998, 9958, -2)}, "the twenty online ones that lag most"
     assert len([1 for name, *_ in found if name == "metaros_robot_backlog_bytes"]) == 20
     assert len(found) < 80
+    assert found["metaros_agent_lost_samples", "live"] == 20_000
+    assert ("metaros_agent_lost_samples", "made-up") not in found
     assert found["metaros_robots", "online"] == found["metaros_robots", "offline"] == 5000
     assert found["metaros_link_samples_total",] == 20_000
     assert found["metaros_backlog_bytes",] == sum(range(10_000))
