@@ -287,7 +287,7 @@ class CallRequest(_Model):
     """Call a service."""
 
     service: str
-    type: str
+    type: str = ""  # as the robot's graph says
     request: dict[str, Any] = Field(default_factory=dict)
     timeout_s: float = LIMITS.command_timeout_s
     lease_id: str = ""  # of services that move the robot

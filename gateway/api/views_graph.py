@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from gateway.api.views import rfc3339
+from gateway.fleet.goal import Goal, GoalEvent
 from gateway.fleet.graph import ActionInfo, Endpoint, RobotGraph, ServiceInfo
 
-__all__ = ["action_view", "endpoint_view", "graph_view", "service_view"]
+__all__ = ["action_view", "endpoint_view", "goal_event_view", "goal_view", "graph_view", "service_view"]
 
 
 def endpoint_view(endpoint: Endpoint) -> dict[str, str]:
@@ -57,3 +59,31 @@ def _topic_view(graph: RobotGraph, topic: str) -> dict[str, Any]:
         "publishers": [endpoint_view(end) for end in publishers],
         "subscribers": [endpoint_view(end) for end in subscribers],
     }
+
+
+def goal_view(goal: Goal) -> dict[str, Any]:
+    """A goal as the API shows it."""
+    feedback = goal.newest_feedback
+    return {
+        "goal": goal.id,
+        "robot": goal.robot,
+        "action": goal.action,
+        "type": goal.type_name,
+        "status": goal.status,
+        "ended": goal.ended,
+        "reachable": goal.reachable,
+        "begun": rfc3339(goal.started_ns),
+        "by": goal.by,
+        "feedback": feedback.value if feedback is not None else None,
+        "result": goal.result,
+        "message": goal.message,
+        "skipped": goal.skipped,
+    }
+
+
+def goal_event_view(goal: Goal, event: GoalEvent) -> dict[str, Any]:
+    """Something that was told of a goal."""
+    view: dict[str, Any] = {"goal": goal.id, "status": event.status, "message": event.message}
+    if event.stamp_ns:
+        view["stamp_ms"] = event.stamp_ns / 1e6
+    return view if event.kind == "status" else {**view, event.kind: event.value}

@@ -166,9 +166,7 @@ class FleetDesk:
         self.check_lease(robot_id, full, lease_id)
         graph = self._graph_of(robot_id)
         info = graph.services.get(full)
-        if not type_name and info is None:
-            raise UnknownServiceError(f"type is missing, and robot {robot_id} has no service {full}")
-        name = full_type_name(type_name or (info.type_name if info else ""), "srv")
+        name = self.service_type(robot_id, full, type_name)
         known = info.type_hash if info is not None and info.type_name == name else ""
         catalogue = catalogue_for(graph, name, known)
         payload = cdr if cdr is not None else encode(f"{name}_Request", request, catalogue)
@@ -176,6 +174,16 @@ class FleetDesk:
             service=full, type_name=name, type_hash=known or type_hash(name, catalogue), request=payload
         )
         return link_pb2.Command(call_service=call, lease_id=lease_id)
+
+    def service_type(self, robot_id: str, service: str, type_name: str = "") -> str:
+        """The full type of a service: the given one, else what the robot's graph says; UnknownServiceError."""
+        if type_name:
+            return full_type_name(type_name, "srv")
+        full = names.resolve(service, self._find(robot_id).robot.namespace)
+        info = self._graph_of(robot_id).services.get(full)
+        if info is None:
+            raise UnknownServiceError(f"type is missing, and robot {robot_id} has no service {full}")
+        return info.type_name
 
     def response(self, command: link_pb2.Command, payload: bytes, robot_id: str = "") -> Any:
         """What a called service answered, as JSON-able values."""

@@ -133,8 +133,7 @@ class Goal:
 
     async def events(self) -> AsyncGenerator[GoalEvent, None]:
         """How it stands, then what comes, until its result. TooManyError when too many listen already."""
-        if len(self._readers) >= LIMITS.goal_readers:
-            raise TooManyError(f"{LIMITS.goal_readers} clients listen to goal {self.id} already")
+        self.check_room()
         reader = _Reader()
         for event in (GoalEvent("status", self.status, message=self.message), self.newest_feedback, self.end):
             if event is not None:
@@ -152,6 +151,11 @@ class Goal:
                 await reader.wake.wait()
         finally:
             self._readers.discard(reader)
+
+    def check_room(self) -> None:
+        """TooManyError when no further client may listen."""
+        if len(self._readers) >= LIMITS.goal_readers:
+            raise TooManyError(f"{LIMITS.goal_readers} clients listen to goal {self.id} already")
 
     def take(self, told: link_pb2.GoalEvent) -> None:
         """What the robot says of it. After its end nothing counts any more."""

@@ -62,6 +62,7 @@ class GoalDesk:
         cdr: bytes | None = None,
         timeout_s: float = LIMITS.command_timeout_s,
         lease_id: str = "",
+        sent_ns: int = 0,
         by: str = "",
     ) -> Goal:
         """Send a goal, `cdr` (of X_Goal) wins over `goal`; returns when the server has taken or rejected it.
@@ -81,7 +82,7 @@ class GoalDesk:
         kept = Goal(robot_id, uuid.uuid4().bytes, full, name, catalogue, by=by, started_ns=self._clock.wall_ns())
         self._keep(kept)
         send = link_pb2.SendGoal(action=full, type_name=name, goal_id=kept.goal_id, goal=payload, type_hash=type_hash)
-        command = link_pb2.Command(send_goal=send, lease_id=lease_id)
+        command = link_pb2.Command(send_goal=send, lease_id=lease_id, sent_ns=sent_ns)
         try:
             result = await self._commands.run(robot_id, command, timeout_s=timeout_s)
             answer = decode(f"{name}_SendGoal_Response", result.payload, catalogue)

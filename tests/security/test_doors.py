@@ -335,4 +335,9 @@ async def test_what_drives_is_never_durable(tmp_path: Path, zenoh_router: str, h
             call = {"service": "cmd_vel", "type": "std_srvs/srv/Trigger", "request": {}}
             answer = await made.http.post(f"{BASE}/services/call", json=call)
             assert code(answer) == "lease_required", "a service of an actuator's name"
+            answer = await made.http.post(f"{BASE}/services/cmd_vel", json={"type": "std_srvs/srv/Trigger"})
+            assert code(answer) == "lease_required", "the same by its own path"
+            goal = {"type": "example_interfaces/action/Fibonacci", "goal": {"order": 1}}
+            answer = await made.http.post(f"{BASE}/actions/cmd_vel", json=goal)
+            assert code(answer) == "lease_required", "an action of an actuator's name"
     assert heard == []

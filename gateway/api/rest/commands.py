@@ -21,7 +21,7 @@ from gateway.errors import CommandRefusedError, InvalidRequestError
 from gateway.fleet.orders import Order
 from metaros.limits import LIMITS
 
-__all__ = ["router"]
+__all__ = ["called", "router"]
 
 router = APIRouter(prefix="/api/v1/robots", tags=["commands"], default_response_class=JsonResponse)
 
@@ -81,16 +81,22 @@ async def publish(
 )
 async def call_service(request: Request, robot_id: str) -> Response:
     """Call a service of the robot and wait for its response."""
-    body, services = await read_body(request, models.CallRequest), services_of(request)
+    body = await read_body(request, models.CallRequest)
+    return JsonResponse({"response": await called(request, robot_id, body)})
+
+
+async def called(request: Request, robot_id: str, body: models.CallRequest) -> Any:
+    """What a service answers, as JSON-able values; with an Idempotency-Key carried out once."""
+    services = services_of(request)
     asked = {"service": body.service, "type": body.type, "request": body.request}
     order = Order(robot=robot_id, kind="call_service", request=asked, timeout_s=body.timeout_s)
     if (key := key_of(request)) is not None:
-        asked["lease_id"] = body.lease_id
+        asked |= {"lease_id": body.lease_id, "type": services.fleet.service_type(robot_id, body.service, body.type)}
         ended = await carried_once(request, replace(order, idempotency=key, sent_ns=body.sent_ns))
         if not ended.result:
             text = f"it was carried out, and its answer of over {LIMITS.result_bytes} bytes was not kept"
             raise CommandRefusedError(text, agent_code="too_large")
-        return JsonResponse({"response": orjson.loads(ended.result)})
+        return orjson.loads(ended.result)
     with services.orders.noted(order, principal_of(request)) as noted:
         response = noted.result = await services.fleet.call(
             robot_id,
@@ -101,4 +107,4 @@ async def call_service(request: Request, robot_id: str) -> Response:
             lease_id=body.lease_id,
             sent_ns=body.sent_ns,
         )
-    return JsonResponse({"response": response})
+    return response

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import threading
 from contextlib import aclosing
 from typing import Any
 
@@ -15,39 +14,13 @@ from gateway.fleet.goal import Goal, GoalEvent
 from gateway.fleet.offer import OfferedGoal
 from gateway.fleet.ros_errors import OfferRefusedError, UnknownActionError, UnknownGoalError
 from metaros.idl import message_class
-from metaros.node.action import ServerGoal
 from tests.edge_agent.conftest import Robot
+from tests.support.counter import FIBONACCI, Counter
 from tests.support.ros_pair import ROBOT, Half, RosPair, ros_pair
 from tests.support.waiting import wait_until_async
 
-FIBONACCI = message_class("example_interfaces/action/Fibonacci")
 TRIGGER = message_class("std_srvs/srv/Trigger")
 ADD = message_class("example_interfaces/srv/AddTwoInts")
-
-
-class Counter:
-    """An action server that counts on when it is told to, or stops when it is cancelled."""
-
-    def __init__(self, node: metaros.Node, name: str = "count") -> None:
-        self.go = threading.Semaphore(0)
-        self.server = node.create_action_server(
-            FIBONACCI, name, self.execute, goal=lambda goal: goal.order >= 0, cancel=lambda goal: True
-        )
-
-    def execute(self, goal: ServerGoal) -> Any:
-        """One step a release."""
-        sequence = []
-        for number in range(goal.request.order):
-            while not self.go.acquire(timeout=0.02):
-                if goal.should_stop:
-                    result = FIBONACCI.Result(sequence=sequence)
-                    if goal.is_cancel_requested:
-                        goal.canceled(result)
-                    return result
-            sequence.append(number)
-            goal.publish_feedback(FIBONACCI.Feedback(sequence=sequence))
-        goal.succeed()
-        return FIBONACCI.Result(sequence=sequence)
 
 
 async def has_action(pair: RosPair, name: str = "/sim_1/count") -> None:

@@ -1,0 +1,87 @@
+"""Robots' parts of the ROS graph: nodes, who publishes and subscribes, services, actions."""
+
+from __future__ import annotations
+
+import asyncio
+from operator import itemgetter
+from typing import Any
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import Response
+
+from gateway.api import models_graph as models
+from gateway.api.allow import allow, principal_of
+from gateway.api.listing import Paged, listing
+from gateway.api.problem import JsonResponse
+from gateway.api.rest.bodies import PROBLEMS
+from gateway.api.rest.twin import Select
+from gateway.api.services import services_of
+from gateway.api.views_graph import graph_view
+from gateway.domain.selector import Selector
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/v1", tags=["graph"], default_response_class=JsonResponse)
+
+
+@router.get("/graph", dependencies=[allow("robots.read")], responses={200: {"model": models.GraphList}, **PROBLEMS})
+async def fleet_graph(request: Request, window: Paged, selector: Select = "") -> Response:
+    """The graphs of the robots that one sees, and that told theirs; each with its robot's own names."""
+    services, sees = services_of(request), principal_of(request).sees
+    ids = [robot_id for robot_id in sorted(services.graphs.known()) if sees(robot_id)]
+    if selector:
+        wanted = Selector.parse(selector)
+        ids = [one for one in ids if wanted.matches(one, services.twins.labels_of(one))]
+    graphs = [services.graphs.of(robot_id) for robot_id in ids]
+
+    def shown() -> Response:
+        return listing(
+            "robots", graphs, graph_view, model=models.RobotGraph, key=lambda graph: graph.robot, window=window
+        )
+
+    return await asyncio.to_thread(shown)
+
+
+@router.get(
+    "/robots/{robot_id}/graph",
+    dependencies=[allow("robots.read")],
+    responses={200: {"model": models.RobotGraph}, **PROBLEMS},
+)
+async def robot_graph(request: Request, robot_id: str) -> Response:
+    """A robot's part of the graph, as its agent told it last; it stays while the robot's link is away."""
+    graph = graph_of(request, robot_id)
+    return await asyncio.to_thread(lambda: JsonResponse(graph_view(graph)))
+
+
+@router.get(
+    "/robots/{robot_id}/services",
+    dependencies=[allow("robots.read")],
+    responses={200: {"model": models.ServiceList}, **PROBLEMS},
+)
+async def list_services(request: Request, robot_id: str, window: Paged) -> Response:
+    """The robot's services, by name."""
+    rows = graph_view(graph_of(request, robot_id))["services"]
+    return listing("services", rows, _same, model=models.GraphService, key=itemgetter("service"), window=window)
+
+
+@router.get(
+    "/robots/{robot_id}/actions",
+    dependencies=[allow("robots.read")],
+    responses={200: {"model": models.ActionList}, **PROBLEMS},
+)
+async def list_actions(request: Request, robot_id: str, window: Paged) -> Response:
+    """The robot's actions, by name."""
+    rows = graph_view(graph_of(request, robot_id))["actions"]
+    return listing("actions", rows, _same, model=models.GraphAction, key=itemgetter("action"), window=window)
+
+
+def graph_of(request: Request, robot_id: str) -> Any:
+    """The graph of a robot; UnknownRobotError."""
+    services = services_of(request)
+    services.registry.get(robot_id)
+    return services.graphs.of(robot_id)
+
+
+def _same(row: dict[str, Any]) -> dict[str, Any]:
+    return row
