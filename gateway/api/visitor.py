@@ -30,7 +30,7 @@ from gateway.fleet.goal import Goal
 from gateway.fleet.graph import RobotGraph
 from gateway.fleet.node_values import Parameter, SetResult
 from gateway.fleet.node_verbs import Actor
-from gateway.fleet.offer import Answer, Execute, Offer
+from gateway.fleet.offer import JSON, Answer, Dialect, Execute, Offer
 from gateway.fleet.orders import Order
 from gateway.fleet.twins import Editor
 from gateway.identity.permissions import permission
@@ -317,19 +317,19 @@ class Visitor:
         await self.record("robots.call", f"{robot} cancel {goal_id}")
         return await self.services.goals.cancel(robot, goal_id)
 
-    async def offer_service(self, name: str, type_name: str, answer: Answer) -> Offer:
+    async def offer_service(self, name: str, type_name: str, answer: Answer, *, dialect: Dialect = JSON) -> Offer:
         """Serve a service in a robot's graph until the offer is closed; OfferRefusedError."""
         place = self.places(name)[0]
         self.require("robots.publish", place.robot)
         await self.record("robots.publish", f"{place.robot} {place.name} offers a service")
-        return await self.services.offers.service(place.robot, place.name, type_name, answer)
+        return await self.services.offers.service(place.robot, place.name, type_name, answer, dialect=dialect)
 
-    async def offer_action(self, name: str, type_name: str, execute: Execute) -> Offer:
+    async def offer_action(self, name: str, type_name: str, execute: Execute, *, dialect: Dialect = JSON) -> Offer:
         """Serve an action in a robot's graph until the offer is closed; OfferRefusedError."""
         place = self.places(name)[0]
         self.require("robots.publish", place.robot)
         await self.record("robots.publish", f"{place.robot} {place.name} offers an action")
-        return await self.services.offers.action(place.robot, place.name, type_name, execute)
+        return await self.services.offers.action(place.robot, place.name, type_name, execute, dialect=dialect)
 
     async def parameters(self, node: str) -> list[Parameter]:
         """The parameters of a robot's node, by name."""

@@ -7,13 +7,25 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from gateway.fleet.typed import decode, encode
 from metaros._proto import link_pb2
 from metaros.idl import Catalogue
 
-__all__ = ["Answer", "Execute", "Offer", "OfferedGoal"]
+__all__ = ["JSON", "Answer", "Dialect", "Execute", "Offer", "OfferedGoal"]
 
 Answer = Callable[[Any], Awaitable[tuple[bool, Any]]]  # the request; whether it went well, and the response or why not
 GoalEnd = Literal["succeeded", "canceled", "aborted"]
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """How a client's values become CDR and back, by the name of the type's part."""
+
+    encode: Callable[[str, Any, Catalogue], bytes]
+    decode: Callable[[str, bytes, Catalogue], Any]
+
+
+JSON = Dialect(encode, decode)
 
 
 class OfferedGoal:
@@ -64,6 +76,7 @@ class Offer:
     answer: Answer | None = field(repr=False)
     execute: Execute | None = field(repr=False)
     withdraw: Callable[[Offer], None] = field(repr=False)
+    dialect: Dialect = field(default=JSON, repr=False)
     text: link_pb2.TypeText | None = field(default=None, repr=False)
     stands: asyncio.Future[link_pb2.OfferState] | None = field(default=None, repr=False)
 

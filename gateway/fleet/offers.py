@@ -14,10 +14,10 @@ from typing import Any, Final
 
 from gateway.errors import CommandTimeoutError, RobotOfflineError, TooManyError
 from gateway.fleet.graph_book import GraphBook
-from gateway.fleet.offer import Answer, Execute, Offer, OfferedGoal
+from gateway.fleet.offer import JSON, Answer, Dialect, Execute, Offer, OfferedGoal
 from gateway.fleet.robots import FindRobot, SendFrame, require_online
 from gateway.fleet.ros_errors import OfferRefusedError
-from gateway.fleet.typed import catalogue_for, decode, encode
+from gateway.fleet.typed import catalogue_for
 from gateway.fleet.types import full_type_name
 from metaros._proto import link_pb2
 from metaros.errors import MetarosError
@@ -45,26 +45,36 @@ class OfferDesk:
         self._tasks: dict[Ask, asyncio.Task[None]] = {}
         self._goals: dict[Ask, OfferedGoal] = {}
 
-    async def service(self, robot_id: str, name: str, type_name: str, answer: Answer) -> Offer:
-        """Serve `name` in the robot's graph: each request goes to `answer`.
+    async def service(
+        self, robot_id: str, name: str, type_name: str, answer: Answer, *, dialect: Dialect = JSON
+    ) -> Offer:
+        """Serve `name` in the robot's graph: each request goes to `answer`, in the client's `dialect`.
 
         Raises:
             OfferRefusedError: the robot cannot have it: somebody serves that name, or it is outside its namespace.
             UnknownTypeError: nobody knows the type.
             RobotOfflineError, CommandTimeoutError: it did not say that it has it.
         """
-        return await self._offer(robot_id, name, full_type_name(type_name, "srv"), answer, None)
+        return await self._offer(robot_id, name, full_type_name(type_name, "srv"), answer, None, dialect)
 
-    async def action(self, robot_id: str, name: str, type_name: str, execute: Execute) -> Offer:
+    async def action(
+        self, robot_id: str, name: str, type_name: str, execute: Execute, *, dialect: Dialect = JSON
+    ) -> Offer:
         """Serve the action `name` likewise: `execute(goal)` works on each goal that somebody sends."""
-        return await self._offer(robot_id, name, full_type_name(type_name, "action"), None, execute)
+        return await self._offer(robot_id, name, full_type_name(type_name, "action"), None, execute, dialect)
 
     def of(self, robot_id: str) -> list[Offer]:
         """What is offered on a robot, or to be once it is back."""
         return list(self._offers.get(robot_id, {}).values())
 
     async def _offer(
-        self, robot_id: str, name: str, type_name: str, answer: Answer | None, execute: Execute | None
+        self,
+        robot_id: str,
+        name: str,
+        type_name: str,
+        answer: Answer | None,
+        execute: Execute | None,
+        dialect: Dialect,
     ) -> Offer:
         view = require_online(self._find(robot_id))
         full = names.resolve(name, view.robot.namespace)
@@ -76,7 +86,16 @@ class OfferDesk:
         catalogue = catalogue_for(self._graphs.of(robot_id), type_name, "")
         hash_text = type_hash(type_name, catalogue)
         offer = Offer(
-            robot_id, next(self._numbers), full, type_name, hash_text, catalogue, answer, execute, self._withdraw
+            robot_id,
+            next(self._numbers),
+            full,
+            type_name,
+            hash_text,
+            catalogue,
+            answer,
+            execute,
+            self._withdraw,
+            dialect,
         )
         mine[offer.number] = offer
         offer.stands = asyncio.get_running_loop().create_future()
@@ -168,7 +187,7 @@ class OfferDesk:
 
     async def _serve(self, key: Ask, offer: Offer, asked: link_pb2.OfferAsked) -> link_pb2.OfferAnswer:
         assert offer.answer is not None
-        request = decode(f"{offer.type_name}_Request", asked.request, offer.catalogue)
+        request = offer.dialect.decode(f"{offer.type_name}_Request", asked.request, offer.catalogue)
         try:
             async with asyncio.timeout(self._limits.offer_answer_s):
                 ok, values = await offer.answer(request)
@@ -176,20 +195,20 @@ class OfferDesk:
             return link_pb2.OfferAnswer(ended=True, message=f"no answer within {self._limits.offer_answer_s:g} s")
         if not ok:
             return link_pb2.OfferAnswer(ended=True, message=str(values)[:1024])
-        payload = encode(f"{offer.type_name}_Response", values or {}, offer.catalogue)
+        payload = offer.dialect.encode(f"{offer.type_name}_Response", values or {}, offer.catalogue)
         return link_pb2.OfferAnswer(ended=True, ok=True, payload=payload)
 
     async def _execute(self, key: Ask, offer: Offer, asked: link_pb2.OfferAsked) -> link_pb2.OfferAnswer:
         assert offer.execute is not None
 
         def feedback(values: Any) -> None:
-            payload = encode(f"{offer.type_name}_Feedback", values, offer.catalogue)
+            payload = offer.dialect.encode(f"{offer.type_name}_Feedback", values, offer.catalogue)
             self._answer(key, link_pb2.OfferAnswer(payload=payload))
 
-        goal = decode(f"{offer.type_name}_Goal", asked.request, offer.catalogue)
+        goal = offer.dialect.decode(f"{offer.type_name}_Goal", asked.request, offer.catalogue)
         kept = self._goals[key] = OfferedGoal(asked.goal_id, goal, feedback)
         end, values = await offer.execute(kept)
-        payload = encode(f"{offer.type_name}_Result", values or {}, offer.catalogue)
+        payload = offer.dialect.encode(f"{offer.type_name}_Result", values or {}, offer.catalogue)
         return link_pb2.OfferAnswer(ended=True, ok=True, payload=payload, status=ENDS[end])
 
     def _refuse(self, key: Ask, message: str) -> None:

@@ -7,9 +7,11 @@ from itertools import count
 from typing import Any
 
 from gateway.api.rosbridge.client import Client
+from gateway.api.rosbridge.dialect import decode, encode
 from gateway.api.rosbridge.requests import ActionFeedback, ActionResult, Offer, ServiceResponse, Unoffer
 from gateway.errors import InvalidRequestError, TooManyError
 from gateway.fleet import offer as offers
+from metaros.idl import Catalogue
 from metaros.limits import LIMITS
 
 __all__ = ["Offering"]
@@ -83,12 +85,13 @@ class Offering:
         return working
 
     async def _advertise(self, key: tuple[str, str], request: Offer) -> None:
-        visitor, made = self._client.visitor, None
+        visitor, name, made = self._client.visitor, request.name, None
+        spoken = offers.Dialect(self._encode, decode)
         try:
             if key[0] == "service":
-                made = await visitor.offer_service(request.name, request.type_name, self._answering(request.name))
+                made = await visitor.offer_service(name, request.type_name, self._answering(name), dialect=spoken)
             else:
-                made = await visitor.offer_action(request.name, request.type_name, self._executing(request.name))
+                made = await visitor.offer_action(name, request.type_name, self._executing(name), dialect=spoken)
         finally:
             if made is None:
                 self._offers.pop(key, None)
@@ -96,6 +99,9 @@ class Offering:
             self._offers[key] = made
         else:  # taken back meanwhile
             made.close()
+
+    def _encode(self, name: str, value: Any, catalogue: Catalogue) -> bytes:
+        return encode(name, value, catalogue, now_ns=self._client.now_ns)
 
     def _answering(self, name: str) -> offers.Answer:
         async def answer(asked: Any) -> tuple[bool, Any]:

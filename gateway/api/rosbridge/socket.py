@@ -24,8 +24,10 @@ from gateway.api.rosbridge.subscriptions import Subscriptions
 from gateway.api.services import services_of
 from gateway.api.visitor import Visitor
 from gateway.api.ws.cut import STALLED, cut
+from gateway.api.ws.outlet import take_messages
 from gateway.api.ws.pipe import Pipe
 from metaros.errors import MetarosError
+from metaros.limits import LIMITS
 
 __all__ = ["router"]
 
@@ -56,6 +58,8 @@ async def _serve(socket: WebSocket, robot: str | None, drive: str) -> None:
         if services.hub.viewers >= MAX_VIEWERS:
             await socket.close(TOO_MANY, "too_many")
             return
+        if visitor.may("robots.publish"):
+            take_messages(socket, LIMITS.json_bytes)
         await _Connection(socket, visitor, drive[:HOLDER_CHARS]).run(visit)
 
 

@@ -20,7 +20,17 @@ from websockets.protocol import State
 
 from gateway.api.guard import PROTOCOL_KEY
 
-__all__ = ["BINARY", "TEXT", "AsgiOutlet", "Outlet", "UvicornOutlet", "frame", "open_outlet", "split_frames"]
+__all__ = [
+    "BINARY",
+    "TEXT",
+    "AsgiOutlet",
+    "Outlet",
+    "UvicornOutlet",
+    "frame",
+    "open_outlet",
+    "split_frames",
+    "take_messages",
+]
 
 TEXT, BINARY = 1, 2
 UNSENT_BYTES = 256 * 1024
@@ -180,6 +190,11 @@ def _hold_little(transport: asyncio.Transport) -> None:
             connection.setsockopt(IPPROTO_TCP, TCP_NOTSENT_LOWAT, UNSENT_BYTES)
 
 
+def take_messages(socket: WebSocket, size_bytes: int) -> None:
+    """Take messages of a known client of up to so many bytes, instead of what everybody may send."""
+    connection: Any = getattr(socket.scope.get(PROTOCOL_KEY), "conn", None)
+    if connection is not None and hasattr(connection, "max_message_size"):
+        connection.max_message_size = size_bytes
 def open_outlet(socket: WebSocket) -> Outlet:
     """The fast way where the server is the uvicorn we know, else the one that ASGI has."""
     protocol = socket.scope.get(PROTOCOL_KEY)

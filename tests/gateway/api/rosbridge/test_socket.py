@@ -12,12 +12,13 @@ from typing import Any
 import cbor2
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from gateway.domain.principal import Role
 from gateway.main import Ready
 from metaros._proto import link_pb2
 from metaros.cdr import codec
+from metaros.interfaces.nav_msgs.srv import SetMap
 from metaros.interfaces.sensor_msgs.msg import CompressedImage, LaserScan
 from metaros.interfaces.std_msgs.msg import String
 from metaros.interfaces.std_srvs.srv import SetBool
@@ -264,10 +265,37 @@ async def test_nobody_known_is_told_to_sign_in(tmp_path: Path) -> None:
 async def test_a_service_of_a_client_is_offered_on_the_robot_and_goes_with_it(tmp_path: Path) -> None:
     async with world(tmp_path) as (ready, agent):
         async with open_socket(ready, "/rosbridge/sim_1") as socket:
-            await say(socket, op="advertise_service", service="/sim_1/ask", type="std_srvs/SetBool", id="o")
+            await say(socket, op="advertise_service", service="/sim_1/ask", type="nav_msgs/SetMap", id="o")
             offers = (await agent.next("offers")).offers
             (offer,) = offers.offers
-            assert (offer.name, offer.type_name, offer.action) == ("/sim_1/ask", "std_srvs/srv/SetBool", False)
+            assert (offer.name, offer.type_name, offer.action) == ("/sim_1/ask", "nav_msgs/srv/SetMap", False)
             states = link_pb2.OfferStates(states=[link_pb2.OfferState(number=offer.number)])
             await agent.send(1, offer_states=states)
+            request = SetMap.Request()
+            request.map.data = [5] * 100
+            payload = codec("nav_msgs/srv/SetMap_Request").encode(request)
+            await agent.send(1, asked=link_pb2.OfferAsked(ask=7, number=offer.number, request=payload))
+            asked = await hear(socket, "call_service")
+            assert (asked["service"], asked["args"]["map"]["data"]) == ("/sim_1/ask", [5] * 100)
+            await say(socket, op="service_response", id=asked["id"], service="/sim_1/ask", values={"success": True})
+            answer = (await agent.next("offer_answer")).offer_answer
+            assert (answer.ask, answer.ok, answer.ended) == (7, True, True)
+            assert codec("nav_msgs/srv/SetMap_Response").decode(answer.payload).success
+            await say(socket, op="service_response", id=asked["id"], values={}, result=True)
+            assert "waits for an answer" in (await hear(socket, "status"))["msg"]
         assert not (await agent.next("offers")).offers.offers
+
+
+async def test_a_large_message_comes_whole_from_who_may_publish(tmp_path: Path) -> None:
+    async with world(tmp_path) as (ready, agent):
+        large = {"op": "publish", "topic": "/sim_1/image", "msg": {"format": "raw", "data": "A" * 400_000}}
+        async with open_socket(ready, "/rosbridge/sim_1") as socket:
+            await say(socket, **large)
+            command = (await agent.next("command")).command
+            assert len(codec(IMAGE).decode(command.publish.payload).data) == 300_000
+            await agent.answer(command)
+        async with open_socket(ready, "/rosbridge/sim_1", key=VIEWER_KEY) as socket:
+            await say(socket, **large)
+            with pytest.raises(ConnectionClosed):
+                await asyncio.wait_for(socket.recv(), 60)
+            assert socket.close_code == 1009
