@@ -23,6 +23,7 @@ from gateway.api.rest import (
     audit,
     auth,
     commands,
+    docs,
     enrol,
     events,
     export,
@@ -63,6 +64,7 @@ __all__ = ["ROUTERS", "create_api", "route_paths"]
 
 ROUTERS: tuple[APIRouter, ...] = (
     health.router,
+    docs.router,
     gateway.router,
     robots.router,
     types.router,
