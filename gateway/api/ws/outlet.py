@@ -195,6 +195,8 @@ def take_messages(socket: WebSocket, size_bytes: int) -> None:
     connection: Any = getattr(socket.scope.get(PROTOCOL_KEY), "conn", None)
     if connection is not None and hasattr(connection, "max_message_size"):
         connection.max_message_size = size_bytes
+
+
 def open_outlet(socket: WebSocket) -> Outlet:
     """The fast way where the server is the uvicorn we know, else the one that ASGI has."""
     protocol = socket.scope.get(PROTOCOL_KEY)
