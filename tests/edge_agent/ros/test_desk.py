@@ -13,6 +13,7 @@ from gateway.errors import CommandRefusedError, RobotOfflineError
 from gateway.fleet.goal import Goal, GoalEvent
 from gateway.fleet.offer import OfferedGoal
 from gateway.fleet.ros_errors import OfferRefusedError, UnknownActionError, UnknownGoalError
+from metaros._proto import link_pb2
 from metaros.idl import message_class
 from tests.edge_agent.conftest import Robot
 from tests.support.counter import FIBONACCI, Counter
@@ -70,6 +71,21 @@ async def test_the_graph_is_told_whole_and_then_by_differences(robot: Robot) -> 
         pair.link()
         await wait_until_async(lambda: graphs.of(ROBOT).revision == 1)
         assert "/sim_1/chatter" in graphs.of(ROBOT).publishers
+
+
+async def test_a_gateway_from_before_this_is_told_nothing(robot: Robot) -> None:
+    async with ros_pair(robot.context) as pair:
+        await wait_until_async(lambda: pair.gateway.ros.graphs.of(ROBOT).revision)
+        pair.cut()
+        told: list[Any] = []
+        pair.desk.link_up(told.append, link_pb2.Welcome(twin=True))
+        robot.node.create_publisher(str, "news")
+        await wait_until_async(lambda: pair.node.graph.endpoints("/sim_1/news"))
+        await asyncio.sleep(0)
+        pair.desk.link_down()
+        pair.link()
+        await wait_until_async(lambda: "/sim_1/news" in pair.gateway.ros.graphs.of(ROBOT).publishers)
+        assert told == []
 
 
 async def test_a_service_is_called_by_its_name_alone(robot: Robot) -> None:

@@ -1,0 +1,151 @@
+"""Goals as a gateway keeps them: what a robot tells counts, readers never wait for each other, and all of it ends."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import aclosing
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from gateway.domain.lease import LeaseTable
+from gateway.errors import LeaseRequiredError, RobotOfflineError, TooManyError
+from gateway.fleet.commands import CommandDesk
+from gateway.fleet.desk import FleetDesk
+from gateway.fleet.goal import Goal, GoalEvent
+from gateway.fleet.goals import GoalDesk
+from gateway.fleet.graph_book import GraphBook
+from gateway.fleet.ros_errors import UnknownGoalError
+from metaros._proto import link_pb2
+from metaros.cdr import codec
+from metaros.clock import ManualClock
+from metaros.idl import message_class
+from metaros.limits import LIMITS, Limits
+from tests.support.waiting import wait_until_async
+
+FIBONACCI = "example_interfaces/action/Fibonacci"
+
+
+class Desk(GoalDesk):
+    """Goals of robot r; `sent` is what went to it."""
+
+    def __init__(self, clock: ManualClock, limits: Limits = LIMITS) -> None:
+        self.sent: list[link_pb2.Command] = []
+        self.commands = CommandDesk(lambda robot, frame: self.sent.append(frame.command), clock=clock)
+        fleet = FleetDesk(self.robot, self.commands, LeaseTable(valid_s=3.0), clock=clock)
+        super().__init__(self.robot, self.commands, fleet, GraphBook(), clock=clock, limits=limits)
+
+    @staticmethod
+    def robot(robot_id: str) -> Any:
+        """As the registry does."""
+        robot = SimpleNamespace(id=robot_id, namespace="/r")
+        return SimpleNamespace(robot=robot, online=True, rtt_s=None, channel_of=lambda topic: None)
+
+    def told(self, number: int, **facts: Any) -> Goal:
+        """The robot tells of a goal."""
+        event = link_pb2.GoalEvent(
+            goal_id=number.to_bytes(16, "big"), action="/r/count", type_name=FIBONACCI, **{"status": 2, **facts}
+        )
+        self.on_events("r", link_pb2.GoalEvents(events=[event]))
+        return self.find("r", event.goal_id.hex())
+
+
+def feedback(number: int) -> bytes:
+    message = message_class(f"{FIBONACCI}_FeedbackMessage")()
+    message.feedback.sequence = [number]
+    return codec(message).encode(message)
+
+
+async def test_a_goal_without_a_link_for_too_long_is_lost_and_then_forgotten(clock: ManualClock) -> None:
+    desk = Desk(clock)
+    goal = desk.told(1)
+    desk.on_online("r", online=False)
+    clock.advance(LIMITS.goal_lost_s - 1)
+    desk.tick()
+    assert (goal.reachable, goal.ended) == (False, False)
+    clock.advance(2)
+    desk.tick()
+    assert (goal.status, goal.ended) == ("lost", True)
+    assert "no link" in goal.message
+    assert desk.told(1, ended=True, status=4).status == "lost"  # an end is an end
+    clock.advance(LIMITS.goal_kept_s + 1)
+    desk.tick()
+    with pytest.raises(UnknownGoalError):
+        desk.find("r", goal.id)
+
+
+async def test_a_link_that_comes_back_in_time_brings_the_goal_back(clock: ManualClock) -> None:
+    desk = Desk(clock)
+    kept, gone = desk.told(1), desk.told(2)
+    desk.on_online("r", online=False)
+    desk.told(1)
+    desk.on_events("r", link_pb2.GoalEvents(all_told=True, goal_ids=[kept.goal_id]))
+    assert (kept.reachable, kept.ended, gone.status) == (True, False, "lost")
+    clock.advance(LIMITS.goal_lost_s + 1)
+    desk.tick()
+    assert not kept.ended
+
+
+async def test_a_slow_reader_gets_the_newest_feedback_and_every_status(clock: ManualClock) -> None:
+    desk = Desk(clock)
+    goal = desk.told(1, status=1)
+    seen: list[GoalEvent] = []
+    async with aclosing(goal.events()) as events:
+        seen.append(await anext(events))
+        for number in range(100):
+            desk.told(1, feedback=feedback(number))
+        desk.told(1, status=3)
+        desk.told(1, status=5, ended=True)
+        seen.extend([event async for event in events])
+    assert [(event.kind, event.status) for event in seen] == [
+        ("status", "accepted"),
+        ("status", "executing"),
+        ("feedback", "executing"),
+        ("status", "canceling"),
+        ("result", "canceled"),
+    ]
+    assert seen[2].value == {"sequence": [99]}
+    assert len(seen[2].cdr) > 4
+
+
+async def test_readers_and_goals_are_bounded(clock: ManualClock) -> None:
+    desk = Desk(clock, replace(LIMITS, goals_open=2, goals_kept=3))
+    goal = desk.told(1)
+    readers = [goal.events() for _ in range(LIMITS.goal_readers)]
+    for reader in readers:
+        await anext(reader)
+    with pytest.raises(TooManyError):
+        await anext(goal.events())
+    await asyncio.gather(*(reader.aclose() for reader in readers))
+    await anext(goal.events())  # their places are free again
+    desk.told(2)
+    with pytest.raises(UnknownGoalError):
+        desk.told(3)  # a robot that tells more than it may is not believed
+    with pytest.raises(TooManyError):
+        await desk.send("r", "count", type_name=FIBONACCI, goal={"order": 1})
+    desk.told(1, ended=True, status=4)
+    desk.told(2, ended=True, status=4)
+    desk.told(3)
+    desk.told(4)
+    assert [one.goal_id[-1] for one in desk.of("r")] == [4, 3, 2]
+
+
+async def test_a_link_that_goes_while_a_goal_is_sent_ends_the_call_at_once(clock: ManualClock) -> None:
+    desk = Desk(clock)
+    sending = asyncio.create_task(desk.send("r", "count", type_name=FIBONACCI, goal={"order": 1}))
+    await wait_until_async(lambda: desk.sent)
+    sent = desk.sent[0].send_goal
+    assert (sent.action, sent.type_name, len(sent.goal_id)) == ("/r/count", FIBONACCI, 16)
+    desk.commands.on_offline("r")
+    with pytest.raises(RobotOfflineError):
+        await sending
+    assert desk.of("r") == []
+
+
+async def test_an_action_that_moves_the_robot_needs_the_lease(clock: ManualClock) -> None:
+    desk = Desk(clock)
+    with pytest.raises(LeaseRequiredError):
+        await desk.send("r", "cmd_vel", type_name=FIBONACCI, goal={"order": 1})
+    assert desk.sent == []
