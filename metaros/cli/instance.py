@@ -44,6 +44,8 @@ class Instance:
     host: str = "127.0.0.1"
     http_port: int = 0
     grpc_port: int = 0
+    foxglove_port: int = 0
+    rosbridge_port: int = 0
     zenoh_port: int = 0
     domain: int = 0
     own_router: bool = True

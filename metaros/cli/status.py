@@ -39,6 +39,22 @@ def status(output: FormatOption = Format.TEXT) -> None:
         raise typer.Exit(1)
 
 
+def _viewers(found: Instance) -> list[tuple[str, str]]:
+    """Where viewers connect, and a link that opens one of them in a browser."""
+    from metaros.cli.credentials import ca_for, key_for
+    from metaros.cli.viewer_links import foxglove_page, make_ticket, socket_url
+
+    rows = []
+    if found.foxglove_port:
+        key = key_for(found.url)
+        ticket = make_ticket(found.url, key=key, ca=ca_for(found.url)) if key else ""
+        rows.append(("Foxglove", socket_url(found.url, found.foxglove_port)))
+        rows.append(("", foxglove_page(found.url, found.foxglove_port, ticket)))
+    if found.rosbridge_port:
+        rows.append(("rosbridge", socket_url(found.url, found.rosbridge_port)))
+    return rows
+
+
 def _show(out: Output, found: Instance) -> None:
     from metaros.cli.credentials import key_for
     from metaros.cli.output import human_seconds
@@ -54,6 +70,7 @@ def _show(out: Output, found: Instance) -> None:
         ("Robots", robots or "none"),
         ("Zenoh", f"tcp/127.0.0.1:{found.zenoh_port}, router {router}, ROS domain {found.domain}"),
         ("Agents", f"127.0.0.1:{found.grpc_port}"),
+        *_viewers(found),
         ("Data", found.data_dir),
     )
     out.line(f"{out.style('metaros up', '1')}  {found.state}, pid {found.pid}, for {age}")

@@ -17,6 +17,7 @@ from metaros.cli.instance import Instance, StateFile
 from metaros.cli.up_decide import UpOptions, claim, decide
 from metaros.cli.up_enrol import enrol_robots
 from metaros.cli.up_plan import GATEWAY, Plan, launches
+from metaros.cli.viewer_links import foxglove_page, make_ticket, viewer_ports
 from metaros.clock import Clock
 from metaros.errors import PeerError, UnavailableError
 from metaros.signals import on_stop
@@ -84,14 +85,23 @@ class _Up:
         try:
             await self._start()
             self._ready = True
+            foxglove, rosbridge = viewer_ports(self._plan.status_file("gateway"))
+            self._claim = replace(self._claim, foxglove_port=foxglove, rosbridge_port=rosbridge)
             self._save("ready")
             link = await asyncio.to_thread(up_access.sign_in_link, self._plan)
-            self._screen.ready(self._plan, self._clock.monotonic_s() - began, link)
+            page = await asyncio.to_thread(self._viewer_page, foxglove)
+            self._screen.ready(self._plan, self._clock.monotonic_s() - began, link, page)
             await self._stop.wait()
         except StopAskedError:
             pass
         finally:
             await self._end()
+
+    def _viewer_page(self, port: int) -> str:
+        """The link that opens Foxglove here; "" where it has no port."""
+        url, ca = self._plan.url, self._plan.root_file
+        ticket = make_ticket(url, key=up_access.local_key(self._plan), ca=ca) if port else ""
+        return foxglove_page(url, port, ticket) if port else ""
 
     def _ask_stop(self) -> None:
         """The first request ends all in order, a second one at once."""

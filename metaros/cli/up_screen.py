@@ -62,8 +62,8 @@ class Screen:
         took = self._clock.monotonic_s() - self._step_s
         self._print(f"  [green]✓[/green] {LABELS[what]:<14}[dim]{took:4.1f} s[/dim]")
 
-    def ready(self, plan: Plan, took_s: float, link: str = "") -> None:
-        """The one clear screen; `link` signs a browser in once."""
+    def ready(self, plan: Plan, took_s: float, link: str = "", page: str = "") -> None:
+        """The one clear screen; `link` signs a browser in once, `page` opens Foxglove on the fleet."""
         router = "hosted here" if plan.own_router else "joined"
         names = "  ".join(plan.robot_names) or "none"
         rows = (
@@ -72,6 +72,7 @@ class Screen:
             ("Robots", f"[bold]{names}[/]  [dim]all online[/]" if plan.robot_names else "[dim]none[/]"),
             ("Zenoh", f"tcp/127.0.0.1:{plan.zenoh_port}  [dim]router {router} · ROS domain {plan.domain}[/]"),
             ("Agents", f"{plan.link}  [dim]gRPC[/]"),
+            *([("Foxglove", f"[cyan]{page}[/]  [dim]for an hour[/]")] if page else []),
             ("Data", _escape(str(plan.data_dir))),
             ("Logs", _escape(str(plan.log_dir))),
         )

@@ -10,6 +10,7 @@ import orjson
 from gateway.api.foxglove.binary import ClientData
 from gateway.api.foxglove.requests import Advertise, ClientChannel, Unadvertise
 from gateway.api.foxglove.texts import ENCODINGS
+from gateway.api.problem import error_code
 from gateway.api.visitor import Visitor
 from gateway.errors import InvalidRequestError
 from metaros.errors import MetarosError
@@ -73,7 +74,7 @@ class Publishing:
         try:
             await self._visitor.advertise(channel.topic, type_name=channel.schema_name)
         except MetarosError as error:
-            self._tell(channel.topic, str(error))
+            self._tell(channel.topic, f"{error} ({error_code(error)})")
 
     async def _send(self, channel: ClientChannel, payload: bytes) -> None:
         try:
@@ -86,7 +87,7 @@ class Publishing:
                 **values,
             )
         except MetarosError as error:
-            self._tell(channel.topic, str(error))
+            self._tell(channel.topic, f"{error} ({error_code(error)})")
 
 
 def _json(payload: bytes) -> Any:

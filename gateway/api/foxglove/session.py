@@ -19,6 +19,7 @@ from gateway.api.foxglove.binary import (
     ServiceCall,
     asset_failure,
     asset_response,
+    message_head,
     read_binary,
     time_message,
 )
@@ -34,6 +35,7 @@ from gateway.api.foxglove.values import Values
 from gateway.api.visitor import Visitor
 from gateway.api.ws.pipe import Pipe
 from gateway.domain.channel import Channel
+from gateway.domain.qos import is_latched
 from gateway.errors import InvalidRequestError
 from gateway.live.subscription import TopicSubscription
 from metaros.errors import MetarosError
@@ -41,6 +43,8 @@ from metaros.limits import LIMITS
 
 __all__ = ["Session"]
 
+FUTURE_NS = 60 * 10**9  # a robot's clock may be ahead
+LATCHED_S = (0.0, 0.2, 0.5, 1.0)  # waits before each look for a latched sample
 TEND_S = 0.25  # how often it is looked at what changed, and a live client is told the time
 POLL_S = 2.0  # how often parameters are read that a client watches
 TOGETHER = 128  # channels in one message
@@ -147,6 +151,8 @@ class Session:
                 raise InvalidRequestError(f"Subscription ID {number} is in use")
             if self._player.live:
                 self._listen(number, offered.channel)
+                if is_latched(offered.channel.qos):
+                    self._start(self._latched(number, offered))
             elif len(self._subscriptions) >= LIMITS.subscriptions_per_viewer:
                 raise InvalidRequestError(f"a client has at most {LIMITS.subscriptions_per_viewer} subscriptions")
             self._subscriptions[number] = offered
@@ -166,6 +172,26 @@ class Session:
         """Live samples of a channel, however often its robot announces it again."""
         identity, encoding = channel.identity, MessageData(number)
         self._viewer.subscribe(TopicSubscription(number, lambda found: found.identity == identity, lambda _: encoding))
+
+    async def _latched(self, number: int, offered: Offered) -> None:
+        """The last sample of a topic that goes on holding for whoever comes later, unless a newer one has come.
+
+        It may be on its way to the store still: then it is looked for again.
+        """
+        robot, topic = offered.channel.robot, offered.channel.topic
+        for wait_s in LATCHED_S:
+            await asyncio.sleep(wait_s)
+            now_ns = self._services.clock.wall_ns()
+            instant = await self._services.history.at(robot, [topic], t_ns=now_ns + FUTURE_NS, max_age_ns=now_ns)
+            record = self._services.registry.find(robot)
+            states = record.topics() if record is not None else []
+            newest_ns = max((state.last_stamp_ns or 0 for state in states if state.channel.topic == topic), default=0)
+            if self._subscriptions.get(number) is not offered or not self._player.live:
+                return
+            if instant.messages and instant.messages[0].stamp_ns >= newest_ns:
+                message = instant.messages[0]
+                self._pipe.binary(message_head(number, message.stamp_ns) + message.payload)
+                return
 
     def _set_live(self, live: bool) -> None:
         for number, offered in self._subscriptions.items():

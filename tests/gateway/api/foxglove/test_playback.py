@@ -119,3 +119,20 @@ async def test_time_does_not_go_where_nobody_may_look(tmp_path: Path) -> None:
 )
 def test_a_speed_is_one_that_can_be_played(asked: float, played: float) -> None:
     assert clamped_speed(asked) == played
+
+
+async def test_a_latched_topic_is_shown_to_whoever_comes_later(tmp_path: Path) -> None:
+    latched = channel(1, "/sim_1/map", STRING)
+    latched.qos = ":1:,1:,:,:,,"
+    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent:
+        await agent.announce(latched, channel(2, "/sim_1/chatter", STRING))
+        for number in (1, 2):
+            await agent.samples(number, 1, [text("old"), text("held")], stamp_ns=SystemClock().wall_ns())
+            await agent.next("ack", DATA)
+        async with viewing(ready, "/sim_1") as viewer:
+            await viewer.subscribe(2, "/sim_1/chatter")  # which is not latched
+            await viewer.subscribe(1, "/sim_1/map")
+            number, _, payload = await viewer.data()
+            assert (number, payload) == (1, text("held"))
+            await agent.samples(1, 3, [text("new")])
+            assert (await viewer.data())[::2] == (1, text("new"))
