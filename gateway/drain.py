@@ -37,5 +37,6 @@ async def drain(
     await asyncio.sleep(settings.drain_notice_s)
     gateway.links.close()
     await robots.stop(ROBOTS_S)
+    gateway.events.journal.end()  # streams that would never finish
     await asyncio.gather(programs.stop(settings.drain_s), end_http())
     log.info("ended: nobody is connected")

@@ -69,6 +69,7 @@ class EventJournal:
         self._head = 0
         self._news = asyncio.Event()
         self._watchers = 0
+        self._over = False
         self._seats: Counter[str] = Counter()
 
     @property
@@ -112,14 +113,14 @@ class EventJournal:
     async def watch(
         self, *, after: int | None = None, wanted: EventFilter = EVERYTHING
     ) -> AsyncGenerator[EventPage, None]:
-        """Pages of what follows a cursor (None: what happens from now on), for ever: cancel it.
+        """Pages of what follows a cursor (None: what happens from now on), until `end`, or for ever: cancel it.
 
         Every page has events, or says how many are not kept any more. Raises StoreError when the store cannot be read.
         """
         self._watchers += 1
         try:
             cursor = after if after is not None else await self.newest()
-            while True:
+            while not self._over:
                 news = self._news  # from before the look: no event comes between
                 page = await self._forward(cursor, BATCH, wanted)
                 moved, cursor = page.next > cursor, page.next
@@ -164,6 +165,11 @@ class EventJournal:
             group.create_task(self._purge_all())
             if self._database.shared:
                 group.create_task(self._look_all())
+
+    def end(self) -> None:
+        """The gateway goes down: whoever watches is told to come back elsewhere, and later."""
+        self._over = True
+        self._news.set()
 
     async def close(self) -> None:
         """Store what waits, if the store takes it."""

@@ -191,6 +191,19 @@ async def test_an_end_stores_what_was_told_last(tmp_path: Path) -> None:
         assert told(await journal.read(after=0, limit=5)) == [(1, "robot.offline", "r1")]
 
 
+async def test_who_watches_is_sent_home_when_the_gateway_ends(tmp_path: Path) -> None:
+    async with open_journal(tmp_path) as journal:
+        journal.emit("robot.online", "r1")
+        await stored(journal, 1)
+        watching = journal.watch(after=0)
+        assert (await anext(watching)).next == 1
+        waiting = asyncio.create_task(anext(watching))
+        await asyncio.sleep(0)
+        journal.end()
+        with pytest.raises(StopAsyncIteration):
+            await asyncio.wait_for(waiting, 60)
+
+
 async def test_two_gateways_of_one_store_tell_each_others_events(tmp_path: Path, postgres: PostgresServer) -> None:
     url = postgres.schema()
     async with open_journal(tmp_path / "a", url=url) as one, open_journal(tmp_path / "b", url=url) as two:
