@@ -13,6 +13,7 @@ from gateway.api import models_graph as models
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
 from gateway.api.listing import Paged, listing
+from gateway.api.models_identity import Nothing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.downloads import DownloadResponse
@@ -108,9 +109,11 @@ async def follow_goal(request: Request, robot_id: str, goal: str) -> Response:
     "/goals/{goal}/cancel",
     dependencies=[allow("robots.call")],
     responses={200: {"model": models.Cancelled}, **PROBLEMS},
+    openapi_extra=body_document(Nothing),
 )
 async def cancel_goal(request: Request, robot_id: str, goal: str) -> Response:
     """Ask the server to stop the goal; whether it will. Nothing is asked of a goal that has ended."""
+    await read_body(request, Nothing)
     return JsonResponse({"canceling": await services_of(request).goals.cancel(robot_id, goal)})
 
 
