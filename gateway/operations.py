@@ -124,7 +124,7 @@ class Operations:
         parts, records = self._parts, self._parts.registry.all()
         families = await self.families()
         numbers = {
-            f"{sample.name}{dict(sample.labels) or ''}": sample.value
+            f"{sample.name}{dict(sample.labels) or ''}": float(sample.value)
             for family in families.collect()
             for sample in family.samples
             if "robot" not in sample.labels

@@ -24,7 +24,6 @@ RULES = {
     "POST /api/v1/robots/{robot_id}/services/call": "a service's name and type, and a request of it",
     "POST /api/v1/robots/{robot_id}/services/{service}": "the same",
     "POST /api/v1/robots/{robot_id}/actions/{action}": "an action's name and type, and a goal of it",
-    "GET /api/v1/graph": "the grammar of selectors",
     "POST /api/v1/commands": "a selector's grammar",
     "POST /api/v1/robots/{robot_id}/commands": "what each kind of command asks for",
     "POST /api/v1/robots/{robot_id}/recordings": "either a length or a span",
@@ -41,7 +40,10 @@ RULES = {
     "PATCH /api/v1/robots/{robot_id}/twin": "the same",
     "PATCH /api/v1/robots/{robot_id}/labels": "labels' own grammar",
     "POST /api/v1/robots/{robot_id}/twin/revert": "what makes a whole document with the templates of now",
-    "GET /api/v1/twins": "the grammar of selectors",
+    "PATCH /api/v1/groups": "a selector, and labels' own grammar",
+    "GET /api/v1/robots/{robot_id}/snapshot": "patterns of topics",
+    "GET /api/v1/robots/{robot_id}/types/{package}/{kind}/{name}": "a type that is known",
+    "POST /api/v1/auth/tickets": "patterns of robots",
     "PATCH /api/v1/twins": "a selector, and a part of a twin's document",
     "PUT /api/v1/templates/{name}": "the same, and a name",
     "POST /api/v1/templates/{name}/revert": "what is a whole document with the robots' own of now",
@@ -64,6 +66,30 @@ RULES = {
     "GET /api/v1/robots/{robot_id}/nodes/{node}/log": "a cursor that was given",
     "GET /api/v1/robots/{robot_id}/nodes/{node}/log/tail": "the same",
 }
+# Lists: fields that the items have, and a cursor that was given and is still there.
+LISTS = [
+    "/api/v1/robots",
+    "/api/v1/events",
+    "/api/v1/groups",
+    "/api/v1/graph",
+    "/api/v1/commands",
+    "/api/v1/twins",
+    "/api/v1/templates",
+    "/api/v1/rollouts",
+    "/api/v1/recordings",
+    "/api/v1/users",
+    "/api/v1/keys",
+    "/api/v1/enrolment-tokens",
+    "/api/v1/identities",
+    "/api/v1/audit",
+    "/api/v1/robots/{robot_id}/topics",
+    "/api/v1/robots/{robot_id}/metrics",
+    "/api/v1/robots/{robot_id}/gaps",
+    "/api/v1/robots/{robot_id}/services",
+    "/api/v1/robots/{robot_id}/actions",
+    "/api/v1/robots/{robot_id}/goals",
+]
+RULES |= {f"GET {path}": "fields that there are, a cursor that was given, perhaps a selector" for path in LISTS}
 schemathesis.serializer.alias(["application/zip", "application/cdr"], "application/octet-stream")
 LONGEST_URI = 8000
 AWAY = ("robot_offline", "command_timeout")  # a robot that does not answer is no fault of the gateway's
