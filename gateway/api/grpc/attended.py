@@ -1,4 +1,4 @@
-"""Long streams: whoever opened one may lose the right to it while it is open."""
+"""Long streams: whoever opened one may lose the right to it while it is open, and the gateway may end."""
 
 from __future__ import annotations
 
@@ -7,23 +7,36 @@ import contextlib
 from collections.abc import AsyncIterator
 
 from gateway.api.grpc.authenticate import Call
+from gateway.errors import GatewayError
 from metaros.limits import LIMITS
 
 __all__ = ["attended"]
 
 STILL_S = LIMITS.attendance_s
+LOOK_S = 0.5
+
+
+class EndingError(GatewayError):
+    """The gateway is about to end, and with it every stream; programs that try again find another one."""
+
+    code = "not_ready"
 
 
 @contextlib.asynccontextmanager
 async def attended(call: Call) -> AsyncIterator[None]:
-    """While a stream is open its credential is asked again and again; CredentialsError ends it."""
+    """While a stream is open its credential is asked again and again; CredentialsError or EndingError ends it."""
     own, ended = asyncio.current_task(), list[Exception]()
 
     async def ask() -> None:
+        asked_s = call.services.clock.monotonic_s()
         while not ended:
-            await asyncio.sleep(STILL_S)
+            await asyncio.sleep(LOOK_S)
             try:
-                await call.still()
+                if call.services.operations.draining:
+                    raise EndingError("the gateway ends: come back to another one, or in a moment")
+                if (now_s := call.services.clock.monotonic_s()) - asked_s >= STILL_S:
+                    asked_s = now_s
+                    await call.still()
             except Exception as error:
                 ended.append(error)
                 if own is not None:

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import json
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -178,6 +178,34 @@ async def test_a_stream_whose_reader_reads_nothing_is_ended(tmp_path: Path, capl
             assert replies < 20, "what was on its way, of 20 MB in replies of 1 MB"
             assert await call.code() is grpc.StatusCode.DEADLINE_EXCEEDED
             assert dict(await call.trailing_metadata())["metaros-code"] == "stalled"
+
+
+async def test_streams_are_told_that_the_gateway_ends(tmp_path: Path) -> None:
+    async with AsyncExitStack() as stack:
+        ready = await stack.enter_async_context(running_gateway(tmp_path, drain_s=20.0))
+        opened = grpc.aio.insecure_channel(f"127.0.0.1:{ready.api_grpc_port}")
+        stub = events_pb2_grpc.EventServiceStub(opened)
+        call = stub.WatchEvents(events_pb2.WatchEventsRequest(), metadata=known_by(OPERATOR), timeout=60)
+        await call.read()
+        await stack.aclose()
+        assert await call.code() is grpc.StatusCode.UNAVAILABLE
+        assert dict(await call.trailing_metadata())["metaros-code"] == "not_ready"
+        await opened.close()
+
+
+async def test_a_goal_or_call_that_moves_the_robot_needs_the_lease(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready), telemetry(ready) as stub:
+        goal = telemetry_pb2.SendGoalRequest(
+            robot="sim_1", action="cmd_vel", type_name="example_interfaces/action/Fibonacci", lease_id="guess"
+        )
+        call = telemetry_pb2.CallServiceRequest(robot="sim_1", service="cmd_vel", type_name="std_srvs/srv/Trigger")
+        for asked in (
+            stub.SendGoal(goal, metadata=known_by(OPERATOR), timeout=60).read(),
+            stub.CallService(call, metadata=known_by(OPERATOR), timeout=60),
+        ):
+            with pytest.raises(grpc.aio.AioRpcError) as caught:
+                await asked
+            assert dict(caught.value.trailing_metadata() or ())["metaros-code"] == "lease_required"
 
 
 async def test_a_goal_from_its_start_to_its_result(tmp_path: Path) -> None:

@@ -158,6 +158,8 @@ async def test_history_series_and_recordings(tmp_path: Path) -> None:
                 await asyncio.sleep(0.02)
         stored = await here.blocking(lambda client: list(client.history("sim_1", "chatter", **SPAN)))
         assert [item.seq for item in stored] == list(range(1, 21))
+        assert await here.aio.snapshot("sim_1") is not None
+        assert (await here.blocking(lambda client: client.snapshot("sim_1")))["robot"] == "sim_1"
         for found in (
             await here.aio.query("sim_1", "battery.percentage", **SPAN),
             await here.blocking(lambda client: client.query("sim_1", ["battery.percentage"], **SPAN)),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import inspect
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import metaros.client
@@ -44,3 +46,10 @@ def test_the_how_to_s_blocks_are_python() -> None:
         compile(block, "python_client.md", "exec")
         for name in re.findall(r"fleet\.(\w+)\(", block):
             assert name in verbs(Client), name
+
+
+def test_the_base_install_is_enough() -> None:
+    """None of what only the extras bring is imported."""
+    extras = ("orjson", "fastapi", "uvicorn", "cbor2", "google.rpc", "grpc_status", "grpc_health", "cryptography")
+    block = f"import sys; sys.modules.update(dict.fromkeys({extras!r}))"
+    subprocess.run([sys.executable, "-c", f"{block}; import metaros.client"], check=True, timeout=120)
