@@ -27,7 +27,9 @@ import numpy as np
 from gateway import main as gateway_main
 from gateway.app import Gateway
 from gateway.domain.channel import Channel
+from gateway.domain.robot import Robot
 from gateway.domain.sample import Run
+from gateway.ingest.registry import RobotRecord
 from gateway.main import Ready, new_event_loop, serve
 from gateway.settings import Settings
 from metaros.idl import schema_text, type_hash
@@ -106,6 +108,7 @@ async def _gateway(options: argparse.Namespace) -> None:
         if task.done():
             task.result()  # tells why
         ready: Ready = up.result()
+        _Kept.made.registry.add(RobotRecord(Robot(id="bench"), seen_ns=1))
         print(ready.http_port, flush=True)
         while (load := await asyncio.to_thread(_read_load)) is not None:
             await _publish(load)

@@ -144,8 +144,8 @@ class Subscriptions:
                 return False
             if (channel.robot, channel.topic) not in names.candidates(topic):
                 return False
-            place, _ = self._visitor.find_topic(topic)
-            if place.name != channel.topic:  # two topics of the robot have one name in the fleet: the likelier one
+            _, likelier = self._visitor.find_topic(topic)
+            if likelier is not None and likelier.topic != channel.topic:  # two of the robot have one name in the fleet
                 return False
             if types and channel.schema_name not in types:
                 return False

@@ -167,6 +167,9 @@ def test_of_two_topics_with_one_name_the_likelier_one() -> None:
     board.made().subscribe(wanting(topic="/r1/chat"))
     assert board.only.wants(own)
     assert not board.only.wants(plain)
+    early = Board(robot=None)
+    early.made().subscribe(wanting(topic="/r1/chat"))
+    assert early.only.wants(plain)  # nothing is announced yet: either may be meant
 
 
 def test_a_sealed_topic_is_not_shown_and_the_client_hears_why() -> None:
