@@ -122,12 +122,16 @@ def _json(options: argparse.Namespace) -> None:
             table = Table()
             for _ in range(options.rounds):
                 for tick, server in servers.items():
+                    load = Load(options.seconds, rate, 64, text=True)
+                    alone_cores = server.alone(load)
                     for name, kind in kinds.items():
-                        figures = server.run(Load(options.seconds, rate, 64, text=True), viewers, kind)
+                        figures = server.run(load, viewers, kind, alone_cores=alone_cores)
                         table.setdefault(f"{tick}, {name}", []).append(figures)
             _print(f"JSON, 64 B, {rate}/s to {viewers}; rosbridge of ROS 1: {theirs:g} µs a delivery", table, rate)
             for name, runs in table.items():
-                print(f"deliveries a core, {name} ÷ rosbridge: {theirs / median(runs, 'us_a_delivery'):.1f}")
+                net_us = median(runs, "net_cores") * 1e6 / (rate * viewers)
+                per_core = theirs / median(runs, "us_a_delivery")
+                print(f"deliveries a core, {name} ÷ rosbridge: {per_core:.1f}; net {theirs / net_us:.1f}")
 
 
 def _numbers(text: str) -> list[int]:
