@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -11,6 +12,7 @@ from gateway.api.foxglove.binary import ClientData
 from gateway.api.foxglove.requests import Advertise, ClientChannel, Unadvertise
 from gateway.api.foxglove.texts import ENCODINGS
 from gateway.api.problem import error_code
+from gateway.api.rosbridge.driving import Wheel
 from gateway.api.visitor import Visitor
 from gateway.errors import InvalidRequestError
 from metaros.errors import MetarosError
@@ -25,9 +27,15 @@ Tell = Callable[[str, str], None]  # (what it is about, why it did not go)
 class Publishing:
     """The client's channels. Publishing itself is the visitor's: permission, scope, rate, lease and audit are there."""
 
-    def __init__(self, visitor: Visitor, start: Start, tell: Tell, *, lease_id: str = "") -> None:
-        """`lease_id` is the teleop lease that the client has, from its URL; without one actuators are out of reach."""
+    def __init__(
+        self, visitor: Visitor, start: Start, tell: Tell, *, lease_id: str = "", wheel: Wheel | None = None
+    ) -> None:
+        """`lease_id` is the teleop lease that the client has, and `wheel` takes one where it said that it drives, both
+        from its URL; without either, actuators are out of reach.
+        """
         self._visitor = visitor
+        self._wheel = wheel
+        self._taking = asyncio.Lock()
         self._start = start
         self._tell = tell
         self._lease_id = lease_id
@@ -67,7 +75,7 @@ class Publishing:
         channel = self._channels.get(data.channel_id)
         if channel is None:
             raise InvalidRequestError(f"Unknown channel ID: {data.channel_id}")
-        if not self._start(self._send(channel, data.payload)):
+        if not self._start(self._send(channel, data.payload, self._visitor.services.clock.wall_ns())):
             self._tell(channel.topic, "messages come faster than the robot takes them: some are dropped")
 
     async def _begin(self, channel: ClientChannel) -> None:
@@ -76,14 +84,29 @@ class Publishing:
         except MetarosError as error:
             self._tell(channel.topic, f"{error} ({error_code(error)})")
 
-    async def _send(self, channel: ClientChannel, payload: bytes) -> None:
+    async def close(self) -> None:
+        """The client is gone: what it drives stops."""
+        if self._wheel is not None:
+            await self._wheel.close()
+
+    async def _lease(self, topic: str) -> str:
+        place, _ = self._visitor.find_topic(topic)
+        if self._lease_id or self._wheel is None:
+            return self._lease_id
+        if not self._visitor.services.fleet.is_actuator(place.robot, place.name):
+            return ""
+        async with self._taking:
+            return await self._wheel.lease_of(place.robot)
+
+    async def _send(self, channel: ClientChannel, payload: bytes, came_ns: int) -> None:
         try:
             values: dict[str, Any] = {"cdr": payload} if channel.encoding == "cdr" else {"message": _json(payload)}
             await self._visitor.publish(
                 channel.topic,
                 type_name=channel.schema_name,
                 size_hint_bytes=len(payload),
-                lease_id=self._lease_id,
+                lease_id=await self._lease(channel.topic),
+                sent_ns=came_ns,
                 **values,
             )
         except MetarosError as error:

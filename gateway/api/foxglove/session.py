@@ -32,6 +32,7 @@ from gateway.api.foxglove.publishing import Publishing
 from gateway.api.foxglove.requests import Parameter
 from gateway.api.foxglove.texts import ERROR, INFO, WARNING, GraphView
 from gateway.api.foxglove.values import Values
+from gateway.api.rosbridge.driving import Wheel
 from gateway.api.visitor import Visitor
 from gateway.api.ws.pipe import Pipe
 from gateway.domain.channel import Channel
@@ -63,8 +64,12 @@ class _Watched:
 class Session:
     """Made when the socket is open; `run` until it is cancelled, `handle` for each message, then `close`."""
 
-    def __init__(self, visitor: Visitor, pipe: Pipe, *, span_ns: tuple[int, int] | None, lease_id: str = "") -> None:
-        """`span_ns`: what is stored, as far as the client may play it; `lease_id`: the teleop lease it has."""
+    def __init__(
+        self, visitor: Visitor, pipe: Pipe, *, span_ns: tuple[int, int] | None, lease_id: str = "", holder: str = ""
+    ) -> None:
+        """`span_ns`: what is stored, as far as the client may play it; `lease_id`: the teleop lease it has; `holder`:
+        the name under which it takes one when it publishes on an actuator, "": it takes none.
+        """
         services = visitor.services
         self._visitor = visitor
         self._services = services
@@ -80,6 +85,7 @@ class Session:
             self._start,
             lambda topic, why: self._note(ERROR, f"{topic}: {why}", f"publish {topic}"),
             lease_id=lease_id,
+            wheel=Wheel(visitor, holder) if holder else None,
         )
         self._watched = _Watched()
         self._graph_wanted, self._graph = False, GraphView({}, {}, {})
@@ -131,14 +137,15 @@ class Session:
         except MetarosError as error:
             self._pipe.text(texts.status(ERROR, str(error)[:500]))
 
-    def close(self) -> None:
-        """The socket is over."""
+    async def close(self) -> None:
+        """The socket is over: nothing of it goes on, and what it drives stops."""
         for unwatch in self._unwatch:
             unwatch()
         self._viewer.close()
         self._visitor.close()
         for task in self._tasks:
             task.cancel()
+        await self._publishing.close()
 
     # -- samples ---------------------------------------------------------------------------------------------------
 

@@ -15,7 +15,9 @@ from gateway.api.foxglove.session import Session
 from gateway.api.services import Services, services_of
 from gateway.api.visitor import Visitor
 from gateway.api.ws.cut import STALLED, cut
+from gateway.api.ws.outlet import take_messages
 from gateway.api.ws.pipe import Pipe
+from metaros.limits import LIMITS
 
 __all__ = ["PROTOCOLS", "router"]
 
@@ -24,6 +26,7 @@ PROTOCOLS = (
     "foxglove.websocket.v1",
 )  # the same on the wire; the first that a client offers of these
 MOST_CLIENTS = 1024
+HOLDER_CHARS = 64
 SPANNED = 64  # robots that are asked since when they have history
 HELP = (
     "This is a Foxglove WebSocket server. A client offers the subprotocol foxglove.sdk.v1 or foxglove.websocket.v1; "
@@ -60,8 +63,12 @@ async def _serve(socket: WebSocket, robot: str | None) -> None:
         visitor = Visitor.of(socket, services, visit, robot=robot)
         span_ns = await _span_ns(services, visitor) if socket.query_params.get("history") != "off" else None
         await socket.accept(chosen)
+        if visitor.may("robots.publish"):
+            take_messages(socket, LIMITS.json_bytes)
         pipe = Pipe(socket, clock=services.clock, stall_s=services.settings.viewer_stall_s)
-        session = Session(visitor, pipe, span_ns=span_ns, lease_id=socket.query_params.get("lease", ""))
+        asked = socket.query_params
+        holder = asked.get("drive", "")[:HOLDER_CHARS]
+        session = Session(visitor, pipe, span_ns=span_ns, lease_id=asked.get("lease", ""), holder=holder)
         await _run(socket, visit, pipe, session, robot)
 
 
@@ -85,8 +92,8 @@ async def _run(socket: WebSocket, visit: Visit, pipe: Pipe, session: Session, ro
     except (WebSocketDisconnect, RuntimeError):
         return
     finally:
-        session.close()
         pipe.close()
+        await asyncio.shield(session.close())
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)

@@ -50,6 +50,7 @@ class Answering:
         self.speed = 1.5
         self.published: list[tuple[str, str, bytes]] = []
         self.lease = ""
+        self.released = False
 
     @classmethod
     @asynccontextmanager
@@ -89,6 +90,7 @@ class Answering:
             elif kind == "call_service":
                 await self.agent.answer(command, payload=self._answer(command.call_service))
             else:
+                self.released = self.released or kind == "release_lease"
                 await self.agent.answer(command)
 
     def _answer(self, call: link_pb2.CallService) -> bytes:

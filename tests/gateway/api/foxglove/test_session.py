@@ -115,6 +115,22 @@ async def test_what_a_client_publishes_reaches_the_robot(tmp_path: Path) -> None
         assert any("2 sent" in row["detail"] for row in rows), rows
 
 
+async def test_who_may_publish_may_send_a_map(tmp_path: Path) -> None:
+    large = {"id": 1, "topic": "/sim_1/orders", "encoding": "cdr", "schemaName": STRING}
+    payload = text("x" * 500_000)
+    async with running_gateway(tmp_path) as ready, Answering.of(ready) as robot:
+        async with viewing(ready, "/sim_1") as viewer:
+            await viewer.say("advertise", channels=[large])
+            await viewer.socket.send(struct.pack("<BI", 1, 1) + payload)
+            await wait_until_async(lambda: robot.published)
+            assert robot.published[0][2] == payload
+        async with viewing(ready, "/sim_1", key=VIEWER_KEY) as viewer:
+            await viewer.socket.send(struct.pack("<BI", 1, 1) + payload)
+            with pytest.raises(ConnectionClosed):
+                await viewer.hear("nothing")
+            assert viewer.socket.close_code == 1009
+
+
 async def test_a_viewer_looks_and_an_operator_without_a_lease_does_not_drive(tmp_path: Path) -> None:
     drive = {"id": 1, "topic": "/sim_1/cmd_vel", "encoding": "json", "schemaName": "geometry_msgs/msg/Twist"}
     speak = {"id": 2, "topic": "/sim_1/orders", "encoding": "json", "schemaName": STRING}
@@ -129,6 +145,25 @@ async def test_a_viewer_looks_and_an_operator_without_a_lease_does_not_drive(tmp
             await viewer.socket.send(struct.pack("<BI", 1, 1) + b'{"linear": {"x": 1.0}}')
             assert "lease" in (await viewer.hear("status"))["message"]
         assert robot.published == []
+
+
+async def test_a_teleop_panel_drives_under_a_lease_of_its_own(tmp_path: Path) -> None:
+    twist = {"id": 1, "topic": "/sim_1/cmd_vel", "encoding": "json", "schemaName": "geometry_msgs/msg/Twist"}
+    async with running_gateway(tmp_path) as ready, Answering.of(ready) as robot:
+        async with viewing(ready, "/sim_1?drive=panel") as viewer:
+            await viewer.say("advertise", channels=[twist])
+            for _ in range(5):
+                await viewer.socket.send(struct.pack("<BI", 1, 1) + b'{"linear": {"x": 1.0}}')
+            await wait_until_async(lambda: len(robot.published) == 5)
+            assert robot.lease
+            async with client(ready) as http, viewing(ready, "/sim_1?drive=other") as other:
+                lease = (await http.get("/api/v1/robots/sim_1")).json()["lease"]
+                assert lease["holder"] == "panel"
+                await other.say("advertise", channels=[twist])
+                await other.socket.send(struct.pack("<BI", 1, 1) + b'{"linear": {"x": -1.0}}')
+                assert "lease_taken" in (await other.hear("status"))["message"]
+        await wait_until_async(lambda: robot.released)
+        assert len(robot.published) == 5
 
 
 async def test_a_service_answers_in_the_callers_encoding(tmp_path: Path) -> None:
