@@ -6,6 +6,7 @@ import asyncio
 
 from edge_agent.ros.report import GraphTeller
 from edge_agent.ros.survey import Survey, survey
+from edge_agent.ros.types import TypeLearner
 from edge_agent.scope import Scope
 from edge_agent.uplink.desk import Tell
 from metaros._proto import link_pb2
@@ -28,6 +29,7 @@ class GraphWatch:
         self._linked = asyncio.Event()
         self._tell: Tell | None = None
         self._book = GraphTeller(limits=limits)
+        self._types = TypeLearner(node, self._changed.set, limits=limits)
         self._unwatch = node.graph.on_change(self._on_change)
 
     def link(self, tell: Tell | None) -> None:
@@ -50,13 +52,15 @@ class GraphWatch:
                 to = self._tell
                 seen = await asyncio.to_thread(self._survey)
                 if to is not None and to is self._tell:  # else another link has begun: it is told from the start
-                    for report in self._book.tell(seen):
+                    self._types.look(seen.ends.values())
+                    for report in self._book.tell(seen, self._types.texts):
                         to(link_pb2.AgentFrame(graph=report))
                 else:
                     self._changed.set()
                 await asyncio.sleep(self._limits.graph_report_s)
         finally:
             self._unwatch()
+            await self._types.close()
 
     def _survey(self) -> Survey:
         graph, own = self._node.graph, (self._node.context.zid, self._node.full_name)

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from tests.support.processes import started
 from tests.support.waiting import wait_until
@@ -30,8 +30,9 @@ def far_robot(router: str, log: Path, *, namespace: str = "/") -> Iterator[None]
 
 
 def main() -> None:
-    """Publish `hand`, of a new type, and `other`, of a type that has a shipped name and other fields."""
+    """Publish `hand`, of a new type, and `other`, of a shipped name with other fields; serve `wave`, of a new type."""
     import metaros
+    from metaros.idl import default_catalogue, message_class, parse_definition
     from metaros.interfaces.std_msgs.msg import Header
 
     @metaros.message(name="far_robot/msg/Finger")
@@ -48,10 +49,16 @@ def main() -> None:
     class OtherInt8:
         data: metaros.int16 = 77
 
+    def wave(request: Any, response: Any) -> None:
+        response.done, response.angle = True, request.times * 0.5
+
+    text = "string<=8 how\nint16 times\nstd_msgs/Header header\n---\nbool done\nfloat64 angle\n"
+    default_catalogue().add(parse_definition(text, "far_robot/srv/Wave"))
     with metaros.Node("hand", namespace=sys.argv[1]) as node:
         hands, others = node.create_publisher(Hand, "hand"), node.create_publisher(OtherInt8, "other")
         node.create_timer(0.05, lambda: hands.publish(Hand(fingers=[Finger(), Finger(angle=1.5)])))
         node.create_timer(0.05, lambda: others.publish(OtherInt8()))
+        node.create_service(message_class("far_robot/srv/Wave"), "wave", wave)
         print("ready", flush=True)
         metaros.spin(node)
 

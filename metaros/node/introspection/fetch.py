@@ -6,7 +6,7 @@ What a peer tells is believed only if it leads to the hash in the peer's own tok
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from metaros.errors import MetarosError, TypeHashError, UnknownTypeError
@@ -119,7 +119,7 @@ def _learn(type_name: str, type_hash: str, response: Any) -> Catalogue:
     parts = [described.type_description, *described.referenced_type_descriptions]
     if len(parts) > LIMITS.type_cache:
         raise UnknownTypeError(f"a type of {len(parts)} parts")
-    for definitions in (_sources(response.type_sources), _definitions(parts)):
+    for definitions in (_sources(response.type_sources), _definitions(parts), _with_service(type_name, parts)):
         catalogue = Catalogue(base=default_catalogue())
         try:
             found = list(definitions)
@@ -146,12 +146,26 @@ def _sources(sources: Iterable[Any]) -> Iterator[Definition]:
 
 def _definitions(parts: Iterable[Any]) -> Iterator[Definition]:
     for part in parts:
-        fields = tuple(Field(field.name, _field_type(field.type)) for field in part.fields)
-        if len(fields) == 1 and fields[0].name == _PLACEHOLDER:
-            fields = ()
         # What a peer names becomes code here: let only what the grammar allows pass.
-        text = definition_text(MessageDefinition(part.type_name, fields))
-        yield parse_definition(text, part.type_name)
+        yield parse_definition(_text(part), part.type_name)
+
+
+def _with_service(name: str, parts: Sequence[Any]) -> Iterator[Definition]:
+    """A service from its described halves, with the messages that it is made of."""
+    by_name = {part.type_name: part for part in parts}
+    halves = [by_name[f"{name}_{half}"] for half in ("Request", "Response") if f"{name}_{half}" in by_name]
+    if len(halves) != 2:
+        raise UnknownTypeError(f"{name} is described without its halves")
+    yield parse_definition("---\n".join(_text(part) for part in halves), name)
+    yield from _definitions(part for part in parts if "/msg/" in part.type_name)
+
+
+def _text(part: Any) -> str:
+    """What a described message's file would say."""
+    fields = tuple(Field(field.name, _field_type(field.type)) for field in part.fields)
+    if len(fields) == 1 and fields[0].name == _PLACEHOLDER:
+        fields = ()
+    return definition_text(MessageDefinition(part.type_name, fields))
 
 
 def _field_type(described: Any) -> FieldType:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from contextlib import aclosing
+from contextlib import aclosing, closing
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,6 +18,7 @@ from metaros._proto import link_pb2
 from metaros.idl import message_class
 from tests.edge_agent.conftest import Robot
 from tests.support.counter import FIBONACCI, Counter
+from tests.support.far_robot import far_robot
 from tests.support.ros_pair import ROBOT, Half, RosPair, ros_pair
 from tests.support.waiting import wait_until_async
 
@@ -98,6 +100,31 @@ async def test_a_service_is_called_by_its_name_alone(robot: Robot) -> None:
         command = pair.gateway.fleet.calling(ROBOT, "add", request={"a": 2, "b": 3})
         assert command.call_service.type_name == "example_interfaces/srv/AddTwoInts"
         assert command.call_service.type_hash == ADD.__metaros_hash__
+
+
+async def test_a_service_of_a_type_that_only_its_node_knows_is_called_in_json(
+    robot: Robot, zenoh_router: str, tmp_path: Path
+) -> None:
+    async with ros_pair(robot.context) as pair:
+        with far_robot(zenoh_router, tmp_path / "log", namespace="/sim_1"):
+            gateway = pair.gateway
+
+            def known() -> bool:
+                info = gateway.ros.graphs.of(ROBOT).services.get("/sim_1/wave")
+                return info is not None and (info.type_name, info.type_hash) in gateway.ros.graphs.of(ROBOT).types
+
+            await wait_until_async(known)
+            graph = gateway.ros.graphs.of(ROBOT)
+            info = graph.services["/sim_1/wave"]
+            assert graph.schema("far_robot/srv/Wave_Request", info.type_hash).startswith("string<=8 how\nint16 times\n")
+            call = gateway.fleet.calling(ROBOT, "wave", request={"times": 3}).call_service
+            client = pair.node.create_raw_client(call.service, call.type_name, call.type_hash)
+            with closing(client):
+                answer = await client.call_async(call.request, 60)
+            assert gateway.fleet.response(link_pb2.Command(call_service=call), answer, ROBOT) == {
+                "done": True,
+                "angle": 1.5,
+            }
 
 
 async def test_a_goal_is_followed_from_feedback_to_its_result(robot: Robot) -> None:
