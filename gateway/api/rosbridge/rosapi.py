@@ -10,6 +10,7 @@ from typing import Any
 
 import orjson
 
+from gateway.api.rosbridge.dialect import fault_of, types_of
 from gateway.api.rosbridge.parameters import Parameters
 from gateway.api.rosbridge.typedefs import typedefs
 from gateway.api.rosbridge.world import World
@@ -103,6 +104,9 @@ def _details(kind: str, part: str = "") -> Look:
             for known, catalogue in graph.types.items():
                 if known[0] == name:
                     return {"typedefs": typedefs(f"{name}{part}", catalogue)}
+        for topic in api.visitor.topics() if kind == "msg" else ():
+            if topic.channel.schema_name == name and not fault_of(topic.channel):
+                return {"typedefs": typedefs(name, types_of(topic.channel))}
         raise UnknownTypeError(f"no interface {name!r} in the catalogue, and no robot of yours told it")
 
     return look

@@ -299,3 +299,42 @@ async def test_a_large_message_comes_whole_from_who_may_publish(tmp_path: Path) 
             with pytest.raises(ConnectionClosed):
                 await asyncio.wait_for(socket.recv(), 60)
             assert socket.close_code == 1009
+
+
+async def test_rosapi_answers_by_either_name_and_with_arguments_in_a_list(tmp_path: Path) -> None:
+    async with world(tmp_path) as (ready, agent), open_socket(ready, "/rosbridge/sim_1") as socket:
+        own = channel(9, "/sim_1/own", TEXT)
+        own.schema_name, own.type_hash, own.schema = "mine/msg/Own", "", b"float32[3] speed\nstd_msgs/Header header"
+        own.schema += b"\n" + b"=" * 80 + b"\nMSG: std_msgs/Header\nstring frame_id"
+        await agent.announce(own)
+
+        async def ask(service: str, args: Any = None) -> dict[str, Any]:
+            await say(socket, op="call_service", id=service, service=service, args=args)
+            answer = await hear(socket, "service_response")
+            assert (answer["id"], answer["service"]) == (service, service)
+            return answer
+
+        for name in ("rosapi/topic_type", "/rosapi/topic_type"):
+            for args in ({"topic": "/sim_1/scan"}, ["sim_1/scan"]):
+                assert (await ask(name, args))["values"] == {"type": SCAN}
+        assert (await ask("/rosapi/get_ros_version"))["values"] == {"version": 2, "distro": "jazzy"}
+        assert (await ask("/rosapi/topics_for_type", {"type": "std_msgs/String"}))["values"]["topics"] == [
+            "/sim_1/chat"
+        ]
+        found: dict[str, Any] = {"result": False}
+        while not found["result"]:  # the announcement is on another connection
+            found = await ask("/rosapi/message_details", {"type": "mine/Own"})
+        first, second = found["values"]["typedefs"]
+        assert (first["type"], first["fieldnames"], first["fieldarraylen"]) == (
+            "mine/msg/Own",
+            ["speed", "header"],
+            [3, -1],
+        )
+        assert second["fieldnames"] == ["frame_id"]
+        for name, args in {
+            "/rosapi/message_details": {"type": "no/Such"},
+            "/rosapi/topic_type": {},
+            "/rosapi/dance": {},
+            "/rosapi/get_param": {"name": "speed"},
+        }.items():
+            assert (await ask(name, args))["result"] is False, name
