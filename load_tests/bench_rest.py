@@ -16,6 +16,7 @@ import json
 import os
 import resource
 import statistics
+import subprocess
 import sys
 import tempfile
 import time
@@ -84,14 +85,10 @@ async def _ask(ready: Ready, keys: list[str], chosen: argparse.Namespace, kind: 
         "paths": [f"/api/v1/robots?limit=100&after={start}{query}" for start in starts],
     }
     before_s = resource.getrusage(resource.RUSAGE_SELF)
-    program = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "load_tests.rest_client"),
-        stdin=asyncio.subprocess.PIPE,
-        stdout=asyncio.subprocess.PIPE,
-    )
-    out, _ = await program.communicate(json.dumps(asked).encode())
+    program, text = [sys.executable, "-m", "load_tests.rest_client"], json.dumps(asked).encode()
+    done = await asyncio.to_thread(subprocess.run, program, input=text, stdout=subprocess.PIPE, check=True)
     used_s = resource.getrusage(resource.RUSAGE_SELF)
-    found: dict[str, Any] = json.loads(out)
+    found: dict[str, Any] = json.loads(done.stdout)
     latencies = sorted(found["latencies"])
     count, span_s = len(latencies), chosen.seconds * 0.8
     cpu_s = (used_s.ru_utime + used_s.ru_stime - before_s.ru_utime - before_s.ru_stime) * 0.8

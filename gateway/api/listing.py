@@ -14,15 +14,25 @@ from gateway.api.problem import JsonResponse
 from gateway.errors import InvalidRequestError
 from metaros.limits import LIMITS
 
-__all__ = ["After", "Fields", "FieldsText", "ListLimit", "Paged", "Window", "listing", "page_of", "read_fields"]
+__all__ = [
+    "FIELDS",
+    "After",
+    "Fields",
+    "FieldsText",
+    "ListLimit",
+    "Paged",
+    "Window",
+    "listing",
+    "page_of",
+    "read_fields",
+]
 
 MAX_FIELDS = 64
 
 ListLimit = Annotated[int, Query(ge=1, le=LIMITS.listed, description="items of one page")]
 After = Annotated[str, Query(max_length=600, description="the `next` of the page before")]
-FieldsText = Annotated[
-    str, Query(max_length=2000, description="only these fields of each item, with commas: id,link.rtt_ms")
-]
+FIELDS = "only these fields of each item, with commas: id,link.rtt_ms"
+FieldsText = Annotated[str, Query(max_length=2000, description=FIELDS)]
 Item = TypeVar("Item")
 
 

@@ -138,6 +138,15 @@ class RobotRows:
         for record in records:
             robot = record.robot.id
             row, desired, lease = known.get(robot), desired_of(robot), lease_of(robot)
+            if (  # most of a fleet: it is away, and nothing is new
+                row is not None
+                and row.revision == record.revision
+                and not record.online
+                and row.desired is desired
+                and row.lease is lease
+            ):
+                rows.append(row)
+                continue
             if row is None or not _holds(row, record, desired, lease, now_s):
                 row = self._render(record, desired, lease, fields, now_s)
                 self._keep(selection, robot, row)

@@ -32,6 +32,7 @@ class LeaseTable:
         self._valid_s = valid_s
         self._leases: dict[str, Lease] = {}
         self._listener = listener
+        self.find: Callable[[str], Lease | None] = self._leases.get  # a robot's lease, perhaps run out a moment ago
 
     def take(self, robot: str, holder: str, *, lease_id: str, now_s: float) -> Lease:
         """Give the robot to `holder`; LeaseTakenError while another lease is alive."""
@@ -77,10 +78,6 @@ class LeaseTable:
             self._tell(held, False)
             return None
         return held
-
-    def find(self, robot: str) -> Lease | None:
-        """The robot's lease, which may have run out a moment ago."""
-        return self._leases.get(robot)
 
     def expire(self, *, now_s: float) -> None:
         """End the leases that were not renewed in time, also where nobody asks for them."""

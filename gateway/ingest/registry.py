@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
-from bisect import bisect_right, insort
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -292,11 +292,14 @@ class Registry:
     def __init__(self) -> None:
         self._records: dict[str, RobotRecord] = {}
         self._ids: list[str] = []  # in order: a page of ten thousand robots sorts nothing
+        self._sorted: list[RobotRecord] = []  # in the same order
 
     def add(self, record: RobotRecord) -> RobotRecord:
         """Know a robot; the first record of an id stays."""
         if record.robot.id not in self._records:
-            insort(self._ids, record.robot.id)
+            place = bisect_right(self._ids, record.robot.id)
+            self._ids.insert(place, record.robot.id)
+            self._sorted.insert(place, record)
         return self._records.setdefault(record.robot.id, record)
 
     def get(self, robot_id: str) -> RobotRecord:
@@ -312,9 +315,9 @@ class Registry:
 
     def all(self) -> list[RobotRecord]:
         """Every robot, by id."""
-        return [self._records[key] for key in self._ids]
+        return list(self._sorted)
 
     def behind(self, robot_id: str, most: int) -> list[RobotRecord]:
         """At most so many robots behind an id, which need not be one, by id; from the first with ""."""
         start = bisect_right(self._ids, robot_id) if robot_id else 0
-        return [self._records[key] for key in self._ids[start : start + most]]
+        return self._sorted[start : start + most]

@@ -10,7 +10,7 @@ from starlette.requests import Request
 from gateway.api import models
 from gateway.errors import InvalidRequestError
 
-__all__ = ["PROBLEMS", "body_document", "read_body"]
+__all__ = ["PROBLEMS", "body_document", "query_document", "read_body", "read_query"]
 
 Body = TypeVar("Body", bound=BaseModel)
 PROBLEMS: dict[int | str, dict[str, Any]] = {
@@ -26,6 +26,25 @@ def body_document(model: type[BaseModel], *, cdr: bool = False) -> dict[str, Any
     return {"requestBody": {"required": True, "content": content}}
 
 
+def query_document(model: type[BaseModel]) -> dict[str, Any]:
+    """The OpenAPI text of a query that the handler reads by itself."""
+    document = model.model_json_schema()
+    return {
+        "parameters": [
+            {"name": name, "in": "query", "required": False, "schema": schema, "description": schema["description"]}
+            for name, schema in document["properties"].items()
+        ]
+    }
+
+
+def read_query(request: Request, model: type[Body]) -> Body:
+    """The request's query as the model; InvalidRequestError names what does not fit. What it does not know is left."""
+    try:
+        return model.model_validate(dict(request.query_params))
+    except ValidationError as error:
+        raise InvalidRequestError(_faults(error)) from error
+
+
 async def read_body(request: Request, model: type[Body]) -> Body:
     """The request's JSON as the model; InvalidRequestError names what does not fit."""
     if "json" not in request.headers["content-type"]:
@@ -33,10 +52,13 @@ async def read_body(request: Request, model: type[Body]) -> Body:
     try:
         read = model.model_validate_json(await request.body(), strict=True)  # 0 is no false, and "5" no number
     except ValidationError as error:
-        faults = [f"{'.'.join(str(part) for part in item['loc'])}: {item['msg']}" for item in error.errors()]
-        raise InvalidRequestError("; ".join(faults)[:1000]) from error
+        raise InvalidRequestError(_faults(error)) from error
     for name, value in read:
         texts = value if isinstance(value, list) else [value]  # messages for robots are objects, and free
         if any(isinstance(text, str) and "\0" in text for text in texts):
             raise InvalidRequestError(f"{name}: text has no NUL")  # no database takes one
     return read
+
+
+def _faults(error: ValidationError) -> str:
+    return "; ".join(f"{'.'.join(str(part) for part in item['loc'])}: {item['msg']}" for item in error.errors())[:1000]

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter
+from pydantic import BaseModel, Field
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models
 from gateway.api.allow import allow, principal_of
-from gateway.api.listing import After, FieldsText, ListLimit, Paged, listing, read_fields
+from gateway.api.listing import FIELDS, Paged, listing, read_fields
 from gateway.api.problem import JsonResponse
-from gateway.api.rest.bodies import PROBLEMS
-from gateway.api.rest.twin import Select
+from gateway.api.rest.bodies import PROBLEMS, query_document, read_query
+from gateway.api.rest.twin import SELECTOR
 from gateway.api.robot_rows import RobotQuery, robot_rows_of
 from gateway.api.services import services_of
 from gateway.api.views import topic_view
@@ -26,26 +27,35 @@ __all__ = ["router"]
 router = APIRouter(prefix="/api/v1/robots", tags=["robots"], default_response_class=JsonResponse)
 
 
-@router.get("", dependencies=[allow("robots.read")], responses={200: {"model": models.RobotList}, **PROBLEMS})
-async def list_robots(
-    request: Request,
-    selector: Select = "",
-    online: Annotated[bool | None, Query(description="only those that have a link, or have none")] = None,
-    q: Annotated[str, Query(max_length=64, description="part of an id, a host name, or a label's value")] = "",
-    limit: ListLimit = LIMITS.listed,
-    after: After = "",
-    fields: FieldsText = "",
-) -> Response:
+class RobotsAsked(BaseModel):
+    """The query of the list of robots. Read in one go: a fleet's page is asked for more often than all else."""
+
+    selector: Annotated[str, Field(max_length=4096, description=SELECTOR)] = ""
+    online: Annotated[bool | None, Field(description="only those that have a link, or have none")] = None
+    q: Annotated[str, Field(max_length=64, description="part of an id, a host name, or a label's value")] = ""
+    limit: Annotated[int, Field(ge=1, le=LIMITS.listed, description="items of one page")] = LIMITS.listed
+    after: Annotated[str, Field(max_length=600, description="the `next` of the page before")] = ""
+    fields: Annotated[str, Field(max_length=2000, description=FIELDS)] = ""
+
+
+@router.get(
+    "",
+    dependencies=[allow("robots.read")],
+    responses={200: {"model": models.RobotList}, **PROBLEMS},
+    openapi_extra=query_document(RobotsAsked),
+)
+async def list_robots(request: Request) -> Response:
     """The robots that ever connected and that one sees, by id. What a link brings is at most a second old."""
-    principal = principal_of(request)
+    principal, asked = principal_of(request), read_query(request, RobotsAsked)
     query = RobotQuery(
         sees=None if principal.sees_all else principal.sees,
-        selector=Selector.parse(selector) if selector else None,
-        online=online,
-        text=q.lower(),
+        selector=Selector.parse(asked.selector) if asked.selector else None,
+        online=asked.online,
+        text=asked.q.lower(),
     )
+    chosen = read_fields(asked.fields, models.Robot)
     body, tag = await robot_rows_of(request).page(
-        query, after=after, limit=limit, fields=read_fields(fields, models.Robot), text=fields
+        query, after=asked.after, limit=asked.limit, fields=chosen, text=asked.fields
     )
     return Response(body, media_type="application/json", headers={"ETag": tag})
 

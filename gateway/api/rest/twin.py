@@ -29,6 +29,7 @@ from metaros.twin import json_schema, read
 __all__ = [
     "ANY_OBJECT",
     "PRECONDITIONS",
+    "SELECTOR",
     "Count",
     "DryRun",
     "Reason",
@@ -50,7 +51,8 @@ Window = Annotated[
     float | None,
     Query(ge=MIN_CONFIRM_S, le=MAX_CONFIRM_S, description="robots go back by themselves without a confirmation in it"),
 ]
-Select = Annotated[str, Query(max_length=4096, description="label=value, label!=value, label in (a, b), label")]
+SELECTOR = "label=value, label!=value, label in (a, b), label"
+Select = Annotated[str, Query(max_length=4096, description=SELECTOR)]
 Count = Annotated[int, Query(ge=1, le=100)]
 ANY_OBJECT = {"requestBody": {"required": True, "content": {"application/json": {"schema": {"type": "object"}}}}}
 PRECONDITIONS: dict[int | str, dict[str, Any]] = {**PROBLEMS, 412: PROBLEMS[409]}
