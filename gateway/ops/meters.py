@@ -91,7 +91,7 @@ class Families:
             row = metric(name)
             make = CounterMetricFamily if row.kind == "counter" else GaugeMetricFamily
             family = self._families[name] = make(row.name, row.meaning, labels=row.labels)
-        family.add_metric(labels, value)
+        family.add_metric(labels, float(value))
 
     def collect(self) -> Iterator[Metric]:
         """In the table's order of their first values."""

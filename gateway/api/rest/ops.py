@@ -24,7 +24,12 @@ router = APIRouter(tags=["operations"])
 @router.get(
     "/metrics",
     dependencies=[allow("metrics.read")],
-    responses={200: {"content": {"text/plain": {}}, "description": "Prometheus's text format, or OpenMetrics"}},
+    responses={
+        200: {
+            "content": {"text/plain": {}, "application/openmetrics-text": {}},
+            "description": "Prometheus's text format, or OpenMetrics",
+        }
+    },
     response_class=Response,
 )
 async def metrics(request: Request) -> Response:

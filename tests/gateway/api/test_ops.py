@@ -48,7 +48,7 @@ async def scraped(http: httpx.AsyncClient) -> Found:
 
 async def until(http: httpx.AsyncClient, series: tuple[str, ...], value: float) -> Found:
     """The scrape in which a series has that value."""
-    for _ in range(6000):
+    for _ in range(2000):
         if (found := await scraped(http)).get(series) == value:
             return found
         await asyncio.sleep(0.01)
@@ -132,7 +132,7 @@ async def test_a_followed_sample_is_seen_by_who_sees_its_robot(tmp_path: Path) -
                 for agent in (two, one):
                     await agent.announce(channel(1, "/odom", "nav_msgs/msg/Odometry"))
                     await agent.send(batches=link_pb2.Batches(batches=[traced(1, stamp_ns)]))
-                for _ in range(6000):
+                for _ in range(2000):
                     found = (await http.get("/api/v1/traces")).json()["traces"]
                     if found:
                         break
