@@ -36,7 +36,7 @@ def running(code: list[str], port: str, log: Path) -> Iterator[None]:
 
 
 def test_readme_node_hears_itself(zenoh_router: str, tmp_path: Path) -> None:
-    (block,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    block = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[0]
     script, log = tmp_path / "node.py", tmp_path / "log"
     script.write_text(block)
     with running([str(script)], zenoh_router.rsplit(":", 1)[1], log):
