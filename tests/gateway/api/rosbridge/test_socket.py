@@ -338,3 +338,17 @@ async def test_rosapi_answers_by_either_name_and_with_arguments_in_a_list(tmp_pa
             "/rosapi/get_param": {"name": "speed"},
         }.items():
             assert (await ask(name, args))["result"] is False, name
+
+
+async def test_the_robot_is_asked_for_what_its_clients_want(tmp_path: Path) -> None:
+    async with world(tmp_path) as (ready, agent), open_socket(ready, "/rosbridge/sim_1") as slow:
+        await agent.announce(channel(8, "/sim_1/camera", TEXT, delivery=4))
+        await say(slow, op="subscribe", topic="/sim_1/camera", throttle_rate=500)
+        (entry,) = (await agent.next("demand")).demand.entries
+        assert (entry.channel_id, entry.max_rate_hz) == (8, 2.0)
+        async with open_socket(ready, "/rosbridge/sim_1") as fast:
+            await say(fast, op="subscribe", topic="/sim_1/camera", throttle_rate=50)
+            (entry,) = (await agent.next("demand")).demand.entries
+            assert entry.max_rate_hz == 20.0
+        (entry,) = (await agent.next("demand")).demand.entries
+        assert entry.max_rate_hz == 2.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -153,6 +154,7 @@ def test_what_is_wanted_is_the_topic_of_a_seen_robot_and_of_the_type() -> None:
     assert wants(channel())
     assert not wants(channel("/other"))
     assert not wants(channel(robot="r2"))
+    assert not wants(replace(channel(), history=True))  # a copy for the store
     assert not wants(channel(kind="std_msgs/msg/Int32"))
     for topic in ("/r2/chat", "/chat"):
         with pytest.raises(UnknownRobotError):
