@@ -19,7 +19,8 @@ import orjson
 
 from gateway.domain.account import User
 from gateway.domain.principal import EVERY_ROBOT, Principal, Role
-from gateway.errors import CredentialsError, ForbiddenError, InvalidRequestError
+from gateway.errors import ForbiddenError, InvalidRequestError
+from gateway.identity.errors import UnknownUserError
 from gateway.identity.keys import LOCAL_ID, covers, key_principal
 from gateway.identity.users import checked_robots
 from gateway.store import Store
@@ -81,6 +82,7 @@ class Tickets:
         Raises:
             InvalidRequestError: a pattern is none, the life is too long, or the patterns are too many for a URL.
             ForbiddenError: the maker may not do all that, or may make none.
+            UnknownUserError: the maker is gone.
         """
         if maker.kind not in _KINDS:
             raise ForbiddenError("a ticket is made by somebody with a user or a key")
@@ -94,7 +96,7 @@ class Tickets:
         if not covers(maker.robots, wanted):
             raise ForbiddenError(f"the ticket would see robots that {maker.name} does not see")
         if await self._maker(maker.kind, maker.id) is None:
-            raise CredentialsError("whoever makes a ticket has to be known to the store")
+            raise UnknownUserError("whoever makes a ticket has to be a user, or have a key, of the store")
         ends_s = self._clock.wall_ns() // _SECOND_NS + round(ttl_s)
         text = self._text(_Claims(maker.kind, maker.id, role, wanted, ends_s))
         if len(text) > LIMITS.credential_chars:

@@ -81,7 +81,8 @@ async def test_every_socket_of_a_foreign_page_is_refused(tmp_path: Path, path: s
             with pytest.raises(InvalidStatus):
                 await open_socket(ready, path)
             return
-        async with open_socket(ready, concrete(path)) as own:
+        spoken = {"subprotocols": ["foxglove.sdk.v1"]} if path.startswith("/foxglove") else {}
+        async with open_socket(ready, concrete(path), **spoken) as own:
             assert own.state.name == "OPEN"
 
 

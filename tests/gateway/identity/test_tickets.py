@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from gateway.domain.principal import NOBODY, Principal, Role
-from gateway.errors import CredentialsError, ForbiddenError, InvalidRequestError
+from gateway.errors import ForbiddenError, InvalidRequestError
+from gateway.identity.errors import UnknownUserError
 from gateway.identity.tickets import Tickets, is_ticket
 from gateway.identity.users import change_user, create_user
 from gateway.store import Store
@@ -102,5 +103,5 @@ async def test_what_cannot_be_asked_for(store: Store) -> None:
     with pytest.raises(ForbiddenError):
         await tickets.make(NOBODY, role=Role.NONE, robots=None, ttl_s=60)
     unknown = Principal(kind="user", id="0" * 16, name="eve", role=Role.VIEWER, robots=("*",))
-    with pytest.raises(CredentialsError):
+    with pytest.raises(UnknownUserError):
         await tickets.make(unknown, role=Role.VIEWER, robots=None, ttl_s=60)
