@@ -14,7 +14,7 @@ import { LiveContext } from "./ui/context";
 import "./ui/style.css";
 import "./ui/history.css";
 import { startTheme } from "./ui/theme";
-import { comeBack, startRouting } from "./ui/url";
+import { BACK_KEY, startRouting } from "./ui/url";
 import { App } from "./views/app";
 
 const stream = new Stream(() => openSocket("/stream"));
@@ -22,8 +22,8 @@ const decoder = new Decoder(onDemand(() => new DecodeWorker()));
 
 startTheme();
 startClock();
-comeBack();
 startRouting();
+if (sessionStorage.getItem(BACK_KEY)) void import("./ui/back").then(({ comeBack }) => comeBack());
 startMoment();
 followFleet(stream);
 followSession(stream);

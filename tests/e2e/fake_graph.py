@@ -15,7 +15,13 @@ from tests.e2e.fake_world import TOPICS, FakeRobot
 
 __all__ = ["FakeGraph"]
 
-READERS = {"odom": ["planner"], "scan": ["mapper", "planner"], "imu": ["mapper"], "battery_state": ["watchdog"]}
+READERS = {
+    "note": ["watchdog"],
+    "odom": ["planner"],
+    "scan": ["mapper", "planner"],
+    "imu": ["mapper"],
+    "battery_state": ["watchdog"],
+}
 SERVICES = (
     ("base/resume", "std_srvs/srv/Trigger", "base"),
     ("base/set_light", "std_srvs/srv/SetBool", "base"),
@@ -36,6 +42,7 @@ class FakeGraph:
     def __init__(self, robots: list[FakeRobot]) -> None:
         self.robots = robots
         self.published: list[dict[str, Any]] = []
+        self.tickets: list[dict[str, Any]] = []
         self.known = True
 
     def add_routes(self, app: FastAPI) -> None:
@@ -43,12 +50,14 @@ class FakeGraph:
         app.add_api_route("/api/v1/robots/{robot_id}/types/{package}/{kind}/{name}", self._type)
         app.add_api_route("/api/v1/robots/{robot_id}/graph", self._graph)
         app.add_api_route("/api/v1/graph", self._graphs)
+        app.add_api_route("/api/v1/auth/tickets", self._ticket, methods=["POST"])
         app.add_api_route("/api/v1/robots/{robot_id}/publish", self._publish, methods=["POST"])
 
     def describe(self, robot: FakeRobot) -> dict[str, Any]:
         """The contract's graph of a robot."""
         if not self.known:
-            return {"revision": 0, "nodes": [], "topics": [], "services": [], "actions": [], "left_out": 0}
+            none: dict[str, Any] = {"nodes": [], "topics": [], "services": [], "actions": [], "left_out": 0}
+            return {"robot": robot.id, "revision": 0, **none}
         names = {*(node_of(topic.name) for topic in TOPICS), *(node for each in READERS.values() for node in each)}
         topics = []
         for topic in sorted(TOPICS, key=lambda each: each.name):
@@ -57,30 +66,36 @@ class FakeGraph:
             into = [_end(robot, node, *kind) for node in READERS.get(topic.name, [])]
             if topic.name == "cmd_vel":
                 into = [_end(robot, "base", *kind)]
+            if topic.name == "note":  # it asks for more than is offered
+                into = [_end(robot, "watchdog", topic.type, qos_default.encode())]
             row = {"topic": robot.topic(topic.name), "types": [topic.type], "publishers": out, "subscribers": into}
             topics.append(row)
         services = [
-            {"service": robot.topic(name), "type": kind, "type_hash": type_hash(kind), "clients": []}
+            {"service": robot.topic(name), "type": kind, "type_hash": type_hash(kind), "nodes": [], "clients": []}
             | {"servers": [_end(robot, node, kind, qos_default.encode())]}
             for name, kind, node in SERVICES
         ]
         action = {"action": robot.topic("navigate"), "type": "nav2_msgs/action/NavigateToPose"}
         action |= {"servers": [robot.topic("planner")], "clients": [robot.topic("watchdog")]}
         nodes = [robot.topic(name) for name in sorted(names)]
-        graph = {"revision": 7, "nodes": nodes, "topics": topics, "services": services}
+        graph = {"robot": robot.id, "revision": 7, "nodes": nodes, "topics": topics, "services": services}
         return graph | {"actions": [action], "left_out": 0}
 
     async def _graph(self, robot_id: str) -> dict[str, Any]:
         return self.describe(next(robot for robot in self.robots if robot.id == robot_id))
 
     async def _graphs(self) -> dict[str, Any]:
-        return {"robots": [{"robot": robot.id, **self.describe(robot)} for robot in self.robots]}
+        return {"robots": [self.describe(robot) for robot in self.robots if self.known], "next": None}
 
     async def _type(self, robot_id: str, package: str, kind: str, name: str) -> Response:
         try:
             return JSONResponse(shape_of(f"{package}/{kind}/{name}", default_catalogue()))
         except UnknownTypeError as error:
             return JSONResponse({"code": "unknown_type", "detail": str(error), "status": 400}, 400)
+
+    async def _ticket(self, body: dict[str, Any]) -> dict[str, Any]:
+        self.tickets.append(body)
+        return {"ticket": f"mrt_{len(self.tickets)}", "expires": "2026-11-22T12:00:00Z"}
 
     async def _publish(self, robot_id: str, body: dict[str, Any]) -> dict[str, Any]:
         self.published.append({"robot": robot_id, **body})

@@ -74,7 +74,7 @@ def test_what_operators_do_comes_to_operators_alone(gateway: FakeGateway, open_p
 
 
 @pytest.mark.parametrize(
-    "path", ["/signin", "/recordings", "/rollouts", "/rollouts/versions", "/robots/sim_1?tab=commands"]
+    "path", ["/signin", "/graph", "/recordings", "/rollouts", "/rollouts/versions", "/robots/sim_1?tab=commands"]
 )
 def test_other_pages_are_within_the_budget(gateway: FakeGateway, open_page: OpenPage, path: str) -> None:
     gateway.account = account_view(anonymous_viewer(), has_password=False)
@@ -85,7 +85,7 @@ def test_other_pages_are_within_the_budget(gateway: FakeGateway, open_page: Open
     assert 20_000 < sum(fetched.values()) <= BUDGET_BYTES, fetched
 
 
-@pytest.mark.parametrize("tab", ["topics", "nodes", "config"])
+@pytest.mark.parametrize("tab", ["topics", "graph", "nodes", "config"])
 def test_a_tab_that_is_opened_first_is_within_the_budget(gateway: FakeGateway, open_page: OpenPage, tab: str) -> None:
     gateway.account = account(Role.VIEWER)
     page = open_page("about:blank")

@@ -6,12 +6,13 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
 
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from gateway.domain.principal import Role
-from tests.e2e.conftest import DESK, PHONE
+from tests.e2e.conftest import DESK, PHONE, save
 from tests.e2e.fake_gateway import FakeGateway, account
 from tests.e2e.test_fleet_page import CONTRASTS
 from tests.support.waiting import wait_until
@@ -156,6 +157,24 @@ def test_a_viewer_reads_and_neither_publishes_nor_calls(gateway: FakeGateway, op
     expect(page.locator("[data-may-not]")).to_have_count(2)
     page.get_by_role("button", name="Message").click()
     expect(page.locator("[data-path=data]")).to_contain_text("all well")
+
+
+def test_the_way_into_foxglove_carries_a_ticket_for_this_robot(gateway: FakeGateway, open_page: OpenPage) -> None:
+    page = opened(gateway, open_page)
+    page.get_by_role("button", name="Open in Foxglove…").click()
+    dialog = page.get_by_role("dialog")
+    address = f"ws://127.0.0.1:{gateway.port}/foxglove/sim_1?token=mrt_1"
+    expect(dialog.get_by_role("textbox", name="Address for viewers")).to_have_text(address)
+    link = dialog.get_by_role("link", name="Open app.foxglove.dev").get_attribute("href") or ""
+    assert parse_qs(urlsplit(link).query) == {"ds": ["foxglove-websocket"], "ds.url": [address]}
+    dialog.get_by_role("button", name="Look, publish and call").click()
+    expect(dialog.get_by_role("textbox", name="Address for viewers")).to_contain_text("mrt_2")
+    assert [(each["robots"], each["role"]) for each in gateway.graph.tickets] == [
+        (["sim_1"], "viewer"),
+        (["sim_1"], "operator"),
+    ]
+    assert page.evaluate(CONTRASTS) == []
+    save(page, "topics-foxglove")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -1,6 +1,7 @@
 /** Typed calls for signing in and out and one's own password. */
 
-import { BASE_PATH, call } from "./client";
+import { call } from "./call";
+import { BASE_PATH } from "./client";
 import { become, refresh, session, type Account } from "./session";
 
 const entered = (account: Account): Account => {

@@ -1,6 +1,6 @@
 /** Typed calls for the Admin page: robots' identities, users, keys, and the audit log. */
 
-import { call } from "./client";
+import { call } from "./call";
 import type { BodyOf } from "./operation.js";
 import type { User } from "./schema.js";
 

@@ -1,6 +1,6 @@
 /** Typed calls of the gateway's REST interface. Every failure is an ApiError with the server's own words. */
 
-import { prepared, type AnswerOf, type Arguments, type Operation } from "./operation.js";
+import type { AnswerOf } from "./operation.js";
 import type { Problem } from "./schema.js";
 import { refresh, session } from "./session";
 
@@ -74,27 +74,20 @@ export function send<T>(method: Method, path: string, body?: unknown): Promise<T
   });
 }
 
-/** An operation by its name: `call("GET /robots/{robot_id}/topics", { path: { robot_id } })`. */
-export async function call<K extends Operation>(operation: K, ...[given]: Arguments<K>): Promise<AnswerOf<K>> {
-  const { method, path, body } = prepared(operation, given);
-  return request(path, method === "GET" ? undefined : { method, headers: { "content-type": "application/json" }, body });
-}
-
 /** What a failure says to a person. */
 export const saidOf = (error: unknown) => (error instanceof Error ? error.message : String(error));
 
 export const BASE_PATH = BASE;
 export const robotPath = (id: string) => `/robots/${encodeURIComponent(id)}`;
 
+/** What the pages that are fetched first ask for; the rest goes by its name, see call.ts. */
 export const api = {
-  topics: async (id: string) => (await call("GET /robots/{robot_id}/topics", { path: { robot_id: id } })).topics,
-  metrics: async (id: string) => (await call("GET /robots/{robot_id}/metrics", { path: { robot_id: id } })).series,
-  range: (id: string, name: string[], start: string, points: number) =>
-    call("GET /robots/{robot_id}/metrics/range", { path: { robot_id: id }, query: { name, start, end: "now", points } }),
-  gaps: async (id: string, limit: number) => (await call("GET /robots/{robot_id}/gaps", { path: { robot_id: id }, query: { limit } })).gaps,
-  setUplink: (id: string, bytesPerS: number | null) => call("PUT /robots/{robot_id}/uplink", { path: { robot_id: id }, body: { bytes_per_s: bytesPerS } }),
-  callService: (id: string, service: string, type: string, body: Record<string, unknown>, timeoutS = 5) =>
-    call("POST /robots/{robot_id}/services/call", { path: { robot_id: id }, body: { service, type, request: body, timeout_s: timeoutS } }),
+  topics: async (id: string) => (await request<AnswerOf<"GET /robots/{robot_id}/topics">>(`${robotPath(id)}/topics`)).topics,
+  metrics: async (id: string) => (await request<AnswerOf<"GET /robots/{robot_id}/metrics">>(`${robotPath(id)}/metrics`)).series,
+  range: (id: string, names: string[], start: string, points: number) => {
+    const query = new URLSearchParams([...names.map((name) => ["name", name]), ["start", start], ["end", "now"], ["points", String(points)]]);
+    return request<AnswerOf<"GET /robots/{robot_id}/metrics/range">>(`${robotPath(id)}/metrics/range?${query}`);
+  },
 };
 
 /** The WebSocket address of a path on the gateway that served this page. */

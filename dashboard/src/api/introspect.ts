@@ -43,6 +43,7 @@ export interface GraphAction {
 }
 
 export interface RobotGraph {
+  robot: string;
   /** 0: the robot's agent has told nothing; it may be too old to. */
   revision: number;
   nodes: string[];
@@ -68,6 +69,8 @@ function shape(robot: string, type: string): Promise<TypeShape> {
 
 export const introspectApi = {
   shape,
+  /** Of the robots that told theirs. */
+  graphs: async () => (await request<{ robots: RobotGraph[] }>("/graph?limit=1000")).robots,
   graph: (robot: string) => request<RobotGraph>(`${robotPath(robot)}/graph`),
   publish: (robot: string, topic: string, type: string, message: JsonObject) =>
     sendExact<{ ok: boolean }>("POST", `${robotPath(robot)}/publish`, { topic, type, message }),

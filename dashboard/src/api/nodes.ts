@@ -2,7 +2,8 @@
 
 import type { Json, Numeric } from "../fleet_ops/json";
 import type { Kind } from "../fleet_ops/values";
-import { BASE_PATH, call, robotPath } from "./client";
+import { call } from "./call";
+import { BASE_PATH, robotPath } from "./client";
 import { askExact, sendExact } from "./exact";
 import type { BodyOf } from "./operation.js";
 import type { Lifecycle as ToldLifecycle, Node as ToldNode, NodeResult as ToldResult, Operations, RobotNodes as ToldNodes } from "./schema.js";

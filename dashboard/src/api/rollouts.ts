@@ -1,6 +1,6 @@
 /** Typed calls for rollouts, and for the versions that they bring. */
 
-import { call } from "./client";
+import { call } from "./call";
 import type { BodyOf } from "./operation.js";
 import type { Rollout as Told, RolloutDetail as ToldDetail, RolloutRobot } from "./schema.js";
 

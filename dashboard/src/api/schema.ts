@@ -21,6 +21,12 @@ export interface Account {
   permissions: string[];
 }
 
+/** The actions of a robot, by name. */
+export interface ActionList {
+  actions: GraphAction[];
+  next: string | null;
+}
+
 /** A key without its secret; `user` is "" for a key of nobody's. `used` is exact to five minutes. */
 export interface ApiKey {
   id: string;
@@ -124,6 +130,11 @@ export interface Bundle {
 /** The service's response. */
 export interface CallResult {
   response: Record<string, unknown>;
+}
+
+/** Whether the server will stop the goal; its end is told like any other. */
+export interface Cancelled {
+  canceling: boolean;
 }
 
 /** One difference; `path` is a JSON pointer. `old` or `new` is left out where the key is not there. */
@@ -274,6 +285,16 @@ export interface Difference {
   why: string;
 }
 
+/** A publisher, a subscription, a service's server or client. */
+export interface Endpoint {
+  /** full name; empty: a node outside the robot's namespace */
+  node: string;
+  type: string;
+  type_hash: string;
+  /** as rmw_zenoh writes it */
+  qos: string;
+}
+
 /** 32 bytes to sign, base64url; whom the signature is for, and for how long. */
 export interface EnrolChallenge {
   nonce: string;
@@ -345,6 +366,90 @@ export interface FleetRoots {
 /** The newest declared losses, newest first. */
 export interface GapList {
   gaps: DeclaredGap[];
+}
+
+/** Which gateway this is, and its gRPC ports: where robots connect, and where programs do. */
+export interface GatewayState {
+  gateway: string;
+  version: string;
+  robots_port: number;
+  programs_port: number;
+}
+
+/** A goal and how it stands. */
+export interface Goal {
+  goal: string;
+  robot: string;
+  action: string;
+  type: string;
+  status: "accepted" | "executing" | "canceling" | "succeeded" | "canceled" | "aborted" | "rejected" | "lost";
+  ended: boolean;
+  /** false while the robot has no link: it goes on there */
+  reachable: boolean;
+  begun: string;
+  /** who sent it through this gateway; empty: through another one */
+  by: string;
+  /** the newest */
+  feedback: Record<string, unknown> | null;
+  result: Record<string, unknown> | null;
+  /** why it is as it is, where that needs saying */
+  message: string;
+  /** messages of feedback that a newer one replaced on the robot */
+  skipped: number;
+}
+
+/** The goals of a robot, the newest first. */
+export interface GoalList {
+  goals: Goal[];
+  next: string | null;
+}
+
+/** An action, and the nodes that serve and use it. */
+export interface GraphAction {
+  action: string;
+  type: string;
+  servers: string[];
+  clients: string[];
+}
+
+/** The graphs of robots. */
+export interface GraphList {
+  robots: RobotGraph[];
+  next: string | null;
+}
+
+/** A service, and who serves and calls it. */
+export interface GraphService {
+  service: string;
+  type: string;
+  type_hash: string;
+  /** that serve it */
+  nodes: string[];
+  servers: Endpoint[];
+  clients: Endpoint[];
+}
+
+/** A topic, and who uses it. */
+export interface GraphTopic {
+  topic: string;
+  types: string[];
+  publishers: Endpoint[];
+  subscribers: Endpoint[];
+}
+
+/** The robots that have a label of this value; `selector` names them wherever one may be given. */
+export interface Group {
+  label: string;
+  value: string;
+  selector: string;
+  robots: number;
+  online: number;
+}
+
+/** Every value of every label of robots in scope, by label and value. */
+export interface GroupList {
+  groups: Group[];
+  next: string | null;
 }
 
 /** The process answers. */
@@ -502,6 +607,18 @@ export interface NewEnrolmentToken {
   used_by: string;
   token: string;
   command: string;
+}
+
+/** A topic's newest message: heard just now, or stored. `error` says why there is no message to show. */
+export interface NewestMessage {
+  topic: string;
+  type: string;
+  class: "event" | "metric" | "bulk" | "live";
+  seq: number;
+  stamp_ms: number;
+  source: "live" | "stored";
+  message: Record<string, unknown> | null;
+  error?: MessageError | null;
 }
 
 /**
@@ -761,6 +878,18 @@ export interface RobotCertificate {
   revoked: string | null;
 }
 
+/** A robot's part of the ROS graph, as its agent told it last; revision 0: nothing was told yet. */
+export interface RobotGraph {
+  robot: string;
+  revision: number;
+  nodes: string[];
+  topics: GraphTopic[];
+  services: GraphService[];
+  actions: GraphAction[];
+  /** nodes and endpoints beyond what a robot may tell */
+  left_out: number;
+}
+
 /** A robot's identity; `alarm` says what looks like a copy of the robot. */
 export interface RobotIdentity {
   robot: string;
@@ -881,6 +1010,12 @@ export interface SeriesState {
   latest: Value | null;
 }
 
+/** The services of a robot, by name. */
+export interface ServiceList {
+  services: GraphService[];
+  next: string | null;
+}
+
 /** A link that signs `user` in once; nobody can look it up again. */
 export interface SignInLink {
   user: string;
@@ -895,6 +1030,16 @@ export interface SignedRole {
   version: number;
   expires: string;
   online: boolean;
+}
+
+/** What a robot says: `missing` topics were announced, and of them nothing came and nothing is stored. */
+export interface Snapshot {
+  robot: string;
+  time: string;
+  online: boolean;
+  topics: NewestMessage[];
+  missing: string[];
+  metrics: Record<string, Value>;
 }
 
 /** A stage, in nanoseconds of the gateway's wall clock since the epoch. */
@@ -1282,6 +1427,12 @@ export interface Operations {
   "GET /events": { path: None; query: { kind?: string; robot?: string; after?: number | null; before?: number | null; limit?: number; fields?: string }; body: undefined; answer: EventList };
   /** Messages of some robots as one MCAP file, sorted by their stamps, with an index and an account of the losses. */
   "GET /export.mcap": { path: None; query: { robot: string[]; topic?: string[] | null; start?: string; end?: string }; body: undefined; answer: unknown };
+  /** What a client has to know that has only the gateway's address. */
+  "GET /gateway": { path: None; query: None; body: undefined; answer: GatewayState };
+  /** The graphs of the robots that one sees, and that told theirs; each with its robot's own names. */
+  "GET /graph": { path: None; query: { selector?: string; limit?: number; after?: string; fields?: string }; body: undefined; answer: GraphList };
+  /** The values of robots' labels, and how many robots have each. */
+  "GET /groups": { path: None; query: { label?: string; limit?: number; after?: string; fields?: string }; body: undefined; answer: GroupList };
   /** Every robot's identity and its certificates, of robots in one's scope. */
   "GET /identities": { path: None; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: IdentityList };
   /** One's own keys, or for an admin everybody's, the newest first. A key sees none but as an admin. */
@@ -1298,10 +1449,20 @@ export interface Operations {
   "GET /robots": { path: None; query: { selector?: string; online?: boolean | null; q?: string; limit?: number; after?: string; fields?: string }; body: undefined; answer: RobotList };
   /** One robot. */
   "GET /robots/{robot_id}": { path: { robot_id: string }; query: None; body: undefined; answer: Robot };
+  /** The robot's actions, by name. */
+  "GET /robots/{robot_id}/actions": { path: { robot_id: string }; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: ActionList };
   /** The newest stored message of each topic at or before `t`: as the stream's records, or decoded. */
   "GET /robots/{robot_id}/at": { path: { robot_id: string }; query: { t: string; topic?: string[] | null; max_age?: string; format?: "records" | "json" }; body: undefined; answer: InstantMessages };
   /** The newest declared losses. */
   "GET /robots/{robot_id}/gaps": { path: { robot_id: string }; query: { limit?: number; fields?: string }; body: undefined; answer: GapList };
+  /** The goals of the robot that this gateway knows, the newest first; ended ones for ten minutes. */
+  "GET /robots/{robot_id}/goals": { path: { robot_id: string }; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: GoalList };
+  /** How a goal stands, its newest feedback, and its result once there is one. */
+  "GET /robots/{robot_id}/goals/{goal}": { path: { robot_id: string; goal: string }; query: None; body: undefined; answer: Goal };
+  /** What is told of a goal, as server-sent events: how it stands, then `status`, `feedback`, and at last `result`. */
+  "GET /robots/{robot_id}/goals/{goal}/feedback": { path: { robot_id: string; goal: string }; query: None; body: undefined; answer: unknown };
+  /** A robot's part of the graph, as its agent told it last; it stays while the robot's link is away. */
+  "GET /robots/{robot_id}/graph": { path: { robot_id: string }; query: None; body: undefined; answer: RobotGraph };
   /** Which topics are stored, how much of them, from when to when. */
   "GET /robots/{robot_id}/history": { path: { robot_id: string }; query: None; body: undefined; answer: History };
   /** Messages in order of their stamps, page by page. */
@@ -1324,6 +1485,10 @@ export interface Operations {
   "GET /robots/{robot_id}/nodes/{node}/log/tail": { path: { robot_id: string; node: string }; query: { cursor?: string; query?: string }; body: undefined; answer: unknown };
   /** The running node's parameters, with their types, rules and values. */
   "GET /robots/{robot_id}/nodes/{node}/parameters": { path: { robot_id: string; node: string }; query: { ros_name?: string }; body: undefined; answer: Parameters };
+  /** The robot's services, by name. */
+  "GET /robots/{robot_id}/services": { path: { robot_id: string }; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: ServiceList };
+  /** The newest message of each topic, as it comes within a moment or else is stored, and the newest metrics. */
+  "GET /robots/{robot_id}/snapshot": { path: { robot_id: string }; query: { topic?: string[] | null; wait_s?: number }; body: undefined; answer: Snapshot };
   /** How many messages and metric rows there are in each part of a range, and its losses. */
   "GET /robots/{robot_id}/timeline": { path: { robot_id: string }; query: { start?: string; end?: string; buckets?: number }; body: undefined; answer: Timeline };
   /** What the robot announced, by name. */
@@ -1366,6 +1531,10 @@ export interface Operations {
   "GET /updates/targets/{file}": { path: { file: string }; query: None; body: undefined; answer: unknown };
   /** Everybody, by name. */
   "GET /users": { path: None; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: UserList };
+  /** One user. The ETag is for If-Match. */
+  "GET /users/{name}": { path: { name: string }; query: None; body: undefined; answer: User };
+  /** Give every robot that the selector names labels; null takes one away. All of them, or none. */
+  "PATCH /groups": { path: None; query: { selector: string; dry_run?: boolean; reason?: string }; body: { labels: Record<string, string | null> }; answer: TwinsChange };
   /** A merge patch of that node's row, for every robot named whose twin has it: all of them, or none. */
   "PATCH /nodes/{node}": { path: { node: string }; query: { selector: string; dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: Record<string, unknown>; answer: TwinsChange };
   /** Give the robot labels, over those that it says itself; null takes one away. Templates may follow. */
@@ -1408,8 +1577,12 @@ export interface Operations {
   "POST /keys": { path: None; query: None; body: { name: string; role: "viewer" | "operator" | "admin"; robots?: string[]; scopes?: string[]; expires_s?: number | null }; answer: NewApiKey };
   /** A verb for a node of every robot that the selector names. What robots make of it is told one by one. */
   "POST /nodes/{verb}": { path: { verb: "start" | "stop" | "restart" | "retry" | "signal" }; query: { dry_run?: boolean; reason?: string }; body: { signal?: number; selector: string; node: string }; answer: NodeResults };
+  /** Begin a goal; answers when the server has taken it, with the goal's own path in `Location`. */
+  "POST /robots/{robot_id}/actions/{action}": { path: { robot_id: string; action: string }; query: None; body: { type?: string; goal?: Record<string, unknown>; timeout_s?: number; lease_id?: string; sent_ns?: number }; answer: Goal };
   /** Have a robot do something. 200 when the command is over, however it ended; 202 while it is not. */
   "POST /robots/{robot_id}/commands": { path: { robot_id: string }; query: { wait_s?: number }; body: { kind: "publish" | "call_service" | "node_verb" | "read_log" | "save_recording" | "set_uplink"; request?: Record<string, unknown>; durable?: boolean; expires_s?: number; timeout_s?: number; sent_ns?: number }; answer: Command };
+  /** Ask the server to stop the goal; whether it will. Nothing is asked of a goal that has ended. */
+  "POST /robots/{robot_id}/goals/{goal}/cancel": { path: { robot_id: string; goal: string }; query: None; body: {  }; answer: Cancelled };
   /** Have the node make a transition; `success` is false where it stays what it is. */
   "POST /robots/{robot_id}/nodes/{node}/lifecycle": { path: { robot_id: string; node: string }; query: { ros_name?: string; dry_run?: boolean; reason?: string }; body: { transition: "configure" | "activate" | "deactivate" | "cleanup" | "shutdown"; keep?: boolean }; answer: LifecycleChanged };
   /** A verb for one node. What `start` and `stop` say lasts: a robot that is offline does it when it is back. */
@@ -1421,7 +1594,9 @@ export interface Operations {
   /** End a robot's identity: its links are cut now, on other gateways within seconds. */
   "POST /robots/{robot_id}/revoke": { path: { robot_id: string }; query: None; body: { reason: string }; answer: Ok };
   /** Call a service of the robot and wait for its response. */
-  "POST /robots/{robot_id}/services/call": { path: { robot_id: string }; query: None; body: { service: string; type: string; request?: Record<string, unknown>; timeout_s?: number; lease_id?: string; sent_ns?: number }; answer: CallResult };
+  "POST /robots/{robot_id}/services/call": { path: { robot_id: string }; query: None; body: { service: string; type?: string; request?: Record<string, unknown>; timeout_s?: number; lease_id?: string; sent_ns?: number }; answer: CallResult };
+  /** Call a service by its name, relative to the robot's namespace or full (`%2Fsim_1%2Freset`), and wait. */
+  "POST /robots/{robot_id}/services/{service}": { path: { robot_id: string; service: string }; query: { type?: string; timeout_s?: number; lease_id?: string; sent_ns?: number }; body: { type?: string; request?: Record<string, unknown>; timeout_s?: number; lease_id?: string; sent_ns?: number }; answer: CallResult };
   /** The same document under a new revision: for a robot that refused it or went back. */
   "POST /robots/{robot_id}/twin/retry": { path: { robot_id: string }; query: { reason?: string; confirm_within_s?: number | null }; body: {  }; answer: TwinChange };
   /** Give the robot its own document of an earlier revision; templates stay as they are. */

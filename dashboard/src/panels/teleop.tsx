@@ -2,7 +2,8 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect, useMemo, useRef } from "preact/hooks";
-import { api, ApiError, openSocket, teleopPath } from "../api/client";
+import { ApiError, openSocket, robotPath, send, teleopPath } from "../api/client";
+import type { AnswerOf } from "../api/operation.js";
 import { can, session } from "../api/session";
 import { Teleop, type Aim, type TeleopState } from "../live/teleop";
 import { fixed } from "../ui/format";
@@ -140,7 +141,7 @@ async function resumeAutonomy(robot: string, namespace: string): Promise<string>
   let said = "";
   for (let attempt = 0; attempt < ATTEMPTS; attempt++) {
     if (attempt > 0) await new Promise((done) => setTimeout(done, SETTLE_MS));
-    const { response } = await api.callService(robot, service, "std_srvs/srv/Trigger", {});
+    const { response } = await send<AnswerOf<"POST /robots/{robot_id}/services/call">>("POST", `${robotPath(robot)}/services/call`, { service, type: "std_srvs/srv/Trigger", request: {}, timeout_s: 5 });
     if (response.success !== false) return "autonomy resumed";
     said = `refused: ${String(response.message)}`;
   }

@@ -2,7 +2,8 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { api, ApiError } from "../api/client";
+import { ApiError } from "../api/client";
+import { robotApi } from "../api/robot";
 import { can } from "../api/session";
 import type { Robot } from "../api/types";
 import { bytesPerSecond } from "../ui/format";
@@ -26,7 +27,7 @@ export function UplinkCard({ robot }: { robot: Robot }) {
     chosen.value = step;
     state.value = "setting";
     try {
-      await api.setUplink(robot.id, STEPS[step]!);
+      await robotApi.setUplink(robot.id, STEPS[step]!);
       state.value = "";
     } catch (error) {
       state.value = "refused";

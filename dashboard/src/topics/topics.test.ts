@@ -3,6 +3,7 @@ import type { FieldShape, TypeShape } from "../api/introspect";
 import type { Topic } from "../api/types";
 import { writeJson } from "../fleet_ops/json";
 import { parsed } from "../fleet_ops/values";
+import { foxgloveUrl, viewerUrl } from "./foxglove";
 import { asJson, MAX_ROWS, messageRows } from "./message_rows";
 import { qosOf } from "./qos";
 import { POINTS, Rates, topOf } from "./rates";
@@ -84,4 +85,12 @@ test("rates are kept for a while, of topics that there are", () => {
   rates.add([]);
   expect(rates.of(topic)).toEqual([]);
   expect([topOf([9.8]), topOf([10]), topOf([0])]).toEqual([20, 20, 2e-9]);
+});
+
+test("the address for viewers carries robot and ticket, escaped once each", () => {
+  const address = viewerUrl("arm 1/x", "mrt_a+b", { protocol: "https:", host: "fleet.example:8443" });
+  expect(address).toBe("wss://fleet.example:8443/foxglove/arm%201%2Fx?token=mrt_a%2Bb");
+  expect(viewerUrl("r", "", { protocol: "http:", host: "h" })).toBe("ws://h/foxglove/r");
+  const query = new URL(foxgloveUrl(address)).searchParams;
+  expect([query.get("ds"), query.get("ds.url")]).toEqual(["foxglove-websocket", address]);
 });

@@ -4,7 +4,7 @@ import { bytes, fixed, percent, relativeTopic, short, typeWord } from "./format"
 import { refusalWords } from "./refusals";
 
 vi.stubGlobal("location", { origin: "http://gw:8080", pathname: "/", search: "" }); // the module reads it as it begins
-const { backFrom } = await import("./url");
+const { backFrom } = await import("./back");
 
 test("a missing number is a dash, never a zero", () => {
   expect([fixed(null, 1), percent(undefined), bytes(NaN), short(Infinity)]).toEqual(["–", "–", "–", "–"]);

@@ -14,6 +14,7 @@ import { lazy } from "./lazy";
 
 const FleetPage = lazy(async () => (await import("./fleet")).FleetPage);
 const RobotPage = lazy(async () => (await import("./robot")).RobotPage);
+const GraphsPage = lazy(async () => (await import("./graph")).GraphsPage);
 const RecordingsPage = lazy(async () => (await import("./recordings")).RecordingsPage);
 const RolloutsPage = lazy(async () => (await import("./rollouts")).RolloutsPage);
 const AdminPage = lazy(async () => (await import("./admin")).AdminPage);
@@ -23,6 +24,7 @@ const SignInPage = lazy(async () => (await import("./sign_in")).SignInPage);
 /** The pages that are not a robot's: their paths, and what the window is called meanwhile. */
 const PAGES: Record<string, [string, ComponentType]> = {
   "/": ["Fleet", FleetPage],
+  "/graph": ["Graph", GraphsPage],
   "/recordings": ["Recordings", RecordingsPage],
   "/rollouts": ["Rollouts", RolloutsPage],
   "/admin": ["Admin", AdminPage],
@@ -69,6 +71,7 @@ export function App() {
         {!out && (
           <nav aria-label="Main">
             <Link href="/" current={path === "/"}>Fleet</Link>
+            <Link href="/graph" current={path === "/graph"}>Graph</Link>
             <Link href="/recordings" current={path === "/recordings"}>Recordings</Link>
             {can("updates.read") && <Link href="/rollouts" current={/^\/rollouts(\/|$)/.test(path)}>Rollouts</Link>}
             {can("users.manage") && <Link href="/admin" current={/^\/admin(\/|$)/.test(path)}>Admin</Link>}

@@ -2,7 +2,8 @@
 
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { api, ApiError } from "../api/client";
+import { ApiError } from "../api/client";
+import { robotApi } from "../api/robot";
 import type { Gap, Robot } from "../api/types";
 import { HISTORY_POINTS, linkHistory } from "../live/link_history";
 import { GapsCard } from "../panels/gaps";
@@ -41,7 +42,7 @@ function useGaps(robot: string): { found: Gap[] | null; problem: string } {
     const refresh = async () => {
       if (stream.state.peek() !== "open" || document.hidden) return;
       try {
-        const gaps = await api.gaps(robot, NEWEST);
+        const gaps = await robotApi.gaps(robot, NEWEST);
         if (gone) return;
         found.value = gaps;
         problem.value = "";

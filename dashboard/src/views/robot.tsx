@@ -21,6 +21,7 @@ const LiveTab = lazy(async () => (await import("./live")).LiveTab);
 const TimeBar = lazy(async () => (await import("./live")).TimeBar, null);
 const LinkTab = lazy(async () => (await import("./link")).LinkTab);
 const TopicsTab = lazy(async () => (await import("./topics")).TopicsTab);
+const GraphTab = lazy(async () => (await import("./graph")).GraphTab);
 const NodesTab = lazy(async () => (await import("../fleet_ops/nodes")).NodesTab);
 const ConfigTab = lazy(async () => (await import("../fleet_ops/config")).ConfigTab);
 const CommandsTab = lazy(async () => (await import("./commands")).CommandsTab);
@@ -30,6 +31,7 @@ const REFRESH_MS = 2000;
 
 /** The tabs that are about the robot alone: their words in the address, their names, what they need. */
 const TABS: Record<string, { title: string; needs?: string; View: ComponentType<{ robot: Robot }> }> = {
+  graph: { title: "Graph", View: GraphTab },
   link: { title: "Link", View: LinkTab },
   nodes: { title: "Nodes", needs: "nodes.read", View: NodesTab },
   config: { title: "Config", needs: "twin.read", View: ConfigTab },

@@ -7,7 +7,8 @@ import { ApiError, saidOf, waitWords } from "../api/client";
 import { become, ended, session, shutOut, signedIn, stale, type Account } from "../api/session";
 import "../ui/sign_in.css";
 import { refusalWords } from "../ui/refusals";
-import { backFrom, here, leaveFor, place, replace } from "../ui/url";
+import { backFrom, leaveFor } from "../ui/back";
+import { here, place, replace } from "../ui/url";
 import { PasswordForm } from "./password";
 
 /** Where to go afterwards: what `back` says on /signin; anywhere else this page only stands before another one. */

@@ -6,6 +6,7 @@ import { useEffect, useMemo } from "preact/hooks";
 import { useAsked } from "../admin/use_list";
 import { introspectApi, type RobotGraph } from "../api/introspect";
 import type { Robot, Topic } from "../api/types";
+import { OpenInFoxglove } from "../topics/foxglove";
 import { Rates } from "../topics/rates";
 import { Services } from "../topics/services";
 import { TopicPanel } from "../topics/topic_panel";
@@ -37,6 +38,7 @@ export function TopicsTab({ robot, topics }: { robot: Robot; topics: Topic[] | n
     <div class="ops topics-tab">
       <div class="topics-head">
         <Totals topics={topics} />
+        <OpenInFoxglove robot={robot.id} />
         <label class="search"><span class="visually-hidden">Search topics and services</span><input type="search" placeholder="Topic, type or service" value={wanted.value} onInput={(event) => (wanted.value = event.currentTarget.value)} /></label>
       </div>
       {shown.length === 0 ? <p class="nothing">{topics.length === 0 ? "This robot has announced no topics." : "No topic is called so."}</p> : (

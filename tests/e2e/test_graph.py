@@ -1,0 +1,116 @@
+"""The Graph page and tab in a real browser: what is drawn, what is chosen, what cannot get through."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from itertools import combinations
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from tests.e2e.conftest import DESK, PHONE
+from tests.e2e.fake_gateway import FakeGateway
+from tests.e2e.test_fleet_page import CONTRASTS
+from tests.e2e.test_topics import shot
+
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+
+OpenPage = Callable[..., Page]
+
+
+def opened(gateway: FakeGateway, open_page: OpenPage, query: str = "", **options: object) -> Page:
+    page = open_page(f"{gateway.url}/robots/sim_1?tab=graph{query}", **options)
+    expect(page.locator("[data-vertex]")).to_have_count(16)
+    return page
+
+
+def vertex(page: Page, name: str) -> Locator:
+    """A topic, or the one node that is asked for here."""
+    kind = "node" if name == "planner" else "topic"
+    return page.locator(f"[data-vertex='/sim_1/{name}'][data-kind={kind}]")
+
+
+def test_nodes_and_topics_stand_apart_and_arrows_lead_right(gateway: FakeGateway, open_page: OpenPage) -> None:
+    page = opened(gateway, open_page)
+    boxes = [box for each in page.locator("[data-vertex] rect").all() if (box := each.bounding_box())]
+    assert len(boxes) == 16
+    for one, other in combinations(boxes, 2):
+        apart = one["x"] + one["width"] <= other["x"] or other["x"] + other["width"] <= one["x"]
+        assert apart or one["y"] + one["height"] <= other["y"] or other["y"] + other["height"] <= one["y"]
+    order = [vertex(page, name).bounding_box() for name in ("scan", "planner")]
+    assert order[0] is not None
+    assert order[1] is not None
+    assert order[0]["x"] < order[1]["x"]
+    expect(page.locator(".graph-edge")).to_have_count(15)
+    expect(page.locator(".graph-still")).to_have_count(2)  # nothing flows on cmd_vel
+
+
+def test_what_is_chosen_shows_its_neighbours_and_is_in_the_address(gateway: FakeGateway, open_page: OpenPage) -> None:
+    page = opened(gateway, open_page)
+    vertex(page, "planner").click()
+    facts = page.locator("[data-facts='/sim_1/planner']")
+    for said in ("Publishes", "cmd_vel", "Hears", "odom", "scan", "set_parameters", "navigate"):
+        expect(facts).to_contain_text(said)
+    expect(page).to_have_url(re.compile(r"at=node"))
+    expect(page.locator(".graph-vertex.graph-near")).to_have_count(4)
+    vertex(page, "odom").focus()
+    page.keyboard.press("Enter")
+    facts = page.locator("[data-facts='/sim_1/odom']")
+    expect(facts).to_contain_text("20.0\u202fHz")
+    facts.get_by_role("link", name="See its messages").click()
+    expect(page.locator("[data-message='/sim_1/odom'] [data-path='pose.pose.position.x']")).to_be_visible()
+
+
+def test_what_does_not_get_through_is_said(gateway: FakeGateway, open_page: OpenPage) -> None:
+    page = opened(gateway, open_page)
+    worries = page.locator(".graph-worries li")
+    expect(worries).to_have_count(1)
+    expect(worries).to_contain_text("best effort is offered, reliable is asked for")
+    expect(page.locator(".graph-broken")).to_have_attribute("data-edge", "topic /sim_1/note > node /sim_1/watchdog")
+    worries.get_by_role("button").click()
+    expect(page.locator("[data-facts='/sim_1/note']")).to_be_visible()
+
+
+def test_a_search_leaves_what_it_names_and_its_neighbours(gateway: FakeGateway, open_page: OpenPage) -> None:
+    page = opened(gateway, open_page)
+    page.get_by_role("searchbox").fill("imu")
+    expect(page.locator("[data-vertex]")).to_have_count(3)
+    page.get_by_role("searchbox").fill("no such thing")
+    expect(page.locator(".nothing")).to_be_visible()
+
+
+def test_a_robot_that_tells_no_graph_says_so(gateway: FakeGateway, open_page: OpenPage) -> None:
+    gateway.graph.known = False
+    page = open_page(f"{gateway.url}/robots/sim_1?tab=graph")
+    expect(page.locator(".nothing")).to_contain_text("has not told its graph")
+    page.goto(f"{gateway.url}/graph")
+    expect(page.locator(".nothing")).to_contain_text("No robot")
+
+
+def test_the_fleets_graphs_lead_to_each_robots(gateway: FakeGateway, open_page: OpenPage) -> None:
+    page = open_page(gateway.url)
+    page.get_by_role("link", name="Graph").click()
+    cards = page.locator(".graph-card")
+    expect(cards).to_have_count(3)
+    expect(cards.first).to_contain_text("8 topics")
+    expect(cards.first.locator(".graph-mini")).to_have_count(16)
+    page.get_by_role("link", name="sim_2").click()
+    expect(page.locator("[data-vertex='/sim_2/odom']")).to_be_visible()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_it_fits_a_phone_and_can_be_read(gateway: FakeGateway, open_page: OpenPage, scheme: str) -> None:
+    for size, touch, word in ((DESK, False, "desk"), (PHONE, True, "phone")):
+        page = opened(gateway, open_page, size=size, touch=touch, scheme=scheme)
+        shot(page, f"graph-{word}-{scheme}")
+        vertex(page, "planner").click()
+        expect(page.locator("[data-facts]")).to_be_visible()
+        assert page.evaluate("document.documentElement.scrollWidth") == size["width"]
+        assert page.evaluate(CONTRASTS) == []
+        shot(page, f"graph-chosen-{word}-{scheme}")
+        page.goto(f"{gateway.url}/graph")
+        expect(page.locator(".graph-card")).to_have_count(3)
+        assert page.evaluate("document.documentElement.scrollWidth") == size["width"]
+        assert page.evaluate(CONTRASTS) == []
+        shot(page, f"graphs-{word}-{scheme}")
