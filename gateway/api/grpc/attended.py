@@ -10,10 +10,11 @@ from gateway.api.grpc.authenticate import Call
 from gateway.errors import GatewayError
 from metaros.limits import LIMITS
 
-__all__ = ["attended"]
+__all__ = ["ENDING", "EndingError", "attended"]
 
 STILL_S = LIMITS.attendance_s
 LOOK_S = 0.5
+ENDING = "the gateway ends: come back to another one, or in a moment"
 
 
 class EndingError(GatewayError):
@@ -33,7 +34,7 @@ async def attended(call: Call) -> AsyncIterator[None]:
             await asyncio.sleep(LOOK_S)
             try:
                 if call.services.operations.draining:
-                    raise EndingError("the gateway ends: come back to another one, or in a moment")
+                    raise EndingError(ENDING)
                 if (now_s := call.services.clock.monotonic_s()) - asked_s >= STILL_S:
                     asked_s = now_s
                     await call.still()

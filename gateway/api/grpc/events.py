@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 from contextlib import aclosing
 from typing import Any
 
-from gateway.api.grpc.attended import attended
+from gateway.api.grpc.attended import ENDING, EndingError, attended
 from gateway.api.grpc.authenticate import Call
 from gateway.api.grpc.fields import FieldFaultError
 from gateway.domain.event import Event, EventFilter
@@ -45,6 +45,7 @@ class EventService:
                 async for page in pages:
                     events = [event_view(event) for event in page.events]
                     yield events_pb2.WatchEventsReply(events=events, next=page.next, lost=page.lost)
+            raise EndingError(ENDING)  # nothing else ends the journal
         finally:
             leave()
 
