@@ -27,6 +27,7 @@ check: setup
 	$(BIN)/lint-imports
 	$(BIN)/python tools/gen_proto.py --check
 	$(BIN)/python tools/gen_interfaces.py --check
+	$(BIN)/python tools/gen_ts_client.py --check
 	$(BIN)/python tools/dashboard.py check
 
 fmt: setup
@@ -36,6 +37,7 @@ fmt: setup
 proto: setup
 	$(BIN)/python tools/gen_proto.py
 	$(BIN)/python tools/gen_interfaces.py
+	$(BIN)/python tools/gen_ts_client.py
 
 lock:
 	$(BIN)/uv pip compile --universal --all-extras --generate-hashes --no-emit-index-url --no-annotate --no-header \

@@ -4,8 +4,9 @@ import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Choice } from "../admin/choice";
 import { CopyField } from "../admin/copy";
-import { Modal, Refusal, useAttempt } from "../admin/modal";
+import { Modal, Refusal } from "../admin/modal";
 import { call } from "../api/call";
+import { saidOf } from "../api/client";
 import { can } from "../api/session";
 import { clockTime } from "../ui/format";
 
@@ -35,10 +36,17 @@ const ROLES: readonly ["viewer" | "operator", string][] = [["viewer", "Look"], [
 function FoxgloveDialog({ robot, onClose }: { robot: string; onClose: () => void }) {
   const role = useSignal<"viewer" | "operator">("viewer");
   const made = useSignal<{ ticket: string; expires: string } | null>(null);
-  const { problem, attempt } = useAttempt();
+  const problem = useSignal("");
   const may = can("tickets.make");
   useEffect(() => {
-    if (may) void attempt(async () => void (made.value = await call("POST /auth/tickets", { body: { robots: [robot], role: role.value, ttl_s: TTL_S } })));
+    if (!may) return;
+    let gone = false; // another choice was made: this ticket is not what is shown
+    made.value = null;
+    call("POST /auth/tickets", { body: { robots: [robot], role: role.value, ttl_s: TTL_S } }).then(
+      (ticket) => !gone && (made.value = ticket),
+      (error: unknown) => !gone && (problem.value = saidOf(error)),
+    );
+    return () => (gone = true);
   }, [role.value, may]);
   const address = made.value || !may ? viewerUrl(robot, made.value?.ticket ?? "") : "";
   return (
