@@ -29,6 +29,7 @@ from gateway.app import Gateway
 from gateway.domain.channel import Channel
 from gateway.domain.robot import Robot
 from gateway.domain.sample import Run
+from gateway.heap import settle_heap
 from gateway.ingest.registry import RobotRecord
 from gateway.main import Ready, new_event_loop, serve
 from gateway.settings import Settings
@@ -108,6 +109,7 @@ async def _gateway(options: argparse.Namespace) -> None:
         if task.done():
             task.result()  # tells why
         ready: Ready = up.result()
+        settle_heap()  # as `metaros gateway` does
         _Kept.made.registry.add(RobotRecord(Robot(id="bench"), seen_ns=1))
         print(ready.http_port, flush=True)
         while (load := await asyncio.to_thread(_read_load)) is not None:
