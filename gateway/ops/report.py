@@ -92,10 +92,11 @@ def _version(name: str) -> str:
 
 def _memory_bytes() -> int | None:
     """Resident memory, where /proc says so."""
-    if sys.platform != "linux":
+    if sys.platform == "linux":
+        with open("/proc/self/statm", encoding="ascii") as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    else:
         return None
-    with open("/proc/self/statm", encoding="ascii") as file:
-        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def _open_files() -> int | None:
