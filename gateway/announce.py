@@ -14,7 +14,7 @@ from gateway.names import url_of
 from gateway.settings import DEFAULT_GRPC_PORT, DEFAULT_HTTP_PORT, Settings
 from gateway.store.engine import shown
 from gateway.tls import ROOT_FILE
-from metaros.cli.credentials import forget_key, save_key
+from metaros.access.credentials import forget_key, save_key
 from metaros.errors import ConfigError
 
 __all__ = ["LocalAccess", "Ready", "ready_line", "write_status"]

@@ -17,7 +17,7 @@ from gateway.cli_accounts import (
     read_password,
 )
 from gateway.cli_options import StoreUrl
-from metaros.cli.credentials import local_gateway
+from metaros.access.credentials import local_gateway
 from metaros.cli.gateway_http import GatewayOption, path_part
 from metaros.cli.options import Format, FormatOption
 from metaros.cli.output import Output, counted

@@ -25,8 +25,8 @@ def register(app: typer.Typer) -> None:
 @group.command("list")
 def list_(output: FormatOption = Format.TEXT) -> None:
     """List them; the star marks the one that is asked."""
-    from metaros.cli.contexts import read
-    from metaros.cli.credentials import key_for
+    from metaros.access.contexts import read
+    from metaros.access.credentials import key_for
     from metaros.cli.output import Output
 
     found = read()
@@ -55,8 +55,8 @@ def add(
     use: Annotated[bool, typer.Option("--use", help="Ask this one from now on.")] = False,
 ) -> None:
     """Remember a gateway under a name; the first one is used at once."""
-    from metaros.cli.contexts import change
-    from metaros.cli.credentials import save_key
+    from metaros.access.contexts import change
+    from metaros.access.credentials import save_key
     from metaros.cli.gateway_http import GatewayClient
     from metaros.cli.output import Output
 
@@ -76,7 +76,7 @@ def add(
 @group.command("use")
 def use(name: Name) -> None:
     """Ask this one from now on."""
-    from metaros.cli.contexts import change
+    from metaros.access.contexts import change
     from metaros.cli.output import Output
 
     with change() as found:
@@ -101,7 +101,7 @@ def show(output: FormatOption = Format.TEXT) -> None:
 @group.command("remove")
 def remove(name: Name) -> None:
     """Forget the name; a key that is kept for its gateway stays."""
-    from metaros.cli.contexts import change
+    from metaros.access.contexts import change
 
     with change() as found:
         found.remove(name)

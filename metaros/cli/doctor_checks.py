@@ -11,8 +11,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from metaros.access.credentials import key_for, local_gateway
 from metaros.cli import up_ready
-from metaros.cli.credentials import key_for, local_gateway
 from metaros.cli.extras import EXTRAS, missing_modules
 from metaros.cli.instance import data_root, running_instances
 from metaros.cli.output import counted, human_bytes

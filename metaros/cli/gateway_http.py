@@ -13,8 +13,8 @@ from urllib.parse import quote, urlencode, urlsplit
 
 import typer
 
-from metaros.cli.credentials import key_for, local_gateway
-from metaros.cli.trust import distrust, open_connection
+from metaros.access.credentials import key_for, local_gateway
+from metaros.access.trust import distrust, open_connection
 from metaros.errors import ConfigError, PeerError, RefusedError, UnavailableError
 
 __all__ = ["Answer", "GatewayClient", "GatewayOption", "events", "open_gateway", "path_part"]
@@ -191,7 +191,7 @@ def events(answer: Answer) -> Iterator[tuple[str, Any]]:
 def open_gateway(url: str) -> GatewayClient:
     """The gateway at `url`; "": the context's, else the one of this user's running `metaros up`."""
     if not url:
-        from metaros.cli.contexts import current_gateway
+        from metaros.access.contexts import current_gateway
 
         url = current_gateway()
     if not url:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import IO
 
 from metaros.errors import ConfigError
-from metaros.file_lock import take_lock
+from metaros.file_lock import file_lock, take_lock
 
 __all__ = [
     "DataDir",
@@ -27,7 +27,6 @@ __all__ = [
     "StateFile",
     "claim_lock",
     "data_root",
-    "file_lock",
     "open_data_dir",
     "running_instances",
     "runtime_dir",
@@ -91,21 +90,6 @@ def data_root() -> Path:
 def claim_lock() -> Iterator[None]:
     """Held while ports and names are chosen and claimed; waits for another instance that is choosing."""
     with file_lock(runtime_dir() / "claims.lock"):
-        yield
-
-
-@contextmanager
-def file_lock(path: Path) -> Iterator[None]:
-    """Hold the lock of a file, made where there is none; waits for who has it."""
-    with path.open("a") as file:
-        if sys.platform == "win32":
-            import msvcrt
-
-            msvcrt.locking(file.fileno(), msvcrt.LK_LOCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(file, fcntl.LOCK_EX)
         yield
 
 

@@ -41,7 +41,7 @@ def status(output: FormatOption = Format.TEXT) -> None:
 
 def _viewers(found: Instance) -> list[tuple[str, str]]:
     """Where viewers connect, and a link that opens one of them in a browser."""
-    from metaros.cli.credentials import ca_for, key_for
+    from metaros.access.credentials import ca_for, key_for
     from metaros.cli.viewer_links import foxglove_page, make_ticket, socket_url
 
     rows = []
@@ -56,7 +56,7 @@ def _viewers(found: Instance) -> list[tuple[str, str]]:
 
 
 def _show(out: Output, found: Instance) -> None:
-    from metaros.cli.credentials import key_for
+    from metaros.access.credentials import key_for
     from metaros.cli.output import human_seconds
     from metaros.cli.up_ready import robots_online
     from metaros.clock import SystemClock

@@ -12,8 +12,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from metaros.cli.credentials import forget_key, save_key
-from metaros.cli.trust import open_connection
+from metaros.access.credentials import forget_key, save_key
+from metaros.access.trust import open_connection
 from metaros.errors import ConfigError
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import json
 import sys
 from typing import TYPE_CHECKING
 
-from metaros.cli.trust import open_connection
+from metaros.access.trust import open_connection
 from metaros.cli.up_access import local_key
 from metaros.errors import UnavailableError
 

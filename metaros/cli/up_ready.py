@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from metaros.cli.trust import open_connection
+from metaros.access.trust import open_connection
 from metaros.errors import ConfigError
 
 __all__ = ["get_json", "ready_file", "robots_online", "wait_for"]

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
-from metaros.cli.trust import open_connection
+from metaros.access.trust import open_connection
 from metaros.errors import ConfigError
 
 __all__ = ["foxglove_page", "make_ticket", "socket_url", "viewer_ports"]

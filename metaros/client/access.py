@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from metaros.cli.contexts import current_gateway
-from metaros.cli.credentials import ca_for, key_for, local_gateway
-from metaros.cli.trust import tls_context
+from metaros.access.contexts import current_gateway
+from metaros.access.credentials import ca_for, key_for, local_gateway
+from metaros.access.trust import tls_context
 from metaros.errors import ConfigError
 
 __all__ = ["DEFAULT_URL", "Access", "find_access"]

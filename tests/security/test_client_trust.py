@@ -9,7 +9,7 @@ import pytest
 
 from gateway.announce import LocalAccess
 from gateway.main import Ready
-from metaros.cli.credentials import ca_for, key_for, local_gateway
+from metaros.access.credentials import ca_for, key_for, local_gateway
 from metaros.cli.gateway_http import GatewayClient, open_gateway
 from metaros.errors import ConfigError, UnavailableError
 from tests.gateway.harness import running_gateway
@@ -33,7 +33,7 @@ async def test_a_gateway_of_this_machine_needs_no_option_while_it_runs(tmp_path:
         access = LocalAccess(ready.data_dir)
         access.begin(ready)
         found = await asyncio.to_thread(lambda: open_gateway("").get("/api/v1/users"))
-        assert found == {"users": []}
+        assert found == {"users": [], "next": None}
         assert local_gateway() == local_gateway(ready.data_dir) == ready.url
         assert local_gateway(tmp_path / "another") == ""
         assert ca_for(ready.url) == (ready.data_dir / "root.pem").resolve()
@@ -50,7 +50,7 @@ async def test_who_is_not_known_is_not_believed_and_the_ways_out_are_said(
             await ask(ready.url)
         assert len(str(refused.value).splitlines()) == 2
         monkeypatch.setenv("METAROS_CA", str(ready.data_dir / "root.pem"))
-        assert await ask(ready.url) == {"users": []}
+        assert await ask(ready.url) == {"users": [], "next": None}
         with pytest.raises(UnavailableError, match=r"is not for '127\.1'\n.*--allow-host 127\.1"):
             await ask(ready.url.replace("127.0.0.1", "127.1"))
         with pytest.raises(Exception, match="TLS"):

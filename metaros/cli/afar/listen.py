@@ -96,7 +96,7 @@ class FarSource:
         from websockets.exceptions import InvalidHandshake
         from websockets.sync.client import connect
 
-        from metaros.cli.trust import distrust, tls_context
+        from metaros.access.trust import distrust, tls_context
 
         url = self._place.http.url
         address = f"ws{url.removeprefix('http')}/api/v1/stream"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from metaros.cli import contexts, credentials
+from metaros.access import contexts, credentials
 from metaros.client.access import DEFAULT_URL, find_access
 from metaros.errors import ConfigError
 

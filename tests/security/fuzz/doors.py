@@ -38,8 +38,8 @@ from gateway.identity import tokens
 from gateway.identity.certificates import check_csr, load_certificate, read_robot
 from gateway.identity.keys import parse_key
 from gateway.objects.store import check_name
+from metaros.access.credentials import key_for
 from metaros.cdr import codec
-from metaros.cli.credentials import key_for
 from metaros.errors import ConfigError, FieldError, NameError_
 from metaros.idl import message_class
 from metaros.idl.json import from_json

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from metaros.cli.credentials import credentials_file, forget_key, key_for, save_key
+from metaros.access.credentials import credentials_file, forget_key, key_for, save_key
 from metaros.errors import ConfigError
 
 

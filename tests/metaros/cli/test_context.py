@@ -1,4 +1,4 @@
-"""Gateways by name: the file, the noun, and which gateway commands ask then."""
+"""Gateways by name: the noun, and which gateway commands ask then."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from metaros.cli import contexts
+from metaros.access import contexts
 from metaros.cli.gateway_http import open_gateway
 from metaros.cli.main import main
-from metaros.errors import ConfigError
 
 KEY = "mrk_abc_def"
 
@@ -82,11 +81,3 @@ def test_what_is_wrong_is_said(words: tuple[str, ...], told: str, capsys: pytest
     assert metaros("context", *words) == 2
     assert told in capsys.readouterr().err
     assert contexts.contexts_file().read_text() == before
-
-
-def test_a_damaged_file_is_told() -> None:
-    path = contexts.contexts_file()
-    path.parent.mkdir(parents=True)
-    path.write_text('{"current": 1}')
-    with pytest.raises(ConfigError, match="damaged"):
-        contexts.read()

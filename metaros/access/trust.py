@@ -11,7 +11,7 @@ import ssl
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from metaros.cli.credentials import ca_for
+from metaros.access.credentials import ca_for
 from metaros.errors import ConfigError
 
 __all__ = ["distrust", "open_connection", "tls_context"]
