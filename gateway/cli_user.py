@@ -17,6 +17,7 @@ from gateway.cli_accounts import (
     read_password,
 )
 from gateway.cli_options import StoreUrl
+from metaros.access.address import DEFAULT_URL
 from metaros.access.credentials import local_gateway
 from metaros.cli.gateway_http import GatewayOption, path_part
 from metaros.cli.options import Format, FormatOption
@@ -26,7 +27,6 @@ from metaros.inert import inert
 
 __all__ = ["register", "register_signin"]
 
-DEFAULT_URL = "http://127.0.0.1:8080"
 Name = Annotated[str, typer.Argument(metavar="NAME", help="The user's name.")]
 FromStdin = Annotated[
     bool, typer.Option("--password-stdin", help="Read the password from the first line of standard input.")

@@ -9,17 +9,17 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
-from urllib.parse import quote, urlencode, urlsplit
+from urllib.parse import quote, urlencode
 
 import typer
 
+from metaros.access.address import DEFAULT_URL, origin
 from metaros.access.credentials import key_for, local_gateway
 from metaros.access.trust import distrust, open_connection
-from metaros.errors import ConfigError, PeerError, RefusedError, UnavailableError
+from metaros.errors import PeerError, RefusedError, UnavailableError
 
 __all__ = ["Answer", "GatewayClient", "GatewayOption", "events", "open_gateway", "path_part"]
 
-DEFAULT_URL = "http://127.0.0.1:8080"
 PIECE_BYTES = 256 * 1024
 
 GatewayOption = Annotated[
@@ -68,14 +68,7 @@ class GatewayClient:
         Raises:
             ConfigError: `url` is none of http or https with a host, or the user's keys cannot be read.
         """
-        parts = urlsplit(url if "://" in url else f"http://{url}")
-        try:
-            port = parts.port
-        except ValueError:
-            port = -1
-        if parts.scheme not in ("http", "https") or not parts.hostname or port == -1:
-            raise ConfigError(f"--gateway {url}: not the address of a gateway\nit looks like {DEFAULT_URL}")
-        self.url = f"{parts.scheme}://{parts.netloc}"
+        self.url = origin(url)
         self._timeout_s = timeout_s
         # The headers that say who asks.
         own = key_for(self.url) if key is None else key

@@ -19,7 +19,7 @@ from metaros.errors import ConfigError
 if TYPE_CHECKING:
     from metaros.cli.up_plan import Plan
 
-__all__ = ["begin_access", "end_access", "local_key", "sign_in_link"]
+__all__ = ["begin_access", "end_access", "local_key", "make_secret", "sign_in_link"]
 
 TIMEOUT_S = 5.0
 
@@ -49,16 +49,25 @@ def end_access(plan: Plan) -> None:
 
 def sign_in_link(plan: Plan) -> str:
     """A link that signs a browser in once; "" where the gateway gives none. Blocks: call it in a thread."""
-    headers = {"Content-Type": "application/json", "Authorization": f"Bearer {local_key(plan)}"}
+    token = make_secret(plan.url, "/api/v1/auth/links", "token", key=local_key(plan), ca=plan.root_file)
+    return f"{plan.url}/signin#{token}" if token else ""
+
+
+def make_secret(url: str, path: str, name: str, *, key: str, ca: Path | None = None) -> str:
+    """What a gateway makes at `path` without being told more, as its answer has it under `name`; "" where it does not.
+
+    Blocks: call it in a thread.
+    """
+    headers = {"Content-Type": "application/json", "Authorization": f"Bearer {key}"}
     try:
-        connection = open_connection(plan.url, timeout_s=TIMEOUT_S, ca=plan.root_file)
+        connection = open_connection(url, timeout_s=TIMEOUT_S, ca=ca)
     except ConfigError:
         return ""
     try:
-        connection.request("POST", "/api/v1/auth/links", body=b"{}", headers=headers)
+        connection.request("POST", path, body=b"{}", headers=headers)
         response = connection.getresponse()
         document = json.loads(response.read() or b"null")
-        return f"{plan.url}/signin#{document['token']}" if response.status == 201 else ""
+        return str(document[name]) if response.status == 201 else ""
     except (OSError, ValueError, TypeError, KeyError, http.client.HTTPException):
         return ""
     finally:

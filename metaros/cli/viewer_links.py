@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import http.client
 import json
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
-from metaros.access.trust import open_connection
-from metaros.errors import ConfigError
+from metaros.cli.up_access import make_secret
 
 __all__ = ["foxglove_page", "make_ticket", "socket_url", "viewer_ports"]
 
 PAGE = "https://app.foxglove.dev/?ds=foxglove-websocket&ds.url="
-TIMEOUT_S = 5.0
 
 
 def viewer_ports(status_file: Path) -> tuple[int, int]:
@@ -40,17 +37,4 @@ def foxglove_page(url: str, port: int, ticket: str) -> str:
 
 def make_ticket(url: str, *, key: str, ca: Path | None = None) -> str:
     """A viewer's ticket for an hour; "" where the gateway gives none. Blocks: call it in a thread."""
-    headers = {"Content-Type": "application/json", "Authorization": f"Bearer {key}"}
-    try:
-        connection = open_connection(url, timeout_s=TIMEOUT_S, ca=ca)
-    except ConfigError:
-        return ""
-    try:
-        connection.request("POST", "/api/v1/auth/tickets", body=b"{}", headers=headers)
-        response = connection.getresponse()
-        document = json.loads(response.read() or b"null")
-        return str(document["ticket"]) if response.status == 201 else ""
-    except (OSError, ValueError, TypeError, KeyError, http.client.HTTPException):
-        return ""
-    finally:
-        connection.close()
+    return make_secret(url, "/api/v1/auth/tickets", "ticket", key=key, ca=ca)

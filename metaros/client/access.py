@@ -13,14 +13,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from metaros.access.address import DEFAULT_URL, origin
 from metaros.access.contexts import current_gateway
 from metaros.access.credentials import ca_for, key_for, local_gateway
 from metaros.access.trust import tls_context
 from metaros.errors import ConfigError
 
-__all__ = ["DEFAULT_URL", "Access", "find_access"]
-
-DEFAULT_URL = "http://127.0.0.1:8080"
+__all__ = ["Access", "find_access"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,15 +70,3 @@ def find_access(gateway: str = "", *, key: str | None = None, ca: str | Path | N
     url = origin(text or DEFAULT_URL)
     found = key_for(url) if key is None else key
     return Access(url, found, Path(ca) if ca is not None else ca_for(url))
-
-
-def origin(text: str) -> str:
-    """Scheme, host and port of an address; ConfigError for another text."""
-    parts = urlsplit(text if "://" in text else f"http://{text}")
-    try:
-        port = parts.port
-    except ValueError:
-        port = -1
-    if parts.scheme not in ("http", "https") or not parts.hostname or port == -1:
-        raise ConfigError(f"gateway {text!r}: not the address of a gateway; it looks like {DEFAULT_URL}")
-    return f"{parts.scheme}://{parts.netloc}"

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from metaros.access import contexts, credentials
-from metaros.client.access import DEFAULT_URL, find_access
+from metaros.access.address import DEFAULT_URL
+from metaros.client.access import find_access
 from metaros.errors import ConfigError
 
 KEY = "mrk_" + "1" * 16 + "_" + "2" * 64
