@@ -73,6 +73,7 @@ class QueryToken:
         """The very scope of the server is changed: it logs the query string, too."""
         if scope["type"] in ("http", "websocket") and b"token" in scope["query_string"] and takes_token(scope["path"]):
             pairs = parse_qsl(scope["query_string"].decode("latin-1"), keep_blank_values=True)
-            scope[TOKEN_KEY] = [value for name, value in pairs if name == "token"]
+            if tokens := [value for name, value in pairs if name == "token"]:  # none: a name like it, and no credential
+                scope[TOKEN_KEY] = tokens
             scope["query_string"] = urlencode([pair for pair in pairs if pair[0] != "token"]).encode()
         await self._app(scope, receive, send)
