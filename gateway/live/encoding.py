@@ -33,7 +33,9 @@ class Encoding(Hashable, Protocol):
 
 def view_of(encoding: Encoding) -> View[Any] | None:
     """The view that an encoding needs, as a plain function."""
-    return type(encoding).view
+    view: Any = type(encoding).view
+    made: View[Any] | None = view.__get__(encoding) if isinstance(view, property) else view  # of that very encoding
+    return made
 
 
 class Block:

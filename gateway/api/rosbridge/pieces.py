@@ -20,15 +20,16 @@ from metaros.limits import LIMITS, Limits
 
 __all__ = ["Assembler", "fragments", "png_message"]
 
-MAX_PIECES = 65536  # of one message
+MAX_PIECES = 65536  # of one message that a client sends
+MAX_CUT = 1024  # of one that it gets: cutting a picture into its letters would hold everybody up
 MAX_UNFINISHED = 64  # messages of one client
 
 
 def fragments(text: str, *, size: int, name: str) -> list[bytes]:
-    """The JSON texts that carry `text` in pieces of at most `size` characters; only itself where it fits."""
+    """The JSON texts that carry `text` in pieces of `size` characters, larger ones where those would be too many."""
     if len(text) <= size:
         return [text.encode()]
-    size = max(size, 1, -(-len(text) // MAX_PIECES))
+    size = max(size, 1, -(-len(text) // MAX_CUT))
     parts = [text[start : start + size] for start in range(0, len(text), size)]
     shared = {"op": "fragment", "id": name, "total": len(parts)}
     return [json_bytes({**shared, "num": number, "data": part}) for number, part in enumerate(parts)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -34,6 +35,8 @@ __all__ = ["router"]
 MAX_VIEWERS = 1024
 TOO_MANY = 4429
 HOLDER_CHARS = 64
+# Who may only look sends requests, and no long messages: not in pieces either.
+LOOKING = replace(LIMITS, rosbridge_message_bytes=LIMITS.socket_message_bytes)
 
 router = APIRouter()
 
@@ -71,7 +74,7 @@ class _Connection:
         self._socket = socket
         self._visitor = visitor
         self._pipe = Pipe(socket, clock=services.clock, stall_s=services.settings.viewer_stall_s)
-        self._protocol = Protocol()
+        self._protocol = Protocol(limits=LIMITS if visitor.may("robots.publish") else LOOKING)
         self._client = client = Client(visitor, self._protocol, self._pipe)
         self._viewer = services.hub.join(self._pipe, on_dropped=self._dropped)
         self._subscriptions = Subscriptions(visitor, self._viewer, partial(client.status, "warning"))

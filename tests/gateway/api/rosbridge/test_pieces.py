@@ -12,10 +12,17 @@ from typing import Any
 import pytest
 from PIL import Image
 
+from gateway.api.rosbridge.encodings import encoding_of
 from gateway.api.rosbridge.pieces import Assembler, fragments, png_message
 from gateway.api.rosbridge.protocol import shaped
 from gateway.api.rosbridge.requests import Shape
+from gateway.domain.channel import Channel
+from gateway.domain.records import Record
 from gateway.errors import BodyTooLargeError, InvalidRequestError
+from gateway.live.encoding import view_of
+from metaros.cdr import codec
+from metaros.idl import schema_text, type_hash
+from metaros.interfaces.std_msgs.msg import String
 from metaros.limits import LIMITS
 
 ALPHABET = 'abc {}[]":,\\é漢🤖\n\t0123'
@@ -106,6 +113,31 @@ def test_unfinished_messages_are_bounded_in_bytes_number_and_time() -> None:
 def test_a_text_that_fits_is_not_cut() -> None:
     assert fragments("abc", size=3, name="x") == [b"abc"]
     assert len(fragments("abcd", size=3, name="x")) == 2
+
+
+def test_a_long_text_is_not_cut_into_its_letters() -> None:
+    """A client may ask for pieces of one character, of a picture of megabytes, thirty times a second."""
+    found = [json.loads(piece) for piece in fragments("ab" * 50_000, size=1, name="x")]
+    assert len(found) <= 1024
+    assert "".join(piece["data"] for piece in found) == "ab" * 50_000
+
+
+def test_a_picture_is_a_view_that_a_thread_can_make() -> None:
+    channel = Channel(
+        robot="r",
+        channel_id=1,
+        topic="/chat",
+        schema_name="std_msgs/msg/String",
+        type_hash=type_hash("std_msgs/msg/String"),
+        schema_encoding="ros2msg",
+        schema=schema_text("std_msgs/msg/String").encode(),
+    )
+    view = view_of(encoding_of("/chat", Shape(compression="png")))
+    assert view is not None
+    payload = codec("std_msgs/msg/String").encode(String(data="hi"))
+    made = view(channel, Record(seq=1, stamp_ns=1, receive_ns=1, payload=payload))
+    assert json.loads(made)["op"] == "png"
+    assert view is view_of(encoding_of("/chat", Shape(compression="png", fragment_size=99)))
 
 
 @pytest.mark.parametrize("length", [1, 2, 3, 4, 100, 1001, 50_000])
