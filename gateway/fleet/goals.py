@@ -29,6 +29,7 @@ from metaros.limits import LIMITS, Limits
 __all__ = ["GoalDesk"]
 
 CANCEL = "action_msgs/srv/CancelGoal_Response"
+MESSAGE_CHARS = 1024
 
 
 class GoalDesk:
@@ -124,6 +125,7 @@ class GoalDesk:
     def on_events(self, robot_id: str, told: link_pb2.GoalEvents) -> None:
         """A robot tells of its goals."""
         for event in told.events:
+            _shorten(event, self._limits)
             goal = self._goals.get(robot_id, OrderedDict()).get(event.goal_id) or self._adopt(robot_id, event)
             if goal is not None:
                 goal.take(event)
@@ -173,7 +175,7 @@ class GoalDesk:
 
     def _adopt(self, robot_id: str, told: link_pb2.GoalEvent) -> Goal | None:
         """A goal that another gateway sent, or this one before it was started anew."""
-        if len(told.goal_id) != 16 or len(told.action) > LIMITS.ros_name_chars:
+        if len(told.goal_id) != 16 or len(told.action) + len(told.type_name) > LIMITS.ros_name_chars:
             return None
         catalogue: Catalogue | None = self._graphs.of(robot_id).catalogue_of(
             f"{told.type_name}_SendGoal", told.type_hash
@@ -188,3 +190,13 @@ class GoalDesk:
     def _end(self, goal: Goal, status: Any, message: str) -> None:
         goal.finish(status, link_pb2.GoalEvent(message=message, stamp_ns=self._clock.wall_ns()))
         goal.changed_s = self._clock.monotonic_s()
+
+
+def _shorten(told: link_pb2.GoalEvent, limits: Limits) -> None:
+    """Leave out what an agent would not have sent: so many goals are kept, with what was told last of each."""
+    told.message = told.message[:MESSAGE_CHARS]
+    if len(told.feedback) > limits.goal_feedback_bytes:
+        told.feedback, told.skipped = b"", min(told.skipped + 1, 1 << 62)
+    if len(told.result) > limits.result_bytes:
+        told.message = f"its result of {len(told.result)} bytes is left out: at most {limits.result_bytes} are kept"
+        told.result = b""

@@ -9,7 +9,7 @@ from gateway.errors import ProtocolError
 from gateway.ingest.events import LeasesAnswered, RecordingArrived, RosTold, TwinReported
 from gateway.ingest.hello import LANES
 from metaros._proto import link_pb2
-from metaros.limits import Limits
+from metaros.limits import LIMITS, Limits
 
 __all__ = ["ROS_FRAMES", "read_moment", "read_part", "read_ros", "read_twin"]
 
@@ -49,6 +49,9 @@ def read_ros(lane: int, frame: link_pb2.AgentFrame) -> RosTold:
     """Something of the robot's ROS graph. Raises ProtocolError."""
     if lane != CONTROL:
         raise ProtocolError("what is told of the ROS graph travels on the control lane")
+    told = len(frame.goals.events) + len(frame.goals.goal_ids)
+    if told > 2 * LIMITS.goals_kept or len(frame.offer_states.states) > 2 * LIMITS.offers:
+        raise ProtocolError("a frame tells of more goals or offers than there can be")
     if any(len(event.goal_id) != 16 for event in frame.goals.events):
         raise ProtocolError("a goal has an id of 16 bytes")
     return RosTold(frame)

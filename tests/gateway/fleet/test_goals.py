@@ -11,13 +11,14 @@ from typing import Any
 import pytest
 
 from gateway.domain.lease import LeaseTable
-from gateway.errors import LeaseRequiredError, RobotOfflineError, TooManyError
+from gateway.errors import LeaseRequiredError, ProtocolError, RobotOfflineError, TooManyError
 from gateway.fleet.commands import CommandDesk
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.goal import Goal, GoalEvent
 from gateway.fleet.goals import GoalDesk
 from gateway.fleet.graph_book import GraphBook
 from gateway.fleet.ros_errors import UnknownGoalError
+from gateway.ingest.forms import read_ros
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.clock import ManualClock
@@ -45,9 +46,8 @@ class Desk(GoalDesk):
 
     def told(self, number: int, **facts: Any) -> Goal:
         """The robot tells of a goal."""
-        event = link_pb2.GoalEvent(
-            goal_id=number.to_bytes(16, "big"), action="/r/count", type_name=FIBONACCI, **{"status": 2, **facts}
-        )
+        told = {"action": "/r/count", "type_name": FIBONACCI, "status": 2, **facts}
+        event = link_pb2.GoalEvent(goal_id=number.to_bytes(16, "big"), **told)
         self.on_events("r", link_pb2.GoalEvents(events=[event]))
         return self.find("r", event.goal_id.hex())
 
@@ -130,6 +130,32 @@ async def test_readers_and_goals_are_bounded(clock: ManualClock) -> None:
     desk.told(3)
     desk.told(4)
     assert [one.goal_id[-1] for one in desk.of("r")] == [4, 3, 2]
+
+
+async def test_what_a_robot_tells_of_a_goal_is_bounded(clock: ManualClock) -> None:
+    """Two hundred goals are kept, each with its last feedback and its result: not with megabytes of them."""
+    desk = Desk(clock)
+    goal = desk.told(1, feedback=bytes(LIMITS.goal_feedback_bytes + 1), message="m" * 10_000)
+    assert (goal.newest_feedback, goal.skipped, goal.status) == (None, 1, "executing")
+    desk.told(1, ended=True, status=4, result=bytes(LIMITS.result_bytes + 1))
+    assert (goal.status, goal.result_cdr) == ("succeeded", b"")
+    assert "left out" in goal.message
+    assert len(desk.told(2, ended=True, status=6, message="m" * 10_000).message) <= 1024
+    with pytest.raises(UnknownGoalError):
+        desk.told(3, action="/r/" + "a" * 10_000)
+    huge = desk.told(4, feedback=bytes(LIMITS.goal_feedback_bytes + 1), skipped=(1 << 64) - 1)
+    assert huge.skipped == 1 << 62
+
+
+def test_a_frame_tells_of_no_more_goals_than_there_can_be() -> None:
+    """Each costs the gateway's loop some microseconds; a frame has room for two hundred thousand."""
+    for frame in (
+        link_pb2.AgentFrame(goals=link_pb2.GoalEvents(events=[link_pb2.GoalEvent(goal_id=bytes(16))] * 10_000)),
+        link_pb2.AgentFrame(goals=link_pb2.GoalEvents(all_told=True, goal_ids=[bytes(16)] * 10_000)),
+        link_pb2.AgentFrame(offer_states=link_pb2.OfferStates(states=[link_pb2.OfferState(number=1)] * 10_000)),
+    ):
+        with pytest.raises(ProtocolError, match="more goals or offers"):
+            read_ros(link_pb2.LANE_CONTROL, frame)
 
 
 async def test_a_link_that_goes_while_a_goal_is_sent_ends_the_call_at_once(clock: ManualClock) -> None:
