@@ -108,6 +108,7 @@ class Limits:
     result_bytes: int = 256 * KIB  # of a durable command's answer, kept by the robot and by the gateway
     durable_kept: int = 256  # durable commands of one robot that are not at their end; more are refused
     command_request_bytes: int = 256 * KIB  # of a command's request, as JSON and as it goes to the robot
+    made_once_s: float = 86_400.0  # what was made under an Idempotency-Key is known again for so long
     command_expires_s: float = 3_600.0  # a durable command that says nothing is given up after so long
     command_expires_most_s: float = 30 * 86_400.0  # and the longest that one may wait for its robot
     command_silence_s: float = 86_400.0  # after its end one that reached its robot waits so long for the result

@@ -24,6 +24,7 @@ from gateway.domain.command import (
     wire_id,
 )
 from gateway.domain.errors import CommandDeliveredError, UnknownCommandError
+from gateway.domain.once import check_key
 from gateway.domain.principal import Principal
 from gateway.errors import (
     BodyTooLargeError,
@@ -51,7 +52,6 @@ log = logging.getLogger(__name__)
 
 NOTES = 4096  # of older doors that wait for the store; further ones leave no row
 NOTE_S = 0.2
-KEY_CHARS = 200
 UNSHOWN = frozenset({"lease_id"})  # whoever reads the history would have the robot: the id is all that a lease asks for
 Local = Callable[[str, Mapping[str, Any]], Awaitable[Any]]  # robot and request; what it answers, as JSON
 
@@ -257,9 +257,8 @@ class OrderDesk:
             raise InvalidRequestError(f"expires_s is more than 0 and at most {self._limits.command_expires_most_s:g}")
         if order.durable and order.kind in self._local:
             raise InvalidRequestError(f"{order.kind} waits for its robot by itself: leave durable away")
-        key = order.idempotency
-        if key is not None and not (0 < len(key) <= KEY_CHARS and key.isprintable()):
-            raise InvalidRequestError(f"Idempotency-Key is 1 to {KEY_CHARS} printable characters")
+        if order.idempotency is not None:
+            check_key(order.idempotency)
 
     def _made(self, order: Order, principal: Principal) -> Command:
         now_ns = self._clock.wall_ns()

@@ -14,12 +14,14 @@ from dataclasses import replace
 from typing import Any, Protocol, TypeVar
 
 from gateway.domain import rollout as engine_of
+from gateway.domain.once import Once
 from gateway.domain.recording import new_recording_id
 from gateway.domain.rollout import IN_FLIGHT, OPEN, Facts, Plan, Rollout, health_of
 from gateway.errors import InvalidRequestError, StoreError, TooManyError
 from gateway.fleet.rollout_errors import RolloutStateError, UnknownRolloutError
 from gateway.store import Store
 from gateway.store.engine import StoreEngine
+from gateway.store.once import made_before, remember_made
 from gateway.store.rollouts import (
     add_rollout,
     list_rollouts,
@@ -90,14 +92,22 @@ class RolloutDesk:
         self._known: dict[str, tuple[Rollout, int]] = {}
         self._trouble = ""
 
-    async def start(self, plan: Plan, *, by: str, sees: Callable[[str], bool], dry_run: bool) -> Rollout:
+    async def start(
+        self, plan: Plan, *, by: str, sees: Callable[[str], bool], dry_run: bool, once: Once | None = None
+    ) -> Rollout:
         """Begin a rollout to the robots that the plan's selector names and who asks may see.
 
+        The same request under `once` is answered with the rollout that it began, as it is now; a dry run begins none.
+
         Raises:
+            IdempotencyConflictError: the key was used for another request.
             InvalidRequestError: no robot is named, a wave is none, or robots cannot fetch the version.
             RolloutStateError: a rollout of the same thing that is not over has some of these robots.
             TooManyError: there are too many robots, or rollouts.
         """
+        once = None if dry_run else once
+        if begun := await self._read(lambda engine: made_before(engine, once)):
+            return await self.get(begun)
         robots = [robot for robot in await self._fleet.named(plan.selector) if sees(robot)]
         if not robots:
             raise InvalidRequestError(f"the selector {plan.selector[:100]!r} names no robot")
@@ -110,12 +120,18 @@ class RolloutDesk:
         except ValueError as error:
             raise InvalidRequestError(str(error)) from error
 
-        def job(engine: StoreEngine) -> None:
+        def job(engine: StoreEngine) -> str:
+            if begun := made_before(engine, once):
+                return begun
             self._check_others(engine, made)
             if not dry_run:
                 add_rollout(engine, made)
+                remember_made(engine, once, made.id, now_ns=now_ns)
+            return made.id
 
-        await self._store.run(job)
+        begun = await self._store.run(job)
+        if begun != made.id:  # the same request came twice at once
+            return await self.get(begun)
         if not dry_run and self._listener is not None:
             self._listener(made)
         return made

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from gateway.domain.account import ApiKey, User
+from gateway.domain.errors import IdempotencyConflictError
+from gateway.domain.once import Once
 from gateway.domain.principal import Principal, Role
 from gateway.errors import CredentialsError, ForbiddenError, InvalidRequestError, SignInError
 from gateway.identity import keys, users
@@ -27,6 +29,7 @@ from gateway.identity.signin import (
 from gateway.identity.store_door import StoreDoor
 from gateway.store import Store, accounts, api_keys
 from gateway.store.engine import StoreEngine
+from gateway.store.once import made_before, remember_made
 from gateway.store.sessions import end_session
 from metaros.clock import Clock
 from metaros.limits import LIMITS
@@ -143,15 +146,24 @@ class Accounts:
         """Everybody, by name."""
         return await self._read(lambda engine: accounts.list_users(engine, limit=LIMITS.users))
 
-    async def create_user(self, name: str, *, role: Role, robots: tuple[str, ...], password: str) -> User:
-        """Make a user, with a password or without."""
+    async def create_user(
+        self, name: str, *, role: Role, robots: tuple[str, ...], password: str, once: Once | None = None
+    ) -> User:
+        """Make a user, with a password or without; the same request under `once` is answered with who they are now."""
         hashed = await self._hashed(name, password) if password else ""
         now_ns = self._clock.wall_ns()
-        return await self._change(
-            lambda engine: users.create_user(
-                engine, name, role=role, robots=robots, password_hash=hashed, now_ns=now_ns
-            )
-        )
+
+        def job(engine: StoreEngine) -> User:
+            if before := made_before(engine, once):
+                return users.user_of_id(engine, before)
+            user = users.create_user(engine, name, role=role, robots=robots, password_hash=hashed, now_ns=now_ns)
+            remember_made(engine, once, user.id, now_ns=now_ns)
+            return user
+
+        user = await self._change(job)
+        if password and user.password != hashed and not await self.passwords.verify(user.password, password):
+            raise IdempotencyConflictError("this Idempotency-Key was used with another password: take a new one")
+        return user
 
     async def change_user(
         self,

@@ -84,6 +84,14 @@ def user_named(engine: StoreEngine, name: str) -> User:
     return found
 
 
+def user_of_id(engine: StoreEngine, user_id: str) -> User:
+    """The user; UnknownUserError where they are gone."""
+    found = accounts.get_user(engine, user_id)
+    if found is None:
+        raise UnknownUserError("this user was made, and is gone")
+    return found
+
+
 def change_user(
     engine: StoreEngine,
     name: str,

@@ -14,6 +14,7 @@ from gateway.store.migrations.audit import AUDIT
 from gateway.store.migrations.commands import COMMANDS
 from gateway.store.migrations.events import EVENTS
 from gateway.store.migrations.leases import LEASES
+from gateway.store.migrations.once import ONCE
 from gateway.store.migrations.recordings import RECORDINGS
 from gateway.store.migrations.robot_identity import ROBOT_IDENTITY
 from gateway.store.migrations.rollouts import ROLLOUTS
@@ -145,6 +146,7 @@ MIGRATIONS: tuple[str, ...] = (
     COMMANDS,
     ROLLOUTS,
     EVENTS,
+    ONCE,
 )
 
 ROW_BYTES = 100  # what a row of these occupies beside them, with its index entries

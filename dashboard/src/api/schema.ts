@@ -1619,7 +1619,7 @@ export interface Operations {
   "POST /updates/online-keys": { path: None; query: None; body: { fresh?: boolean }; answer: OnlineKeys };
   /** Hand a version out no more, at once; robots that run it keep it until they are told otherwise. */
   "POST /updates/withdrawals": { path: None; query: None; body: { path: string; reason?: string }; answer: Bundle };
-  /** Make a user; without a password they sign in by a link. */
+  /** Make a user; without a password they sign in by a link. With an Idempotency-Key the same request makes one. */
   "POST /users": { path: None; query: None; body: { name: string; role: "viewer" | "operator" | "admin"; robots?: string[]; password?: string }; answer: User };
   /** Give the robot this node, or this row of it, whatever templates say. */
   "PUT /robots/{robot_id}/nodes/{node}": { path: { robot_id: string; node: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: Record<string, unknown>; answer: TwinChange };

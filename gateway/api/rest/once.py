@@ -1,10 +1,14 @@
-"""`Idempotency-Key` on the routes that are answered with what the robot did: the same request is carried out once.
+"""`Idempotency-Key`: the same request is carried out once, on a robot, or at the gateway where it makes something.
 
+Routes that are answered with what the robot did have `carried_once`, those that make something give `once_of` to it.
 Under a key the request is a command that is kept, so its end is the answer for ever, a failure's too, and another
 request under the same key is refused. Without a key these routes work as ever, and do not wait for the store.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 from starlette.requests import Request
 
@@ -12,16 +16,23 @@ from gateway.api.allow import principal_of
 from gateway.api.audited import note
 from gateway.api.services import services_of
 from gateway.domain.command import DONE, Command
+from gateway.domain.once import Once
 from gateway.errors import CommandRefusedError, CommandTimeoutError
 from gateway.fleet.commands import TRAVEL_S
 from gateway.fleet.orders import Order
 
-__all__ = ["carried_once", "key_of"]
+__all__ = ["carried_once", "key_of", "once_of"]
 
 
 def key_of(request: Request) -> str | None:
     """The request's key; None where it has none."""
     return request.headers.get("idempotency-key")
+
+
+def once_of(request: Request, asked: Mapping[str, Any]) -> Once | None:
+    """For what makes something; None without a key. `asked`: the request without its secrets. InvalidRequestError."""
+    key = key_of(request)
+    return Once.of(principal_of(request), key, asked) if key is not None else None
 
 
 async def carried_once(request: Request, order: Order) -> Command:

@@ -14,6 +14,7 @@ from gateway.api.audited import note
 from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.rest.once import once_of
 from gateway.api.services import services_of
 from gateway.api.views import rfc3339
 from gateway.domain.rollout import IN_FLIGHT, MemberState, Plan, Rollout
@@ -48,7 +49,10 @@ async def list_rollouts(request: Request, window: Paged) -> Response:
     openapi_extra=body_document(models_rollouts.RolloutRequest),
 )
 async def start_rollout(request: Request) -> Response:
-    """Start a rollout to every robot in scope that the selector names; 200 and nothing done for a dry run."""
+    """Start a rollout to every robot in scope that the selector names; 200 and nothing done for a dry run.
+
+    With the header `Idempotency-Key` the same request starts one, and is answered with how that stands now.
+    """
     body = await read_body(request, models_rollouts.RolloutRequest)
     version_key(body.version)
     plan = Plan(
@@ -65,9 +69,15 @@ async def start_rollout(request: Request) -> Response:
         give_up_s=body.give_up_s,
     )
     principal = principal_of(request)
-    made = await services_of(request).rollouts.start(plan, by=principal.name, sees=principal.sees, dry_run=body.dry_run)
+    made = await services_of(request).rollouts.start(
+        plan,
+        by=principal.name,
+        sees=principal.sees,
+        dry_run=body.dry_run,
+        once=once_of(request, {"rollout": body.model_dump()}),
+    )
     note(request, detail=f"{'dry run of ' if body.dry_run else ''}{made.id}: {plan.bundle} {plan.version}")
-    view = rollout_view(made, members=True, dry_run=body.dry_run)
+    view = _seen(request, made, dry_run=body.dry_run)
     return JsonResponse(view, status_code=200 if body.dry_run else 201)
 
 
@@ -78,10 +88,7 @@ async def start_rollout(request: Request) -> Response:
 )
 async def get_rollout(request: Request, rollout_id: str) -> Response:
     """One rollout, with those of its robots that are in one's scope."""
-    one = await _get(request, rollout_id)
-    view = rollout_view(one, members=True)
-    view["members"] = [item for item in view["members"] if principal_of(request).sees(item["robot"])]
-    return JsonResponse(view)
+    return JsonResponse(_seen(request, await _get(request, rollout_id)))
 
 
 @router.post(
@@ -180,6 +187,13 @@ async def _get(request: Request, rollout_id: str, *, whole: bool = False) -> Rol
     if not _sees(request, one, whole=whole):
         raise UnknownRolloutError(f"there is no rollout {rollout_id[:40]!r}")
     return one
+
+
+def _seen(request: Request, one: Rollout, *, dry_run: bool = False) -> dict[str, Any]:
+    """A rollout with those of its robots that are in one's scope."""
+    view = rollout_view(one, members=True, dry_run=dry_run)
+    view["members"] = [item for item in view["members"] if principal_of(request).sees(item["robot"])]
+    return view
 
 
 def _sees(request: Request, one: Rollout, *, whole: bool = False) -> bool:

@@ -14,6 +14,7 @@ from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.auth import REFUSALS
 from gateway.api.rest.bodies import body_document, read_body
+from gateway.api.rest.once import once_of
 from gateway.api.services import services_of
 from gateway.api.views_identity import user_view
 from gateway.domain.principal import Role
@@ -42,10 +43,15 @@ async def list_users(request: Request, window: Paged) -> Response:
     openapi_extra=body_document(models_identity.UserRequest),
 )
 async def create_user(request: Request) -> Response:
-    """Make a user; without a password they sign in by a link."""
+    """Make a user; without a password they sign in by a link. With an Idempotency-Key the same request makes one."""
     body = await read_body(request, models_identity.UserRequest)
+    asked = {"user": body.name, "role": body.role, "robots": body.robots, "password": bool(body.password)}
     made = await services_of(request).accounts.create_user(
-        body.name, role=Role.of(body.role), robots=tuple(body.robots), password=body.password
+        body.name,
+        role=Role.of(body.role),
+        robots=tuple(body.robots),
+        password=body.password,
+        once=once_of(request, asked),
     )
     note(request, detail=reach(made.name, made.role, made.robots))
     return JsonResponse(user_view(made), status_code=201)

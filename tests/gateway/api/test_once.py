@@ -1,4 +1,4 @@
-"""`Idempotency-Key` on the routes that are answered with what the robot did: sent again, it is not done again."""
+"""`Idempotency-Key`: sent again, it is not done again, by the robot or by the gateway."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from metaros.cdr import codec
 from metaros.interfaces.geometry_msgs.msg import Twist
 from metaros.interfaces.std_srvs.srv import Trigger
 from metaros.limits import LIMITS
+from tests.gateway.api.test_accounts import local_key
 from tests.gateway.api.test_commands import answered
 from tests.gateway.harness import ScriptedAgent, client, running_gateway
 
@@ -95,3 +96,29 @@ async def test_a_recording_is_asked_for_once(tmp_path: Path) -> None:
         assert len((await http.get("/api/v1/recordings")).json()["recordings"]) == 1
         span = await http.post(f"{BASE}/recordings", json={"start": "-5s"}, headers={"Idempotency-Key": "b"})
         assert (span.status_code, span.json()["code"]) == (400, "invalid_request")
+
+
+async def test_a_user_is_made_once(tmp_path: Path) -> None:
+    asked = {"name": "ada", "role": "viewer", "robots": ["r1"], "password": "correct horse battery"}
+    async with running_gateway(tmp_path) as ready, client(ready, key=local_key(ready)) as http:
+
+        async def ask(key: str = "mine", **changed: Any) -> httpx.Response:
+            return await http.post("/api/v1/users", json={**asked, **changed}, headers={"Idempotency-Key": key})
+
+        assert (await ask(name="No Name")).json()["code"] == "invalid_request"
+        made = await ask()
+        assert made.status_code == 201, "what was refused leaves its key free"
+        await http.patch("/api/v1/users/ada", json={"role": "operator"})
+        again = await ask()
+        assert (again.status_code, again.json()) == (201, {**made.json(), "role": "operator"}), "as they are now"
+        for changed in ({"name": "bob"}, {"role": "operator"}, {"password": "another long password"}):
+            other = await ask(**changed)
+            assert (other.status_code, other.json()["code"]) == (409, "idempotency_conflict"), changed
+        assert [user["name"] for user in (await http.get("/api/v1/users")).json()["users"]] == ["ada"]
+        assert (await ask(key="new")).json()["code"] == "user_exists"
+        assert (await ask(key="x" * 201)).json()["code"] == "invalid_request"
+        await http.delete("/api/v1/users/ada")
+        assert (await ask()).status_code == 404, "who is gone is not made again"
+        stored = b"".join(file.read_bytes() for file in ready.data_dir.rglob("*") if file.is_file())
+        assert b"mine" in stored
+        assert b"correct horse" not in stored

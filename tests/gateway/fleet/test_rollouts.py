@@ -10,6 +10,9 @@ from typing import Any
 
 import pytest
 
+from gateway.domain.errors import IdempotencyConflictError
+from gateway.domain.once import Once
+from gateway.domain.principal import Principal
 from gateway.domain.rollout import Plan
 from gateway.errors import InvalidRequestError, RequestError
 from gateway.fleet.rollout_errors import RolloutStateError, UnknownRolloutError
@@ -17,6 +20,7 @@ from gateway.fleet.rollouts import RolloutDesk
 from gateway.store import Store
 from gateway.store.retention import Retention
 from metaros.clock import ManualClock
+from metaros.limits import LIMITS
 from tests.gateway.store.conftest import store_url
 from tests.support.postgres import PostgresServer
 
@@ -247,3 +251,30 @@ async def test_what_does_not_begin(tmp_path: Path) -> None:
             await begin(desk)
         await desk.abort(rid, "")
         await begin(desk)
+
+
+async def test_a_rollout_is_begun_once_under_a_key(store_url: str, tmp_path: Path) -> None:
+    fleet, clock = Fleet(), ManualClock(wall_ns=NOW_NS)
+    ada = Principal(kind="user", id="1", name="ada")
+    once = Once.of(ada, "mine", {"version": "2.0.0"})
+    async with desk_on(store_url, tmp_path, fleet, clock) as desk:
+
+        async def begin(once: Once, *, dry_run: bool = False) -> str:
+            made = await desk.start(PLAN, by="ada", sees=lambda robot: True, dry_run=dry_run, once=once)
+            return made.id
+
+        dry, first = await begin(once, dry_run=True), await begin(once)
+        assert dry != first, "a dry run uses no key up"
+        fleet.said.clear()  # whatever has become of the fleet since
+        assert await begin(once) == first
+        with pytest.raises(IdempotencyConflictError):
+            await begin(Once.of(ada, "mine", {"version": "2.0.1"}))
+        await desk.abort(first, "")
+        assert await begin(once) == first
+        fleet.said["r0"] = {"agent": {"version": "1.0.0"}}
+        other = await begin(Once.of(Principal(kind="user", id="2"), "mine", {"version": "2.0.0"}))
+        assert other != first, "keys of others are other keys"
+        await desk.abort(other, "")
+        clock.advance(LIMITS.made_once_s + 1)
+        await desk.abort(await begin(Once.of(ada, "another", {})), "")
+        assert await begin(once) != first, "after a day it is a new one"
