@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from itertools import product
 from pathlib import Path
@@ -12,8 +13,10 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
 from gateway.domain.principal import Role
-from tests.gateway.harness import ScriptedAgent, running_gateway
-from tests.support.key_ring import KeyRing
+from metaros._proto import link_pb2
+from tests.gateway.api.foxglove.viewer import viewing
+from tests.gateway.harness import CONTROL, ScriptedAgent, channel, client, open_socket, running_gateway, say
+from tests.support.key_ring import KeyRing, bearer
 
 DOORS = ("/foxglove", "/foxglove/sim_1", "/rosbridge", "/rosbridge/sim_1", "/api/v1/stream")
 SPOKEN: Any = ["foxglove.sdk.v1", "metaros.v1"]
@@ -34,3 +37,96 @@ async def test_a_word_like_token_opens_no_door_to_a_foreign_page(tmp_path: Path)
                 await connect(url, origin=origin, additional_headers=headers, subprotocols=SPOKEN, proxy=None)
             assert caught.value.response.status_code == 403, (door, query, headers)
             assert json.loads(caught.value.response.body)["code"] == "origin_not_allowed"
+
+
+SECRET = "chassis_of_the_other_one"
+UNKNOWN = "no robot 'sim_2' has ever connected"  # what is said of any name that is no robot's
+LISTS = (
+    "/api/v1/robots",
+    "/api/v1/robots?q=sim&fields=robot",
+    "/api/v1/robots?selector=robot",
+    "/api/v1/graph",
+    "/api/v1/groups",
+    "/api/v1/events?limit=1000",
+    "/api/v1/traces",
+    "/api/v1/traces?robot=sim_2",
+    "/api/v1/events?robot=sim_2",
+    "/api/v1/gateway",
+    "/metrics",
+    "/api/v1/debug",
+)
+ROSAPI = (
+    "topics",
+    "topics_and_raw_types",
+    "services",
+    "nodes",
+    "action_servers",
+    "get_param_names",
+    "services_for_type",
+    "topics_for_type",
+    "publishers",
+    "node_details",
+    "service_providers",
+)
+
+
+def graph(robot: str, base: str) -> link_pb2.GraphReport:
+    """A node that publishes, and serves something."""
+    kinds = (link_pb2.ENDPOINT_KIND_PUBLISHER, link_pb2.ENDPOINT_KIND_SERVER)
+    types = ("std_msgs/msg/String", "std_srvs/srv/Trigger")
+    ends = [
+        link_pb2.GraphEndpoint(number=n, kind=kind, name=f"/{robot}/{base}", node=f"/{robot}/{base}", type_name=name)
+        for n, (kind, name) in enumerate(zip(kinds, types, strict=True), 1)
+    ]
+    return link_pb2.GraphReport(anew=True, revision=1, nodes=[f"/{robot}/{base}"], endpoints=ends)
+
+
+async def test_what_is_out_of_scope_is_in_no_answer_of_any_door(tmp_path: Path) -> None:
+    """An operator of sim_1 looks everywhere: sim_2, which is there, is not, and neither are its names."""
+    ring = KeyRing()
+    key = ring.add(role=Role.OPERATOR, robots=("sim_1",))
+    async with (
+        running_gateway(tmp_path, door=ring) as ready,
+        ScriptedAgent(ready) as mine,
+        ScriptedAgent(ready, "sim_2", session=b"t" * 16) as other,
+        client(ready, key=key) as http,
+    ):
+        for agent, base in ((other, SECRET), (mine, "base")):
+            await agent.announce(channel(1, f"/{agent.robot}/{base}", "std_msgs/msg/String"))
+            await agent.send(CONTROL, graph=graph(agent.robot, base))
+        everybody = bearer(ring.add(role=Role.OPERATOR))
+        async with asyncio.timeout(60):
+            while True:  # until both have told
+                told = (await http.get("/api/v1/graph", headers=everybody)).text
+                if SECRET in told and "/sim_1/base" in told:
+                    break
+                await asyncio.sleep(0.05)
+        heard = [(await http.get(path)).text for path in LISTS]
+        for path in ("/foxglove/", "/rosbridge/", "/foxglove?robot=", "/rosbridge?robot="):
+            refusals = []
+            for robot in ("sim_2", "sim_9"):
+                with pytest.raises(InvalidStatus) as caught:
+                    await open_socket(ready, path + robot, key=key, subprotocols=SPOKEN)
+                refused = caught.value.response
+                refusals.append((refused.status_code, bytes(refused.body or b"").replace(robot.encode(), b"")))
+            assert refusals[0] == refusals[1], path
+        async with open_socket(ready, "/rosbridge", key=key) as socket:
+            for number, name in enumerate(ROSAPI):
+                asked = f"/sim_2/{SECRET}"
+                args = {"type": "std_msgs/msg/String", "topic": asked, "node": asked, "service": asked}
+                await say(socket, op="call_service", id=str(number), service=f"/rosapi/{name}", args=args)
+            await say(socket, op="subscribe", topic="/sim_2/x", id="last")
+            while True:
+                said = json.loads(await socket.recv())
+                if said["op"] == "status":
+                    break
+                heard.append(json.dumps(said).replace(asked, "").replace(UNKNOWN, ""))
+        async with viewing(ready, "/foxglove", key=key) as viewer:
+            await viewer.say("subscribeConnectionGraph")
+            heard += [json.dumps(await viewer.hear("connectionGraphUpdate"))]
+            await viewer.say("getParameters", parameterNames=[], id="p")
+            heard += [json.dumps(await viewer.hear("parameterValues")), str(viewer.channels), str(viewer.services)]
+    assert any("/sim_1/base" in text for text in heard)
+    for text in heard:
+        assert SECRET not in text, text
+        assert "sim_2" not in text, text

@@ -1,0 +1,28 @@
+"""Which events a filter's patterns mean."""
+
+from __future__ import annotations
+
+import random  # noqa: TID251 - seeded
+from fnmatch import _compile_pattern, fnmatchcase  # type: ignore[attr-defined]
+
+import pytest
+
+from gateway.domain.event import Event, EventFilter, like
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_pattern_means_what_a_shell_means_by_it(seed: int) -> None:
+    rng = random.Random(seed)
+    for _ in range(500):
+        text = "".join(rng.choices("ab.", k=rng.randrange(8)))
+        pattern = "".join(rng.choices("ab.*?", k=rng.randrange(8)))
+        assert like(text, pattern) == fnmatchcase(text, pattern), (text, pattern)
+
+
+def test_patterns_of_clients_are_compiled_and_kept_nowhere() -> None:
+    """A viewer chooses sixty-four of them with every request, as long as they may be."""
+    before = _compile_pattern.cache_info().misses
+    event = Event(seq=1, kind="robot.online", robot="r", at_ns=1, gateway="g")
+    wanted = EventFilter(kinds=tuple(f"{'a*' * 120}{number}" for number in range(64)))
+    assert not wanted.matches(event)
+    assert _compile_pattern.cache_info().misses == before
