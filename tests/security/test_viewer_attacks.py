@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
+from gateway.api.foxglove import session
 from gateway.domain.principal import Role
 from metaros._proto import link_pb2
 from tests.gateway.api.foxglove.viewer import viewing
@@ -130,3 +132,27 @@ async def test_what_is_out_of_scope_is_in_no_answer_of_any_door(tmp_path: Path) 
     for text in heard:
         assert SECRET not in text, text
         assert "sim_2" not in text, text
+
+
+async def test_files_that_a_viewer_asks_for_are_in_memory_one_at_a_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each has up to 32 MiB, and a client may have dozens of requests under way."""
+    both, together = threading.Barrier(2), list[str]()
+
+    def read(_folder: Path | None, uri: str) -> bytes:
+        if uri.endswith(("0.stl", "1.stl")):
+            try:
+                both.wait(0.5)
+                together.append(uri)
+            except threading.BrokenBarrierError:
+                pass
+        return b"solid"
+
+    monkeypatch.setattr(session, "read_asset", read)
+    async with running_gateway(tmp_path) as ready, viewing(ready, "/foxglove", key="") as viewer:
+        for number in range(8):
+            await viewer.say("fetchAsset", uri=f"asset:///{number}.stl", requestId=number)
+        answers = [await viewer.binary(4) for _ in range(8)]
+    assert sorted(answer[0] for answer in answers) == list(range(8))
+    assert not together

@@ -87,7 +87,7 @@ class Session:
             lease_id=lease_id,
             wheel=Wheel(visitor, holder) if holder else None,
         )
-        self._watched = _Watched()
+        self._watched, self._fetching = _Watched(), asyncio.Lock()
         self._graph_wanted, self._graph = False, GraphView({}, {}, {})
         self._graph_told = False
         self._channels_stale = self._graphs_stale = True
@@ -326,13 +326,14 @@ class Session:
             self._pipe.text(answer)
 
     async def _fetch(self, asked: requests.FetchAsset) -> None:
-        try:
-            data = await asyncio.to_thread(read_asset, self._services.settings.assets_dir, asked.uri)
-            answer = asset_response(asked.request_id, data)
-        except MetarosError as error:
-            answer = asset_failure(asked.request_id, str(error))
-        await self._pipe.room()
-        self._pipe.binary(answer)
+        async with self._fetching:  # one file at a time is in memory, and the next when the client has taken it
+            await self._pipe.room()
+            try:
+                data = await asyncio.to_thread(read_asset, self._services.settings.assets_dir, asked.uri)
+                answer = asset_response(asked.request_id, data)
+            except MetarosError as error:
+                answer = asset_failure(asked.request_id, str(error))
+            self._pipe.binary(answer)
 
     def _task(self, work: Coroutine[Any, Any, None]) -> None:
         if not self._start(work):
