@@ -3,7 +3,7 @@
 import type { Json, JsonObject } from "../fleet_ops/json";
 import { request, robotPath } from "./client";
 import { askExact, sendExact } from "./exact";
-import type { TypeConstant, TypeField, TypeShape as Told } from "./schema.js";
+import type { RobotGraph, TypeConstant, TypeField, TypeShape as Told } from "./schema.js";
 
 /** One field: of a list `capacity` is the n of `T[n]` and `T[<=n]`, else 0; a default of null is zero, empty text or an empty list. */
 export type FieldShape = Omit<TypeField, "default"> & { default: Json };
@@ -12,45 +12,8 @@ export type ConstantShape = Omit<TypeConstant, "value"> & { value: Json };
 /** What a type is made of. Its numbers are as they were written: a default may be 10.0 or 2^60. */
 export type TypeShape = Omit<Told, "definitions"> & { definitions: Record<string, { fields: FieldShape[]; constants: ConstantShape[] }> };
 
-export interface Endpoint {
-  /** "": a node that is not one of the robot's own. */
-  node: string;
-  type: string;
-  type_hash: string;
-  qos: string;
-}
-
-export interface GraphTopic {
-  topic: string;
-  types: string[];
-  publishers: Endpoint[];
-  subscribers: Endpoint[];
-}
-
-export interface GraphService {
-  service: string;
-  type: string;
-  type_hash: string;
-  servers: Endpoint[];
-  clients: Endpoint[];
-}
-
-export interface GraphAction {
-  action: string;
-  type: string;
-  servers: string[];
-  clients: string[];
-}
-
-export interface RobotGraph {
-  robot: string;
-  /** 0: the robot's agent has told nothing; it may be too old to. */
-  revision: number;
-  nodes: string[];
-  topics: GraphTopic[];
-  services: GraphService[];
-  actions: GraphAction[];
-}
+/** Of a graph, `revision` 0: the robot's agent has told nothing; it may be too old to. */
+export type { Endpoint, GraphService, GraphTopic, RobotGraph } from "./schema.js";
 
 /** Of each robot and type, once a page: types do not change under their name. */
 const shapes = new Map<string, Promise<TypeShape>>();

@@ -16,7 +16,7 @@ const GRAPH: RobotGraph = {
     { topic: "/rosout", types: ["p/msg/T"], publishers: [end("/r/base"), end("")], subscribers: [] },
   ],
   services: [],
-  actions: [],
+  actions: [], left_out: 0,
 };
 const box = (id: string) => ({ id, width: 80, height: 30 });
 
