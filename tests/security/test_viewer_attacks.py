@@ -156,3 +156,21 @@ async def test_files_that_a_viewer_asks_for_are_in_memory_one_at_a_time(
         answers = [await viewer.binary(4) for _ in range(8)]
     assert sorted(answer[0] for answer in answers) == list(range(8))
     assert not together
+
+
+async def test_whose_key_is_revoked_serves_and_publishes_nothing_any_more(tmp_path: Path) -> None:
+    ring = KeyRing()
+    key = ring.add(role=Role.OPERATOR, robots=("sim_1",))
+    async with (
+        running_gateway(tmp_path, door=ring) as ready,
+        ScriptedAgent(ready) as agent,
+        connect(f"ws://127.0.0.1:{ready.rosbridge_port}/sim_1?token={key}", proxy=None) as socket,
+    ):
+        await say(socket, op="advertise_service", service="/sim_1/serve", type="std_srvs/srv/Trigger", id="a")
+        offers = (await agent.next("offers")).offers
+        state = link_pb2.OfferState(number=offers.offers[0].number)
+        await agent.send(CONTROL, offer_states=link_pb2.OfferStates(states=[state]))
+        ring.revoke(key)
+        await asyncio.wait_for(socket.wait_closed(), 60)
+        assert socket.close_code == 4401
+        assert not (await agent.next("offers")).offers.offers
