@@ -10,6 +10,7 @@ from metaros.limits import LIMITS, Limits
 
 __all__ = ["GraphTeller"]
 
+TYPE_ITEM_BYTES = 400  # of a type's text weigh as much as an endpoint: a gateway reads 128 KiB of types at a time
 FRAME_ITEMS = 256  # nodes and endpoints of one frame, so that it is well below what a lane takes at a time
 
 
@@ -79,7 +80,8 @@ class GraphTeller:
         """Put items into the last frame, and into further ones as it fills."""
         for item in items:
             last = frames[-1]
-            if len(last.nodes) + len(last.nodes_gone) + len(last.endpoints) + 32 * len(last.types) >= FRAME_ITEMS:
+            types = sum(max(32, text.ByteSize() // TYPE_ITEM_BYTES) for text in last.types)
+            if len(last.nodes) + len(last.nodes_gone) + len(last.endpoints) + types >= FRAME_ITEMS:
                 last = self._frame()
                 frames.append(last)
             getattr(last, field).append(item)

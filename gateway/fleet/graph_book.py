@@ -22,6 +22,7 @@ __all__ = ["GraphBook", "catalogue_from"]
 log = logging.getLogger(__name__)
 ACTION: Final = "/_action/"
 SEND_GOAL: Final = f"{ACTION}send_goal"
+TYPES_BYTES: Final = 128 * 1024  # of the types of one report: to read so much takes a tenth of a second
 ENTITY_BYTES: Final = 1024  # what a node or an endpoint weighs here, its texts included
 PUBLISHER, SUBSCRIPTION = link_pb2.ENDPOINT_KIND_PUBLISHER, link_pb2.ENDPOINT_KIND_SUBSCRIPTION
 SERVER, CLIENT = link_pb2.ENDPOINT_KIND_SERVER, link_pb2.ENDPOINT_KIND_CLIENT
@@ -109,8 +110,11 @@ class _Told:
         for endpoint in report.endpoints:
             if self._room(limits) and endpoint.ByteSize() <= ENTITY_BYTES:
                 self.endpoints[endpoint.number] = endpoint
+        room_bytes = TYPES_BYTES  # an agent begins another report before that: what is left out here was none's
         for text in report.types:
-            self._learn(text, limits)
+            if room_bytes > 0 and text.ByteSize() <= limits.schema_bytes:
+                self._learn(text, limits)
+            room_bytes -= text.ByteSize()
         self.left_out = report.left_out + self._refused
 
     def settle(self, revision: int) -> None:
