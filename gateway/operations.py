@@ -35,7 +35,7 @@ from metaros.limits import LIMITS
 __all__ = ["Operations", "Parts"]
 
 _LOOK_S: Final = 1.0
-_STORE_EVERY_S: Final = 60.0  # an account of the store goes through every table
+_STORE_EVERY_S: Final = 300.0  # an account of the store goes through every table
 _AT_ONCE: Final = 64  # robots that are read before others have their turn on the event loop
 
 

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
+
+import httpx
 
 from gateway.api import models_store
 from tests.gateway.harness import DATA, ScriptedAgent, channel, client, running_gateway
+
+
+async def read_account(http: httpx.AsyncClient) -> models_store.StoreAccount:
+    """As a client reads it."""
+    answer = await http.get("/api/v1/store")
+    return models_store.StoreAccount.model_validate_json(answer.content)
 
 
 async def test_the_account_and_the_plan(tmp_path: Path) -> None:
@@ -13,8 +22,9 @@ async def test_the_account_and_the_plan(tmp_path: Path) -> None:
         await agent.announce(channel(1, "/sim_1/scan", "std_msgs/msg/String"))
         await agent.samples(1, 1, [b"x" * 1000])
         await agent.next("ack", DATA)
-        answer = await http.get("/api/v1/store")
-        account = models_store.StoreAccount.model_validate_json(answer.content)
+        async with asyncio.timeout(60):  # an account is up to 10 s old: one was made at the start
+            while not (account := await read_account(http)).robots:
+                await asyncio.sleep(0.5)
         assert account.total_bytes > 1000
         assert [item.robot for item in account.robots] == ["sim_1"]
         assert account.objects.where == str(tmp_path / "data" / "objects")
