@@ -66,7 +66,7 @@ METRICS: tuple[MetricRow, ...] = (
     MetricRow("metaros_store_commits", "counter", (), "commits of what robots sent"),
     MetricRow("metaros_store_samples", "counter", (), "messages that were committed"),
     MetricRow("metaros_store_rows", "counter", (), "metric rows that were committed"),
-    MetricRow("metaros_store_bytes", "gauge", ("class",), "what the store holds; at most a minute old"),
+    MetricRow("metaros_store_bytes", "gauge", ("class",), "what the store holds; at most five minutes old"),
     MetricRow("metaros_store_keep_bytes", "gauge", (), "--retention-mib: what it may hold"),
     MetricRow("metaros_disk_free_bytes", "gauge", (), "of the disk with the data directory"),
     MetricRow("metaros_leases", "gauge", (), "robots that somebody drives"),

@@ -22,9 +22,10 @@ async def test_the_account_and_the_plan(tmp_path: Path) -> None:
         await agent.announce(channel(1, "/sim_1/scan", "std_msgs/msg/String"))
         await agent.samples(1, 1, [b"x" * 1000])
         await agent.next("ack", DATA)
-        async with asyncio.timeout(60):  # an account is up to 10 s old: one was made at the start
-            while not (account := await read_account(http)).robots:
-                await asyncio.sleep(0.5)
+        for _ in range(120):  # an account is up to 10 s old: one was made at the start
+            if (account := await read_account(http)).robots:
+                break
+            await asyncio.sleep(0.5)
         assert account.total_bytes > 1000
         assert [item.robot for item in account.robots] == ["sim_1"]
         assert account.objects.where == str(tmp_path / "data" / "objects")
