@@ -27,12 +27,12 @@ def follow_goal(
 
     show_part(out, "Sending goal", goal)
     goal_id = _send(place, name, kind, goal, timeout_s=timeout_s)
-    if out.json:
-        out.object_line({"goal_id": goal_id, "accepted": True})
-    else:
-        out.line(f"Goal accepted with ID: {goal_id}\n")
     path, interrupted = place.path("goals", goal_id), False
-    try:
+    try:  # from here on there is a goal to cancel
+        if out.json:
+            out.object_line({"goal_id": goal_id, "accepted": True})
+        else:
+            out.line(f"Goal accepted with ID: {goal_id}\n")
         ended = _follow(place, path, lambda value: show_part(out, "Feedback", value), kind if feedback else None)
     except KeyboardInterrupt:
         interrupted = True
