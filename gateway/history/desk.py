@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 
 import orjson
 
+from gateway.decoder import Decoder
 from gateway.errors import StoreError, TooManyError
-from gateway.history.decode import Decoder
 from gateway.history.export import Export, ExportRequest
 from gateway.history.instant import Instant, instant_facts, pack_instant, read_instant
 from gateway.history.losses import Loss, folded, loss_view

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from gateway.decoder import Decoder
 from gateway.history.cursor import write_cursor
-from gateway.history.decode import Decoder
 from gateway.history.losses import Loss
 from gateway.history.messages import Message, Place
 from gateway.history.source import Source

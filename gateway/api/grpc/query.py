@@ -10,9 +10,9 @@ import orjson
 from gateway.api.grpc.authenticate import Call
 from gateway.api.grpc.fields import FieldFaultError
 from gateway.api.rest.ranges import chosen_topics, parse_range
+from gateway.decoder import Decoder
 from gateway.domain.channel import Channel
 from gateway.history.cursor import read_cursor
-from gateway.history.decode import Decoder
 from gateway.history.losses import Loss, folded
 from gateway.history.messages import Message
 from gateway.history.pages import Page, PageRequest

@@ -105,8 +105,8 @@ async def test_links_store_and_queues_are_counted(tmp_path: Path) -> None:
         stamp_ns = SystemClock().wall_ns() - 2 * 10**9
         batch = pack_batch(1, EPOCH, 1, [stamp_ns] * 3, [b"\0\1\0\0data"] * 3)
         await agent.send(batches=link_pb2.Batches(batches=[batch]))
-        found = await until(http, ("metaros_store_samples_total",), 3)
-        assert found["metaros_link_samples_total",] == 3
+        await until(http, ("metaros_store_samples_total",), 3)
+        found = await until(http, ("metaros_link_samples_total",), 3)
         assert found["metaros_robots", "online"] == 1
         assert 2 <= found["metaros_robot_lag_seconds", "sim_1"] < 600
         assert found["metaros_lag_seconds", "0.5"] == found["metaros_robot_lag_seconds", "sim_1"]

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import pytest
 
+from gateway.decoder import Decoder
 from gateway.errors import InvalidRequestError
 from gateway.history.cursor import read_cursor, write_cursor
-from gateway.history.decode import Decoder
 from gateway.history.messages import Place
 from gateway.history.pages import PageRequest, message_facts, read_page
 from gateway.store.commit import Committer

@@ -28,7 +28,7 @@ from gateway.api import models, models_enrol, models_history, models_identity, m
 from gateway.api.authenticate import _credential
 from gateway.api.rest.ranges import chosen_topics, parse_age
 from gateway.api.rest.times import parse_time
-from gateway.api.ws.requests import make_subscription, number_field, read_request, text_field
+from gateway.api.ws.requests import make_feed, number_field, read_request, read_samples, text_field
 from gateway.domain.principal import Principal, Role
 from gateway.domain.recording import is_recording_id
 from gateway.domain.robot import is_robot_id
@@ -71,9 +71,10 @@ def stream_request(data: bytes) -> None:
                 number_field(request, name, 1.0, low=low, high=high)
             except InvalidRequestError:
                 continue
-    if request.get("op") in ("subscribe", "subscribe_metrics", "subscribe_fleet"):
-        made = make_subscription(request, revisions=dict, describe=lambda _: {}, principal=VIEWER)
-        assert made is not None
+    if request.get("op") == "subscribe":
+        assert read_samples(request, VIEWER).queue_bytes > 0
+    elif request.get("op") in ("subscribe_metrics", "subscribe_fleet"):
+        assert make_feed(request, revisions=dict, describe=lambda _: {}, principal=VIEWER) is not None
     else:
         text_field(request, "holder")
 
