@@ -146,10 +146,12 @@ def _ready(gateway: Gateway, http_port: int, api_grpc_port: int) -> Ready:
 def _robots_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
     """Where robots connect, and its port."""
     own = gateway.settings
-    return make_server(
+    return _grpc_server(
         lambda server: add_links(server, gateway.links),
         host=own.host,
-        port=_free_port(own.host, own.grpc_port, default=DEFAULT_GRPC_PORT, flag="--grpc-port"),
+        port=own.grpc_port,
+        default=DEFAULT_GRPC_PORT,
+        flag="--grpc-port",
         connections=LIMITS.robots_connections,
         credentials=tls_credentials(lambda: _robots_tls(gateway)) if own.robots_tls else None,
     )
@@ -158,22 +160,39 @@ def _robots_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
 def _programs_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
     """Where people's programs connect, and its port."""
     own, gate = gateway.settings, Gate(lambda: gateway.services)
-    return make_server(
+    return _grpc_server(
         lambda server: add_fleet(server, gate),
         host=own.host,
-        port=_free_port(own.host, own.api_grpc_port, default=DEFAULT_API_GRPC_PORT, flag="--api-grpc-port"),
+        port=own.api_grpc_port,
+        default=DEFAULT_API_GRPC_PORT,
+        flag="--api-grpc-port",
         connections=LIMITS.programs_connections,
         credentials=tls_credentials(lambda: _programs_tls(gateway)) if own.robots_tls else None,
     )
 
 
-def _free_port(host: str, port: int | None, *, default: int, flag: str) -> int:
-    """A port that can be had; a default one that is taken moves to a free one.
+def _grpc_server(
+    add: Callable[[grpc.aio.Server], None],
+    *,
+    host: str,
+    port: int | None,
+    default: int,
+    flag: str,
+    connections: int,
+    credentials: grpc.ServerCredentials | None,
+) -> tuple[grpc.aio.Server, int]:
+    """A server on a port that can be had; a default one that is taken moves to a free one.
 
-    gRPC reports a taken port late and without its owner, so it is tried first.
+    gRPC reports a taken port late and without its owner, so it is tried first; somebody may still be quicker.
     """
     with listen(host, port, default=default, flag=flag) as probe:
-        return int(probe.getsockname()[1])
+        free = int(probe.getsockname()[1])
+    try:
+        return make_server(add, host=host, port=free, connections=connections, credentials=credentials)
+    except ConfigError:
+        if port is not None:
+            raise
+        return make_server(add, host=host, port=0, connections=connections, credentials=credentials)
 
 
 def _robots_tls(gateway: Gateway) -> ServerTls:
