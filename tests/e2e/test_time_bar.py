@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import math
 from collections.abc import Callable
 from urllib.parse import parse_qs, urlsplit
 
@@ -81,9 +82,11 @@ def test_an_address_opens_its_instant_on_every_panel(gateway: FakeGateway, open_
     assert float(data["poseY"]) == pytest.approx(y, abs=0.01)
     wait_for_data(page, CAMERA, "d.frames == 1")
     reading = page.locator("[data-card=plot]", has_text="forward").locator(".readings b").inner_text()
-    # A point is the mean of 1.5 s and stands at their middle, which may be as long ago.
-    speeds = [robot.metrics(at_s + step / 20)["odom.twist.twist.linear.x"] for step in range(-45, 16)]
-    assert min(speeds) - 0.01 <= float(reading.split("\u202f")[0]) <= max(speeds) + 0.01
+    rate_hz = 400 / 600  # of what is loaded: 400 points, five minutes on both sides of the instant
+    last = math.floor(at_s * rate_hz)
+    held_s = max(step / rate_hz for step in (last - 1, last, last + 1) if step / rate_hz <= at_s)
+    speed = robot.metrics(held_s)["odom.twist.twist.linear.x"]
+    assert float(reading.split("\u202f")[0]) == pytest.approx(speed, abs=0.006), "the newest point, in two digits"
     card = page.locator("details[data-topic='/sim_1/note']")
     card.locator("summary").click()
     expect(card.locator("dd")).to_have_text("all well")

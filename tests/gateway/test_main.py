@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -105,3 +106,21 @@ def test_a_taken_robots_port_is_an_error(tmp_path: Path, free_port: int) -> None
         done = subprocess.run([*command, "--grpc-port", str(free_port)], capture_output=True, text=True, timeout=120)
         assert done.returncode != 0
         assert f"port {free_port} cannot be opened" in done.stderr
+
+
+@pytest.mark.parametrize("flag", ["grpc_port", "api_grpc_port"])
+async def test_somebody_quicker_takes_the_default_port(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flag: str
+) -> None:
+    """Two gateways that start at once find the same default port free; the one that comes second takes another."""
+    with socket.create_server(("127.0.0.1", 0)) as quicker:
+        taken = quicker.getsockname()[1]
+
+        def late(host: str, port: int | None, **rest: Any) -> socket.socket:
+            return quicker.dup() if port is None else listen(host, port, **rest)
+
+        monkeypatch.setattr("gateway.main.listen", late)
+        async with running_gateway(tmp_path, **{flag: None}) as ready:
+            assert getattr(ready, flag) not in (0, taken)
+            async with client(ready) as http:
+                assert (await http.get("/readyz")).status_code == 200

@@ -79,7 +79,7 @@ def test_any_text_is_one_or_is_refused_and_means_itself(text: str) -> None:
 @pytest.mark.timeout(20)  # an expression that goes back and forth takes hours
 def test_a_hostile_text_costs_no_time() -> None:
     for text in ("a" * 4096, "a " * 2048, "a in (" * 600, "(" * 4096, "a=" + "." * 4000, "a." * 2048):
-        with contextlib.suppress(SelectorError):
+        with pytest.raises(SelectorError, match="is no term"):
             Selector.parse(text)
 
 
