@@ -30,10 +30,12 @@ from metaros._proto import fleet_pb2, fleet_pb2_grpc, telemetry_pb2, telemetry_p
 from metaros.cdr import codec
 from metaros.clock import SystemClock
 from metaros.interfaces.geometry_msgs.msg import Twist
+from metaros.node.action import ServerGoal
 from tests.edge_agent.conftest import Robot
 from tests.edge_agent.conftest import robot as robot
 from tests.gateway.api.foxglove.viewer import viewing
 from tests.gateway.harness import OPERATOR_KEY, ScriptedAgent, client, open_socket, running_gateway
+from tests.support.counter import FIBONACCI
 from tests.support.key_ring import bearer
 
 TWIST = "geometry_msgs/msg/Twist"
@@ -86,6 +88,11 @@ def cdr(speed: float) -> bytes:
     message = Twist()
     message.linear.x = speed
     return codec(TWIST).encode(message)
+
+
+def tenths(speed: float) -> int:
+    """A speed as the goals of the action cmd_vel have it."""
+    return round(speed * 10)
 
 
 def code(answer: httpx.Response) -> str:
@@ -182,7 +189,37 @@ async def foxglove_publish(world: World, speed: float, lease: str, sent_ns: int)
     return ""
 
 
-STAMPLESS = ("Foxglove publish",)  # whose messages do not say when they were made: they are made when they come
+GOAL = "example_interfaces/action/Fibonacci"
+
+
+async def rest_goal(world: World, speed: float, lease: str, sent_ns: int) -> str:
+    body = {"type": GOAL, "goal": {"order": tenths(speed)}, "lease_id": lease, "sent_ns": sent_ns}
+    return code(await world.http.post(f"{BASE}/actions/cmd_vel", json=body)).replace("accepted", "")
+
+
+async def grpc_goal(world: World, speed: float, lease: str, sent_ns: int) -> str:
+    goal = json.dumps({"order": tenths(speed)})
+    request = telemetry_pb2.SendGoalRequest(
+        robot="sim_1", action="cmd_vel", type_name=GOAL, json=goal, lease_id=lease, sent_ns=sent_ns
+    )
+    try:
+        updates = [update async for update in world.telemetry.SendGoal(request, metadata=METADATA)]
+    except grpc.aio.AioRpcError as error:
+        return code_of(error)
+    assert updates[-1].status == "succeeded", updates
+    return ""
+
+
+async def rosbridge_goal(world: World, speed: float, lease: str, sent_ns: int) -> str:
+    said = {"op": "send_action_goal", "id": "g", "action": "/sim_1/cmd_vel", "action_type": GOAL, "lease_id": lease}
+    async with open_socket(world.ready, "/rosbridge/sim_1") as socket:
+        await socket.send(json.dumps({**said, "args": {"order": tenths(speed)}}))
+        result = json.loads(await asyncio.wait_for(socket.recv(), 60))
+    assert (result["op"], result["id"]) == ("action_result", "g")
+    return "" if result["result"] else "lease_required" if "lease" in result["values"] else str(result["values"])
+
+
+STAMPLESS = ("Foxglove publish", "rosbridge goal")  # do not say when they were made: they are made when they come
 DOORS: dict[str, Door] = {
     "REST publish": rest_json,
     "REST publish under a key": rest_once,
@@ -194,13 +231,23 @@ DOORS: dict[str, Door] = {
     "gRPC command": grpc_command,
     "rosbridge publish": rosbridge_publish,
     "Foxglove publish": foxglove_publish,
+    "REST goal": rest_goal,
+    "gRPC goal": grpc_goal,
+    "rosbridge goal": rosbridge_goal,
 }
 
 
 @pytest.fixture
 def heard(robot: Robot) -> list[float]:
-    """linear.x of what reaches the robot's base, zeros left out: they stop it."""
+    """linear.x of what reaches the robot's base, zeros left out: they stop it; and what its action cmd_vel is told."""
     speeds: list[float] = []
+
+    def execute(goal: ServerGoal) -> Any:
+        speeds.append(goal.request.order / 10)
+        goal.succeed()
+        return FIBONACCI.Result()
+
+    robot.node.create_action_server(FIBONACCI, "cmd_vel", execute)
     robot.node.create_subscription(Twist, "cmd_vel", lambda m: speeds.append(m.linear.x) if m.linear.x else None, 10)
     return speeds
 

@@ -93,6 +93,10 @@ class Gate:
             if not isinstance(error, MetarosError | grpc.aio.AbortError):
                 log.exception("%s failed", method)
             await refuse(context, error)
+        except BaseException:  # its caller went: what it had begun may be done all the same
+            if call.row.mutates and call.principal is not NOBODY:
+                services.audit.add(**_facts(method, call, context, status=call.status))
+            raise
         else:
             await self._ended(method, call, context, None)
         finally:
@@ -126,20 +130,8 @@ class Gate:
             status, code = error_row(error).http, error_code(error)
         elif error is not None:
             status, code = 500, "internal"
-        who, call.status = call.principal, status
-        facts: dict[str, Any] = {
-            "kind": who.kind,
-            "actor": who.id,
-            "name": who.name,
-            "role": who.role.word,
-            "address": address_of_peer(context.peer()),
-            "action": call.row.name,
-            "method": "GRPC",
-            "target": f"{method} {call.robot[:64]}".strip(),
-            "status": status,
-            "code": code,
-            "detail": call.detail,
-        }
+        call.status = status
+        facts = _facts(method, call, context, status=status, code=code)
         if status in REFUSALS:
             call.services.audit.refuse(**facts)
         elif call.row.mutates:
@@ -147,6 +139,24 @@ class Gate:
                 await call.services.audit.record(**facts)
             except MetarosError as failed:  # it is over, and cannot be taken back
                 log.warning("the audit log has no row of %s: %s", method, failed)
+
+
+def _facts(method: str, call: Call, context: Context, *, status: int, code: str = "") -> dict[str, Any]:
+    """A call's row in the audit log."""
+    who = call.principal
+    return {
+        "kind": who.kind,
+        "actor": who.id,
+        "name": who.name,
+        "role": who.role.word,
+        "address": address_of_peer(context.peer()),
+        "action": call.row.name,
+        "method": "GRPC",
+        "target": f"{method} {call.robot[:64]}".strip(),
+        "status": status,
+        "code": code,
+        "detail": call.detail,
+    }
 
 
 def _name(who: Principal) -> str:

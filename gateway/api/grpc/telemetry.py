@@ -90,6 +90,7 @@ class TelemetryService:
             goal=document(request.json, "json"),
             timeout_s=request.timeout_s or LIMITS.command_timeout_s,
             lease_id=request.lease_id,
+            sent_ns=stamp(request.sent_ns),
             by=call.principal.name or call.principal.id,
         )
         call.detail = f"goal {goal.id} of {goal.action[:100]}"

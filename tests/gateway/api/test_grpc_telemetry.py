@@ -23,6 +23,7 @@ from tests.support.key_ring import bearer
 from tests.support.waiting import wait_until_async
 
 OPERATOR = RING.add(role=Role.OPERATOR)
+ADMIN = RING.add(role=Role.ADMIN)
 ELSEWHERE = RING.add(role=Role.VIEWER, robots=("other_*",))
 STRING = "std_msgs/msg/String"
 PERCENT = link_pb2.Series(series_id=1, name="battery.percentage", topic="/sim_1/battery", field="percentage")
@@ -211,7 +212,11 @@ async def test_a_goal_or_call_that_moves_the_robot_needs_the_lease(tmp_path: Pat
 
 async def test_a_goal_from_its_start_to_its_result(tmp_path: Path) -> None:
     fibonacci = "example_interfaces/action/Fibonacci"
-    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent, telemetry(ready) as stub:
+    async with AsyncExitStack() as stack:
+        ready = await stack.enter_async_context(running_gateway(tmp_path))
+        agent = await stack.enter_async_context(ScriptedAgent(ready))
+        stub = await stack.enter_async_context(telemetry(ready))
+        http = await stack.enter_async_context(client(ready, key=ADMIN))
         request = telemetry_pb2.SendGoalRequest(
             robot="sim_1", action="fibonacci", type_name=fibonacci, json='{"order": 3}'
         )
@@ -241,6 +246,14 @@ async def test_a_goal_from_its_start_to_its_result(tmp_path: Path) -> None:
         asked = (await agent.next("command")).command
         assert asked.cancel_goal.goal_id == goal
         cancelling.cancel()
+        rows: list[dict[str, Any]] = []
+        async with asyncio.timeout(60):
+            while len(rows) < 2:  # who sends a goal and goes has sent it
+                rows = (await http.get("/api/v1/audit", params={"action": "robots.call"})).json()["rows"]
+                await asyncio.sleep(0.02)
+        kept = sorted((row["target"].rpartition("/")[2], row["status"], row["detail"]) for row in rows)
+        send = ("SendGoal sim_1", 499, f"goal {goal.hex()} of /sim_1/fibonacci")
+        assert kept == [("CancelGoal sim_1", 499, f"goal {goal.hex()}"), send]
 
 
 async def test_events_are_read_and_followed(tmp_path: Path) -> None:

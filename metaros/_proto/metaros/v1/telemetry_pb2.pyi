@@ -194,20 +194,22 @@ class CallServiceResponse(_message.Message):
     def __init__(self, json: _Optional[str] = ...) -> None: ...
 
 class SendGoalRequest(_message.Message):
-    __slots__ = ("robot", "action", "type_name", "json", "timeout_s", "lease_id")
+    __slots__ = ("robot", "action", "type_name", "json", "timeout_s", "lease_id", "sent_ns")
     ROBOT_FIELD_NUMBER: _ClassVar[int]
     ACTION_FIELD_NUMBER: _ClassVar[int]
     TYPE_NAME_FIELD_NUMBER: _ClassVar[int]
     JSON_FIELD_NUMBER: _ClassVar[int]
     TIMEOUT_S_FIELD_NUMBER: _ClassVar[int]
     LEASE_ID_FIELD_NUMBER: _ClassVar[int]
+    SENT_NS_FIELD_NUMBER: _ClassVar[int]
     robot: str
     action: str
     type_name: str
     json: str
     timeout_s: float
     lease_id: str
-    def __init__(self, robot: _Optional[str] = ..., action: _Optional[str] = ..., type_name: _Optional[str] = ..., json: _Optional[str] = ..., timeout_s: _Optional[float] = ..., lease_id: _Optional[str] = ...) -> None: ...
+    sent_ns: int
+    def __init__(self, robot: _Optional[str] = ..., action: _Optional[str] = ..., type_name: _Optional[str] = ..., json: _Optional[str] = ..., timeout_s: _Optional[float] = ..., lease_id: _Optional[str] = ..., sent_ns: _Optional[int] = ...) -> None: ...
 
 class WatchGoalRequest(_message.Message):
     __slots__ = ("robot", "goal")
