@@ -7,6 +7,7 @@ with the count when it ends, not one a message. Names are those that the client 
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -82,6 +83,7 @@ class Visitor:
     address: str = ""
     _publications: dict[Place, Publication] = field(default_factory=dict)
     _refused: set[tuple[str, str]] = field(default_factory=set)
+    _turn: asyncio.Lock = field(default_factory=asyncio.Lock)  # held by a message that is being made: later ones wait
 
     @classmethod
     def of(cls, socket: HTTPConnection, services: Services, visit: Visit, *, robot: str | None = None) -> Visitor:
@@ -231,6 +233,7 @@ class Visitor:
                 size_hint_bytes=size_hint_bytes,
                 lease_id=lease_id,
                 sent_ns=sent_ns,
+                turn=self._turn,
             )
         except MetarosError:
             publication.refused += 1
@@ -282,6 +285,7 @@ class Visitor:
                 raw=raw,
                 timeout_s=timeout_s,
                 lease_id=lease_id,
+                turn=self._turn,
             )
             noted.result = None if raw else answer
         return answer

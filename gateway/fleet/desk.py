@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable
+from contextlib import AbstractAsyncContextManager, nullcontext
 from typing import Any
 
 from gateway.domain.lease import LeaseTable
@@ -24,6 +25,8 @@ __all__ = ["FleetDesk"]
 
 LARGE_JSON_BYTES = 32 * 1024  # beyond it, encoding runs in a thread: the event loop never stops for 5 ms
 MAX_TIMEOUT_S = 120.0
+
+Turn = AbstractAsyncContextManager[None]
 
 
 class FleetDesk:
@@ -61,21 +64,24 @@ class FleetDesk:
         size_hint_bytes: int = 0,
         lease_id: str = "",
         sent_ns: int = 0,
+        turn: Turn | None = None,
     ) -> None:
         """Publish once on a topic of the robot; `cdr` wins over `message`. Returns after the agent's result.
 
-        `sent_ns` is when the client made it, 0 = now: on an actuator topic the agent refuses what is too old.
+        `sent_ns` is when the client made it, 0 = now: on an actuator topic the agent refuses what is too old. `turn`
+        is a fair lock, held until it can be sent: what waits for the same one does not overtake it.
         """
         require_online(self._find(robot_id))
-        command = await self.publishing(
-            robot_id,
-            topic,
-            type_name=type_name,
-            message=message,
-            cdr=cdr,
-            size_hint_bytes=size_hint_bytes,
-            lease_id=lease_id,
-        )
+        async with turn or nullcontext():
+            command = await self.publishing(
+                robot_id,
+                topic,
+                type_name=type_name,
+                message=message,
+                cdr=cdr,
+                size_hint_bytes=size_hint_bytes,
+                lease_id=lease_id,
+            )
         command.sent_ns = sent_ns
         await self._commands.run(robot_id, command, timeout_s=LIMITS.command_timeout_s)
 
@@ -131,15 +137,18 @@ class FleetDesk:
         lease_id: str = "",
         sent_ns: int = 0,
         look: bool = False,
+        turn: Turn | None = None,
     ) -> Any:
         """Call a service of the robot and return its response as JSON-able values, or its CDR where `raw`.
 
-        `cdr` wins over `request`; without `type_name` the robot's graph says it. `look`: it changes nothing.
+        `cdr` wins over `request`; without `type_name` the robot's graph says it. `look`: it changes nothing. `turn`:
+        see `publish`.
         """
         if not 0 < timeout_s <= MAX_TIMEOUT_S:
             raise InvalidRequestError(f"timeout_s is more than 0 and at most {MAX_TIMEOUT_S:g}")
         require_online(self._find(robot_id))
-        command = self.calling(robot_id, service, type_name=type_name, request=request, cdr=cdr, lease_id=lease_id)
+        async with turn or nullcontext():
+            command = self.calling(robot_id, service, type_name=type_name, request=request, cdr=cdr, lease_id=lease_id)
         command.sent_ns = sent_ns
         result = await self._commands.run(robot_id, command, timeout_s=timeout_s, look=look)
         if raw:

@@ -137,6 +137,17 @@ async def test_who_may_publish_may_send_a_map(tmp_path: Path) -> None:
             assert viewer.socket.close_code == 1009
 
 
+async def test_a_long_message_is_not_overtaken_by_short_ones(tmp_path: Path) -> None:
+    orders = {"id": 1, "topic": "/sim_1/orders", "encoding": "json", "schemaName": STRING}
+    said = ["long " * 100_000, *map(str, range(20))]
+    async with running_gateway(tmp_path) as ready, Answering.of(ready) as robot, viewing(ready, "/sim_1") as viewer:
+        await viewer.say("advertise", channels=[orders])
+        for data in said:
+            await viewer.socket.send(struct.pack("<BI", 1, 1) + json.dumps({"data": data}).encode())
+        await wait_until_async(lambda: len(robot.published) == len(said))
+        assert [payload for _, _, payload in robot.published] == [text(data) for data in said]
+
+
 async def test_a_viewer_looks_and_an_operator_without_a_lease_does_not_drive(tmp_path: Path) -> None:
     drive = {"id": 1, "topic": "/sim_1/cmd_vel", "encoding": "json", "schemaName": "geometry_msgs/msg/Twist"}
     speak = {"id": 2, "topic": "/sim_1/orders", "encoding": "json", "schemaName": STRING}
