@@ -21,8 +21,8 @@ from metaros.client.drive import AsyncDrive
 from metaros.client.goal import AsyncGoal
 from metaros.client.http import AsyncHttp
 from metaros.client.results import Command, Event, GoalUpdate, Robot, Sample, Series, Values
-from metaros.client.retries import Retries
-from metaros.clock import system_rng
+from metaros.client.retries import Retries, StreamRetries
+from metaros.clock import SystemClock, system_rng
 from metaros.errors import MetarosError, PeerError
 
 __all__ = ["AsyncClient"]
@@ -170,7 +170,8 @@ class AsyncClient:
 
         A relative topic counts in each robot's namespace. At most `rate_hz` a second of each channel, 0 for all;
         `latest` has only the newest wait for a slow reader, else up to `queue_bytes` (1 MiB), the oldest goes first.
-        After a loss of the connection it begins again, without what came meanwhile.
+        After a loss of the connection it begins again, without what came meanwhile: a hole in a topic's `seq` is what
+        was lost, to the slow reader too.
         """
         asked = rpc.subscribe_request(topics, series, robots, rate_hz=rate_hz, latest=latest, queue_bytes=queue_bytes)
         async with aclosing(self._again(self._subscribing, lambda: asked, decode=decode)) as replies:
@@ -282,22 +283,19 @@ class AsyncClient:
     async def _again(
         self, call: Callable[[], Awaitable[Any]], request: Callable[[], Any], *, decode: bool = True
     ) -> AsyncGenerator[tuple[Any, rpc.Samples], None]:
-        """A stream's replies; begun again when the connection is lost, as often as `retries` says in a row."""
-        attempt = 1
+        """A stream's replies; begun again when the connection is lost, as `retries` says."""
+        tries = StreamRetries(self._retries, rng=self._rng, clock=SystemClock())
         while True:
             samples = rpc.Samples(decode=decode)
             try:
                 async with aclosing(self._stream(await call(), request())) as replies:
                     async for reply in replies:
-                        attempt = 1
+                        tries.went()
                         yield reply, samples
                 return
             except MetarosError as error:
-                wait_s = self._retries.wait_s(attempt, error, idempotent=True, rng=self._rng)
-                if wait_s is None:
-                    raise
+                wait_s = tries.wait_s(error)
             await asyncio.sleep(wait_s)
-            attempt += 1
 
     async def _stream(self, call: Any, request: Any) -> AsyncGenerator[Any, None]:
         """The replies of a call, whose errors are ours; leaving it ends the call."""

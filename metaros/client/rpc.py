@@ -33,6 +33,8 @@ __all__ = [
 OPTIONS = (
     ("grpc.max_receive_message_length", -1),
     ("grpc.keepalive_time_ms", 20_000),
+    ("grpc.initial_reconnect_backoff_ms", 200),
+    ("grpc.max_reconnect_backoff_ms", 5_000),  # by itself it waits up to two minutes for a gateway that is there again
     ("grpc.enable_http_proxy", 0),
 )
 HTTP_STATUS = {

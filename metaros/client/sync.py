@@ -18,8 +18,8 @@ from metaros.client.drive import Drive
 from metaros.client.goal import Goal
 from metaros.client.http import Http
 from metaros.client.results import Command, Event, GoalUpdate, Robot, Sample, Series, Values
-from metaros.client.retries import Retries
-from metaros.clock import system_rng
+from metaros.client.retries import Retries, StreamRetries
+from metaros.clock import SystemClock, system_rng
 from metaros.errors import MetarosError, PeerError
 
 __all__ = ["Client"]
@@ -167,7 +167,8 @@ class Client:
 
         A relative topic counts in each robot's namespace. At most `rate_hz` a second of each channel, 0 for all;
         `latest` has only the newest wait for a slow reader, else up to `queue_bytes` (1 MiB), the oldest goes first.
-        After a loss of the connection it begins again, without what came meanwhile.
+        After a loss of the connection it begins again, without what came meanwhile: a hole in a topic's `seq` is what
+        was lost, to the slow reader too.
         """
         asked = rpc.subscribe_request(topics, series, robots, rate_hz=rate_hz, latest=latest, queue_bytes=queue_bytes)
         for reply, samples in self._again(lambda: self._telemetry().Subscribe, lambda: asked, decode=decode):
@@ -272,21 +273,18 @@ class Client:
     def _again(
         self, call: Callable[[], Any], request: Callable[[], Any], *, decode: bool = True
     ) -> Iterator[tuple[Any, rpc.Samples]]:
-        """A stream's replies; begun again when the connection is lost, as often as `retries` says in a row."""
-        attempt = 1
+        """A stream's replies; begun again when the connection is lost, as `retries` says."""
+        tries = StreamRetries(self._retries, rng=self._rng, clock=SystemClock())
         while True:
             samples = rpc.Samples(decode=decode)
             try:
                 for reply in self._stream(call(), request()):
-                    attempt = 1
+                    tries.went()
                     yield reply, samples
                 return
             except MetarosError as error:
-                wait_s = self._retries.wait_s(attempt, error, idempotent=True, rng=self._rng)
-                if wait_s is None:
-                    raise
+                wait_s = tries.wait_s(error)
             self._http.pause(wait_s)
-            attempt += 1
 
     def _stream(self, call: Any, request: Any) -> Iterator[Any]:
         """The replies of a call, whose errors are ours; leaving it ends the call."""

@@ -6,7 +6,8 @@ from random import Random  # noqa: TID251  (seeded)
 
 import pytest
 
-from metaros.client.retries import MAX_WAIT_S, Retries
+from metaros.client.retries import MAX_WAIT_S, Retries, StreamRetries
+from metaros.clock import ManualClock
 from metaros.errors import MetarosError, PeerError, RefusedError, UnavailableError
 
 BUSY = RefusedError("later", status=503, reason="overloaded")
@@ -38,3 +39,22 @@ def test_waits_grow_with_jitter_and_heed_the_gateway() -> None:
         assert min(found) < 0.2 * max(found), "full jitter: from nothing"
     assert (wait_s(BUSY, after_s=3.0) or 0.0) >= 3.0
     assert wait_s(BUSY, after_s=3600.0) == MAX_WAIT_S
+
+
+def test_a_stream_that_had_begun_is_begun_again_for_minutes() -> None:
+    clock = ManualClock()
+    tries = StreamRetries(Retries(attempts=2, stream_s=60.0), rng=Random(1), clock=clock)
+    tries.wait_s(BUSY)
+    with pytest.raises(RefusedError):
+        tries.wait_s(BUSY)  # it never went
+    for _ in range(2):  # each loss has its own time
+        tries.went()
+        for _ in range(59):
+            assert tries.wait_s(UnavailableError("nobody")) <= 5.0
+            clock.advance(1.0)
+        clock.advance(1.0)
+        with pytest.raises(UnavailableError):
+            tries.wait_s(UnavailableError("nobody"))
+    tries.went()
+    with pytest.raises(RefusedError):
+        tries.wait_s(RefusedError("no", status=403))
