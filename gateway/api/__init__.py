@@ -12,6 +12,7 @@ from gateway.api.audited import Audited
 from gateway.api.authenticate import Authenticate
 from gateway.api.bodies import Bodies
 from gateway.api.conditional import Conditional
+from gateway.api.express import Express
 from gateway.api.foxglove import socket as foxglove
 from gateway.api.guard import Guard
 from gateway.api.measured import Measured
@@ -110,6 +111,7 @@ def create_api(services: Services) -> ASGIApp:
     app.state.services = services
     app.state.robot_rows = make_robot_rows(services)
     install_problems(app)
+    app.add_middleware(Express, routes=robots.EXPRESS)
     for router in ROUTERS:
         app.include_router(router)
     describe_permissions(app, ROUTERS)

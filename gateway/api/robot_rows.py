@@ -17,47 +17,19 @@ import orjson
 from starlette.requests import HTTPConnection
 
 from gateway.api.listing import Fields
+from gateway.api.robot_search import RobotQuery, RobotSearch
 from gateway.api.services import Services
 from gateway.domain.lease import Lease
-from gateway.domain.selector import Selector
-from gateway.ingest.registry import Registry, RobotRecord
+from gateway.ingest.registry import RobotRecord
 from metaros.clock import Clock
 from metaros.limits import LIMITS
 
-__all__ = ["RobotQuery", "RobotRows", "make_robot_rows", "robot_rows_of"]
+__all__ = ["RobotRows", "make_robot_rows", "robot_rows_of"]
 
 ROW_S = 1.0
 SELECTIONS = 16  # of fields, whose rows are kept
-LOOKED_AT_ONCE = 500  # robots that a filter looks at before it lets others do something
+RENDERED_AT_ONCE = 200  # rows, before others get to do something
 OVERHEAD_BYTES = 500  # of a row beside its text
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RobotQuery:
-    """Which robots of those in scope a list is to have."""
-
-    sees: Callable[[str], bool] | None = None
-    selector: Selector | None = None
-    online: bool | None = None
-    text: str = ""
-
-    @property
-    def plain(self) -> bool:
-        """Whether every robot is wanted."""
-        return self.sees is None and self.selector is None and self.online is None and not self.text
-
-    def matches(self, record: RobotRecord, labels: Callable[[str], Mapping[str, str]]) -> bool:
-        """Whether a robot is one of them. The text may be part of its id, host name, or a label's value."""
-        robot = record.robot.id
-        if self.sees is not None and not self.sees(robot):
-            return False
-        if self.online is not None and record.online != self.online:
-            return False
-        if self.selector is not None and not self.selector.matches(robot, labels(robot)):
-            return False
-        if not self.text:
-            return True
-        return any(self.text in part.lower() for part in (robot, record.robot.hostname, *labels(robot).values()))
 
 
 @dataclass(slots=True)
@@ -86,18 +58,16 @@ class RobotRows:
 
     def __init__(
         self,
-        registry: Registry,
+        search: RobotSearch,
         describe: Callable[[str], Mapping[str, Any]],
-        labels: Callable[[str], Mapping[str, str]],
         desired: Callable[[str], object],
         lease: Callable[[str], Lease | None],
         *,
         clock: Clock,
     ) -> None:
         """`describe` is a robot's whole document, `desired` an object that is another one when its labels change."""
-        self._registry = registry
+        self._search = search
         self._describe = describe
-        self._labels = labels
         self._desired = desired
         self._lease = lease
         self._clock = clock
@@ -106,34 +76,19 @@ class RobotRows:
 
     async def page(self, query: RobotQuery, *, after: str, limit: int, fields: Fields, text: str) -> tuple[bytes, str]:
         """The page behind a robot's id, as JSON, and its ETag; `text` is how `fields` were asked for."""
-        records = await self._chosen(query, after, limit + 1)
+        records = await self._search.behind(query, after, limit + 1)
         following = records[limit - 1].robot.id if len(records) > limit else None
-        del records[limit:]
-        rows = self._rows(records, fields, text)
+        rows = await self._rows(records[:limit], fields, text)
         tag = blake2b(b"".join([row.digest for row in rows]), digest_size=12)
         tag.update(orjson.dumps(following))
         body = b'{"robots":[%b],"next":%b}' % (b",".join([row.text for row in rows]), orjson.dumps(following))
         return body, f'"{tag.hexdigest()}"'
 
-    async def _chosen(self, query: RobotQuery, after: str, most: int) -> list[RobotRecord]:
-        if query.plain:
-            return self._registry.behind(after, most)
-        found: list[RobotRecord] = []
-        while some := self._registry.behind(after, LOOKED_AT_ONCE):
-            for record in some:
-                if query.matches(record, self._labels):
-                    found.append(record)
-                    if len(found) == most:
-                        return found
-            after = some[-1].robot.id
-            await asyncio.sleep(0)
-        return found
-
-    def _rows(self, records: list[RobotRecord], fields: Fields, text: str) -> list[_Row]:
+    async def _rows(self, records: list[RobotRecord], fields: Fields, text: str) -> list[_Row]:
         """This loop is what a large fleet's pages are: where rows are known it does nothing but compare."""
         selection = self._selection(text)
         known, desired_of, lease_of = selection.rows, self._desired, self._lease
-        now_s = self._clock.monotonic_s()
+        now_s, rendered = self._clock.monotonic_s(), 0
         rows = []
         for record in records:
             robot = record.robot.id
@@ -149,7 +104,10 @@ class RobotRows:
                 continue
             if row is None or not _holds(row, record, desired, lease, now_s):
                 row = self._render(record, desired, lease, fields, now_s)
-                self._keep(selection, robot, row)
+                self._keep(text, selection, robot, row)
+                rendered += 1
+                if rendered % RENDERED_AT_ONCE == 0:
+                    await asyncio.sleep(0)
             rows.append(row)
         return rows
 
@@ -167,7 +125,9 @@ class RobotRows:
         self._selections[text] = selection
         return selection
 
-    def _keep(self, selection: _Selection, robot: str, row: _Row) -> None:
+    def _keep(self, text: str, selection: _Selection, robot: str, row: _Row) -> None:
+        if self._selections.get(text) is not selection:
+            return  # it was forgotten while its rows were rendered
         before = selection.rows.pop(robot, None)
         grown = len(row.text) + OVERHEAD_BYTES
         grown -= len(before.text) + OVERHEAD_BYTES if before is not None else 0
@@ -176,6 +136,8 @@ class RobotRows:
         self._size_bytes += grown
         while self._size_bytes > LIMITS.robot_rows_bytes and len(self._selections) > 1:
             self._forget_oldest()
+        if self._selections.get(text) is not selection:
+            return
         while self._size_bytes > LIMITS.robot_rows_bytes and len(selection.rows) > 1:
             gone = selection.rows.pop(next(iter(selection.rows)))
             selection.size_bytes -= len(gone.text) + OVERHEAD_BYTES
@@ -205,8 +167,8 @@ def _session(record: RobotRecord) -> tuple[bool, int, int]:
 def make_robot_rows(services: Services) -> RobotRows:
     """The rows of a gateway's robots."""
     twins, clock = services.twins, services.clock
-    desired, lease = twins.book.desired.get, services.leases.find
-    return RobotRows(services.registry, services.describe, twins.labels_of, desired, lease, clock=clock)
+    search = RobotSearch(services.registry, twins.labels_of, lambda: twins.book.revision)
+    return RobotRows(search, services.describe, twins.book.desired.get, services.leases.find, clock=clock)
 
 
 def robot_rows_of(connection: HTTPConnection) -> RobotRows:

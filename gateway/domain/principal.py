@@ -11,7 +11,7 @@ from typing import Literal
 from metaros.errors import NameError_
 from metaros.idl.globs import Glob
 
-__all__ = ["EVERY_ROBOT", "NOBODY", "Kind", "Principal", "Role", "anonymous_viewer", "check_robots"]
+__all__ = ["EVERY_ROBOT", "NOBODY", "Kind", "Principal", "Role", "anonymous_viewer", "check_robots", "in_scope"]
 
 Kind = Literal["anonymous", "user", "key", "robot"]
 EVERY_ROBOT = ("*",)
@@ -58,7 +58,7 @@ class Principal:
 
     def sees(self, robot_id: str) -> bool:
         """Whether the robot is in scope: for everybody else it does not exist."""
-        return "*" in self.robots or any(_glob(pattern).matches(robot_id) for pattern in self.robots)
+        return in_scope(self.robots, robot_id)
 
     @property
     def sees_all(self) -> bool:
@@ -67,6 +67,11 @@ class Principal:
 
 
 NOBODY = Principal(kind="anonymous", name="anonymous")
+
+
+def in_scope(patterns: tuple[str, ...], robot_id: str) -> bool:
+    """Whether a robot is one of those that a principal's patterns let it see."""
+    return "*" in patterns or any(_glob(pattern).matches(robot_id) for pattern in patterns)
 
 
 def anonymous_viewer() -> Principal:

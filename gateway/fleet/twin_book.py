@@ -36,6 +36,7 @@ class TwinBook:
     def __init__(self, store: Store) -> None:
         self._store = store
         self.desired: dict[str, Desired] = {}
+        self.revision = 0  # grows with every change of `desired`
         self.reported: dict[str, Reported] = {}
         self.templates: dict[str, Template] = {}
         self._change = 0
@@ -94,6 +95,7 @@ class TwinBook:
             known = self.desired.get(item.robot)
             if known is None or item.change > known.change:
                 self.desired[item.robot] = item
+                self.revision += 1
                 learnt.append(item.robot)
         return learnt
 

@@ -6,7 +6,7 @@ import asyncio
 import math
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import islice
 
@@ -107,6 +107,7 @@ class RobotRecord:
         self.quota_said_s = -math.inf
         self.forks = 0  # how often a copy of the robot's outbox was found out
         self.revision = 1
+        self.on_other: Callable[[], None] = lambda: None  # it is another robot than it was, by its own words
         self._process = b""
         self._displaced: deque[bytes] = deque(maxlen=REMEMBERED_PROCESSES)
         self._rivals: dict[bytes, tuple[int, float]] = {}  # processes that were fenced: how often, and when last
@@ -123,7 +124,7 @@ class RobotRecord:
 
         True when a process is back after another one had followed it: then there are two of them.
         """
-        self.robot = robot
+        other, self.robot = robot != self.robot, robot
         self.session_number = session_number
         back = session_id in self._displaced
         if session_id != self._process:
@@ -134,6 +135,8 @@ class RobotRecord:
             self.channels, self._newest = {}, {}
             self.statistics = link_pb2.TopicStatistics()
         self.revision += 1
+        if other:
+            self.on_other()
         return back
 
     def fenced(self, session_id: bytes, *, heard_s: float, now_s: float) -> bool:
@@ -287,9 +290,10 @@ def kind(channel: Channel) -> tuple[str, str, str]:
 
 
 class Registry:
-    """All robots by id."""
+    """All robots by id. `revision` grows when there is another one, or one says other things of itself."""
 
     def __init__(self) -> None:
+        self.revision = 0
         self._records: dict[str, RobotRecord] = {}
         self._ids: list[str] = []  # in order: a page of ten thousand robots sorts nothing
         self._sorted: list[RobotRecord] = []  # in the same order
@@ -300,6 +304,8 @@ class Registry:
             place = bisect_right(self._ids, record.robot.id)
             self._ids.insert(place, record.robot.id)
             self._sorted.insert(place, record)
+            record.on_other = self._changed
+            self._changed()
         return self._records.setdefault(record.robot.id, record)
 
     def get(self, robot_id: str) -> RobotRecord:
@@ -321,3 +327,6 @@ class Registry:
         """At most so many robots behind an id, which need not be one, by id; from the first with ""."""
         start = bisect_right(self._ids, robot_id) if robot_id else 0
         return self._sorted[start : start + most]
+
+    def _changed(self) -> None:
+        self.revision += 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from fastapi import APIRouter
+from fastapi.routing import APIRoute
 from pydantic import BaseModel, Field
 from starlette.requests import Request
 from starlette.responses import Response
@@ -15,14 +16,15 @@ from gateway.api.listing import FIELDS, Paged, listing, read_fields
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, query_document, read_query
 from gateway.api.rest.twin import SELECTOR
-from gateway.api.robot_rows import RobotQuery, robot_rows_of
+from gateway.api.robot_rows import robot_rows_of
+from gateway.api.robot_search import RobotQuery
 from gateway.api.services import services_of
 from gateway.api.views import topic_view
 from gateway.domain.selector import Selector
 from gateway.ingest.registry import ChannelState
 from metaros.limits import LIMITS
 
-__all__ = ["router"]
+__all__ = ["EXPRESS", "router"]
 
 router = APIRouter(prefix="/api/v1/robots", tags=["robots"], default_response_class=JsonResponse)
 
@@ -46,9 +48,9 @@ class RobotsAsked(BaseModel):
 )
 async def list_robots(request: Request) -> Response:
     """The robots that ever connected and that one sees, by id. What a link brings is at most a second old."""
-    principal, asked = principal_of(request), read_query(request, RobotsAsked)
+    asked = read_query(request, RobotsAsked)
     query = RobotQuery(
-        sees=None if principal.sees_all else principal.sees,
+        scope=principal_of(request).robots,
         selector=Selector.parse(asked.selector) if asked.selector else None,
         online=asked.online,
         text=asked.q.lower(),
@@ -87,6 +89,9 @@ async def list_topics(request: Request, robot_id: str, window: Paged) -> Respons
         return topic_view(state, demand)
 
     return listing("topics", record.topics(), view, model=models.Topic, key=_channel, window=window)
+
+
+EXPRESS = [route for route in router.routes if isinstance(route, APIRoute) and route.endpoint is list_robots]
 
 
 def _channel(state: ChannelState) -> str:

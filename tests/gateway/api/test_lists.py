@@ -16,11 +16,11 @@ from gateway.api import robot_rows as module
 from gateway.api.conditional import entity_tag, matches
 from gateway.api.listing import page_of, read_fields
 from gateway.api.models import Robot as RobotDocument
-from gateway.api.robot_rows import RobotQuery, RobotRows
+from gateway.api.robot_rows import RobotRows
+from gateway.api.robot_search import RobotQuery, RobotSearch
 from gateway.domain.lease import Lease
 from gateway.domain.principal import Role
 from gateway.domain.robot import Robot
-from gateway.domain.selector import Selector
 from gateway.errors import InvalidRequestError
 from gateway.ingest.registry import Registry, RobotRecord
 from metaros.clock import ManualClock
@@ -201,9 +201,8 @@ class Rows:
         self.rendered = 0
         self.desired: dict[str, object] = {}
         self.leases: dict[str, Lease] = {}
-        self.rows = RobotRows(
-            self.registry, self._describe, lambda _robot: {}, self.desired.get, self.leases.get, clock=self.clock
-        )
+        search = RobotSearch(self.registry, lambda _robot: {}, lambda: 0)
+        self.rows = RobotRows(search, self._describe, self.desired.get, self.leases.get, clock=self.clock)
 
     def _describe(self, robot: str) -> dict[str, Any]:
         self.rendered += 1
@@ -268,10 +267,13 @@ async def test_rows_that_nobody_asks_for_go_first(monkeypatch: pytest.MonkeyPatc
     assert some.rendered >= 5
 
 
-async def test_a_filter_looks_at_every_robot() -> None:
+async def test_a_selection_that_is_forgotten_while_it_is_rendered_is_not_counted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(module, "SELECTIONS", 1)
+    monkeypatch.setattr(module, "RENDERED_AT_ONCE", 1)
     some = Rows()
-    for number in range(1200):
-        some.registry.add(RobotRecord(Robot(f"n{number:04}", hostname="x" if number % 600 else "Needle"), seen_ns=1))
-    query = RobotQuery(text="needle", selector=Selector.parse(""), sees=lambda robot: robot != "n0000")
-    body, _ = await some.rows.page(query, after="", limit=9, fields=read_fields("id", RobotDocument), text="id")
-    assert body == b'{"robots":[{"id":"n0600"}],"next":null}'
+    await asyncio.gather(*(some.tag(text) for text in ("", "id", "state")))
+    await some.tag("id")
+    kept = [row for selection in some.rows._selections.values() for row in selection.rows.values()]
+    assert some.rows._size_bytes == sum(len(row.text) + module.OVERHEAD_BYTES for row in kept)
