@@ -3,9 +3,11 @@
     python -m load_tests rest [--robots 10000] [--online 500] [--clients 50] [--seconds 6] [--rounds 5] [--quick]
 
 A gateway in this process, on SQLite; its robots linked from a second process, the clients in a third, all on loopback
-and on this machine's cores. Every client has a key of its own and one connection, and asks for a page at a random
-place as soon as it has the one before. `online` robots have a living link; the others are known from earlier days.
-1 is returned when the median of the rounds' p99 of whole pages is over 50 ms.
+and on this machine's cores. Every client has a key of its own, from the store as everybody's, and one connection, and
+asks for a page at a random place as soon as it has the one before. `online` robots have a living link; the others are
+known from earlier days. CPU is the gateway's whole process by the answers that it gave; the pause is the longest time
+in which its event loop did nothing else, the answers behind one another included; of the clients' core there has to be
+some left. 1 is returned when the median of the rounds' p99 of whole pages is over 50 ms.
 """
 
 from __future__ import annotations
@@ -14,27 +16,31 @@ import argparse
 import asyncio
 import json
 import os
-import resource
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from gateway.domain.principal import Role
 from gateway.heap import settle_heap
+from gateway.identity.keys import KeyRequest, create_key
 from gateway.main import Ready, new_event_loop
 from gateway.store.engines import open_engine
-from tests.gateway.harness import RING, client, running_gateway
+from load_tests.rest_client import WARM
+from metaros.limits import LIMITS
+from tests.gateway.harness import client, running_gateway
 
 __all__ = ["main"]
 
 GOAL_MS = 50.0
 WAIT_S = 300.0
+TICK_S = 0.005  # how often the event loop is looked at
 LABELS = '{"site":"berlin","kind":"amr","line":"%d"}'
 KINDS = {
     "page of 100": ("", False),
@@ -52,12 +58,14 @@ class Round:
     p50_ms: float
     p99_ms: float
     cpu_us: float
+    pause_ms: float
+    clients_core: float
     kib: float
     statuses: str
 
 
-def _fill(folder: Path, count: int) -> None:
-    """Robots of earlier days."""
+def _fill(folder: Path, count: int, clients: int) -> list[str]:
+    """Robots of earlier days; the clients' keys."""
     (folder / "data").mkdir()
     engine, _ = open_engine("", folder / "data")
     now_ns = time.time_ns()
@@ -70,7 +78,28 @@ def _fill(folder: Path, count: int) -> None:
                 for n in range(count)
             ],
         )
+        viewers = [KeyRequest(f"client {number}", Role.VIEWER) for number in range(clients)]
+        keys = [create_key(engine, viewer, owner=None, master=None, now_ns=now_ns).text for viewer in viewers]
     engine.close()
+    return keys
+
+
+@asynccontextmanager
+async def _pauses() -> AsyncIterator[list[float]]:
+    """Seconds in which this event loop did not come to look at the time, for as long as one is in here."""
+    found: list[float] = []
+
+    async def look() -> None:
+        while True:
+            before_s = time.perf_counter()
+            await asyncio.sleep(TICK_S)
+            found.append(time.perf_counter() - before_s - TICK_S)
+
+    task = asyncio.create_task(look())
+    try:
+        yield found
+    finally:
+        task.cancel()
 
 
 async def _ask(ready: Ready, keys: list[str], chosen: argparse.Namespace, kind: str) -> Round:
@@ -84,29 +113,30 @@ async def _ask(ready: Ready, keys: list[str], chosen: argparse.Namespace, kind: 
         "conditional": conditional,
         "paths": [f"/api/v1/robots?limit=100&after={start}{query}" for start in starts],
     }
-    before_s = resource.getrusage(resource.RUSAGE_SELF)
     program, text = [sys.executable, "-m", "load_tests.rest_client"], json.dumps(asked).encode()
-    done = await asyncio.to_thread(subprocess.run, program, input=text, stdout=subprocess.PIPE, check=True)
-    used_s = resource.getrusage(resource.RUSAGE_SELF)
+    before_s = time.process_time()
+    async with _pauses() as pauses:
+        done = await asyncio.to_thread(subprocess.run, program, input=text, stdout=subprocess.PIPE, check=True)
+    cpu_s = time.process_time() - before_s
     found: dict[str, Any] = json.loads(done.stdout)
     latencies = sorted(found["latencies"])
-    count, span_s = len(latencies), chosen.seconds * 0.8
-    cpu_s = (used_s.ru_utime + used_s.ru_stime - before_s.ru_utime - before_s.ru_stime) * 0.8
+    count = len(latencies)
     return Round(
-        per_s=count / span_s,
+        per_s=count / (chosen.seconds * (1.0 - WARM)),
         p50_ms=latencies[count // 2] * 1e3,
         p99_ms=latencies[count * 99 // 100] * 1e3,
-        cpu_us=cpu_s / count * 1e6,
+        cpu_us=cpu_s / found["answered"] * 1e6,
+        pause_ms=max(pauses) * 1e3,
+        clients_core=found["core"],
         kib=found["bytes"] / count / 1024,
         statuses=" ".join(f"{status}:{number}" for status, number in found["statuses"].items()),
     )
 
 
 async def _measure(chosen: argparse.Namespace) -> dict[str, list[Round]]:
-    keys = [RING.add(role=Role.VIEWER, name=f"client {number}") for number in range(chosen.clients)]
     rounds: dict[str, list[Round]] = {kind: [] for kind in KINDS}
     with tempfile.TemporaryDirectory() as folder:
-        await asyncio.to_thread(_fill, Path(folder), chosen.robots)
+        keys = await asyncio.to_thread(_fill, Path(folder), chosen.robots, min(chosen.clients, LIMITS.keys_per_user))
         async with running_gateway(Path(folder)) as ready, client(ready) as http:
             settle_heap()  # as `metaros gateway` does
             listed = await http.get("/api/v1/robots", params={"fields": "id"})
@@ -145,14 +175,21 @@ def main(argv: Sequence[str] = ()) -> int:
     fleet = f"{chosen.robots} robots, {chosen.online} online"
     print(f"{fleet}, {chosen.clients} clients, medians of {chosen.rounds} rounds")
     for kind, rounds in found.items():
-        spread = f"{min(item.p99_ms for item in rounds):.1f}-{max(item.p99_ms for item in rounds):.1f}"
-        middle = {
-            name: statistics.median(getattr(item, name) for item in rounds)
-            for name in ("per_s", "p50_ms", "p99_ms", "cpu_us", "kib")
-        }
-        print(
-            f"{kind:20} {middle['per_s']:7.0f} /s  p50 {middle['p50_ms']:6.1f} ms  p99 {middle['p99_ms']:6.1f} ms"
-            f" ({spread})  {middle['cpu_us']:6.0f} us CPU each  {middle['kib']:6.1f} KiB  {rounds[-1].statuses}"
-        )
+        print(_line(kind, rounds))
     print(f"{os.cpu_count()} cores, load of the last minute {os.getloadavg()[0]:.1f} (ours is 2)")
-    return int(statistics.median(item.p99_ms for item in found["page of 100"]) > GOAL_MS)
+    p99_ms = statistics.median(item.p99_ms for item in found["page of 100"])
+    met = p99_ms <= GOAL_MS
+    print(f"goal: p99 of a page of 100 under {GOAL_MS:.0f} ms: {p99_ms:.1f} ms, {'met' if met else 'MISSED'}")
+    return int(not met)
+
+
+def _line(kind: str, rounds: list[Round]) -> str:
+    spread = f"{min(item.p99_ms for item in rounds):.1f}-{max(item.p99_ms for item in rounds):.1f}"
+    names = ("per_s", "p50_ms", "p99_ms", "cpu_us", "pause_ms", "clients_core", "kib")
+    middle = {name: statistics.median(getattr(item, name) for item in rounds) for name in names}
+    return (
+        f"{kind:20} {middle['per_s']:7.0f} /s  p50 {middle['p50_ms']:6.1f} ms"
+        f"  p99 {middle['p99_ms']:6.1f} ms ({spread})"
+        f"  {middle['cpu_us']:5.0f} us CPU each  pause {middle['pause_ms']:5.1f} ms"
+        f"  clients {middle['clients_core']:.2f} core  {middle['kib']:6.1f} KiB  {rounds[-1].statuses}"
+    )
