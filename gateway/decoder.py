@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Callable
 from typing import Any
 
 from gateway.domain.channel import Channel
@@ -23,16 +24,39 @@ class Decoder:
 
     def __init__(self) -> None:
         self._learned: OrderedDict[tuple[str, bytes], Catalogue] = OrderedDict()
+        # By the id of the channel that is held beside it: a channel's hash takes longer than many a message.
+        self._readers: dict[int, tuple[Channel, Callable[[bytes | memoryview], Any]]] = {}
+
+    def reader(self, channel: Channel) -> Callable[[bytes | memoryview], Any]:
+        """What makes messages of a channel's payloads, found once for all of them.
+
+        Raises:
+            SealedError: nobody but the holder of its key can read it.
+            UnknownTypeError, TypeHashError: its robot did not tell the definition.
+        """
+        found = self._readers.get(id(channel))
+        if found is not None:
+            return found[1]
+        reader: Callable[[bytes | memoryview], Any] = codec(channel.schema_name, self.types_of(channel)).decode
+        if len(self._readers) >= MAX_CATALOGUES:
+            del self._readers[next(iter(self._readers))]
+        self._readers[id(channel)] = channel, reader
+        return reader
+
+    def types_of(self, channel: Channel) -> Catalogue:
+        """Where a channel's type is defined; raises as `reader` does."""
+        if channel.encoding.startswith(SEALED):
+            raise SealedError(f"{channel.topic} is sealed: only who has its key can read it")
+        if channel.encoding != "cdr":
+            raise UnknownTypeError(f"{channel.topic} has encoding {channel.encoding[:40]!r}, which is not decoded here")
+        return self._catalogue(channel)
 
     def decode(self, channel: Channel, payload: bytes) -> Any:
         """The message; MetarosError when it is too large to show, of an unknown type, or not of its type."""
-        if channel.encoding.startswith(SEALED):
-            raise SealedError(f"{channel.topic} is sealed: only who has its key can read it")
+        reader = self.reader(channel)
         if len(payload) > LIMITS.history_decoded_bytes:
             raise TooLargeError(f"{len(payload)} bytes are not shown as JSON, at most {LIMITS.history_decoded_bytes}")
-        if channel.encoding != "cdr":
-            raise UnknownTypeError(f"encoding {channel.encoding[:40]!r} is not decoded here")
-        return to_json(codec(channel.schema_name, self._catalogue(channel)).decode(payload))
+        return to_json(reader(payload))
 
     def view(self, channel: Channel, payload: bytes) -> dict[str, Any]:
         """The keys of an answer for a message: `message`, and `error` where there is none."""

@@ -17,6 +17,7 @@ __all__ = ["HEADER", "Record", "introduction", "record_bytes", "record_parts", "
 
 # record_bytes, subscription, channel, payload_bytes, seq, stamp_ns, gateway_receive_ns
 HEADER = struct.Struct("<IIIIQqq")
+HEADER_BYTES = HEADER.size
 _PADDING = tuple(bytes(count) for count in range(8))
 
 
@@ -33,7 +34,7 @@ class Record:
     @property
     def size_bytes(self) -> int:
         """What the record takes in a frame and counts in a queue."""
-        return record_bytes(len(self.payload))
+        return HEADER_BYTES + (len(self.payload) + 7 & ~7)
 
 
 def introduction(channel: Channel, number: int) -> dict[str, Any]:
@@ -53,7 +54,7 @@ def introduction(channel: Channel, number: int) -> dict[str, Any]:
 
 def record_bytes(payload_bytes: int) -> int:
     """A record's size with header and padding."""
-    return HEADER.size + (payload_bytes + 7 & ~7)
+    return HEADER_BYTES + (payload_bytes + 7 & ~7)
 
 
 def record_parts(record: Record, *, subscription: int, channel: int) -> tuple[bytes, bytes, bytes]:

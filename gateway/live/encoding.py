@@ -46,7 +46,7 @@ class Block:
     def __init__(self, channel: Channel, records: Sequence[Record]) -> None:
         self.channel = channel
         self.records = records
-        self.size_bytes = sum(record.size_bytes for record in records)
+        self.size_bytes = sum([record.size_bytes for record in records])
         self._encoded: dict[Hashable, bytes] = {}
 
     def encoded(self, encoding: Encoding) -> bytes:

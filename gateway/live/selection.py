@@ -69,8 +69,11 @@ class Selection:
         if self._interval_s and self.latest:
             due_s = self._due_s + self._interval_s
             self._due_s = due_s if due_s > now_s else now_s + self._interval_s
-        if len(records) < 2:
-            return [Block(self.channel, records)] if records else []
+        if not records:
+            return []
+        whole = Block(self.channel, records)
+        if whole.size_bytes <= BLOCK_BYTES or len(records) == 1:
+            return [whole]
         return [Block(self.channel, piece) for piece in _pieces(records)]
 
     def _passes(self, stamp_ns: int) -> bool:

@@ -7,12 +7,12 @@ from typing import Any
 
 from gateway.api.rosbridge.inward import arguments, message_of
 from gateway.api.rosbridge.outward import json_values
-from gateway.decoder import SEALED, Decoder
+from gateway.decoder import Decoder
 from gateway.domain.channel import Channel
 from gateway.errors import InvalidRequestError
 from metaros.cdr import codec
 from metaros.cdr.layout import check_size, least_bytes
-from metaros.errors import MetarosError, SealedError, TooLargeError, UnknownTypeError
+from metaros.errors import MetarosError, TooLargeError
 from metaros.idl import Catalogue, message_class
 from metaros.limits import LIMITS
 
@@ -22,14 +22,6 @@ LARGEST_SENT = LIMITS.frame_bytes // 2
 _local = threading.local()  # samples are decoded on the loop and in a thread
 
 
-class Book(Decoder):
-    """The catalogues that robots' announced schemas make."""
-
-    def types_of(self, channel: Channel) -> Catalogue:
-        """Where the channel's type is defined; UnknownTypeError, TypeHashError."""
-        return self._catalogue(channel)
-
-
 def types_of(channel: Channel) -> Catalogue:
     """Where a channel's type is defined.
 
@@ -37,14 +29,7 @@ def types_of(channel: Channel) -> Catalogue:
         SealedError: nobody but the holder of its key can read it.
         UnknownTypeError, TypeHashError: its robot did not tell the definition.
     """
-    if channel.encoding.startswith(SEALED):
-        raise SealedError(f"{channel.topic} is sealed: only who has its key can read it")
-    if channel.encoding != "cdr":
-        raise UnknownTypeError(f"{channel.topic} has encoding {channel.encoding[:40]!r}, which rosbridge does not know")
-    book: Book | None = getattr(_local, "book", None)
-    if book is None:
-        book = _local.book = Book()
-    return book.types_of(channel)
+    return _decoder().types_of(channel)
 
 
 def fault_of(channel: Channel) -> str:
@@ -60,7 +45,7 @@ def decoded(channel: Channel, payload: bytes | memoryview) -> Any:
     """A sample's message; MetarosError where it is none, or too large to be shown."""
     if len(payload) > LIMITS.rosbridge_message_bytes:
         raise TooLargeError(f"{len(payload)} bytes are not shown, at most {LIMITS.rosbridge_message_bytes}")
-    return codec(channel.schema_name, types_of(channel)).decode(payload)
+    return _decoder().reader(channel)(payload)
 
 
 def encode(name: str, value: Any, catalogue: Catalogue, *, now_ns: int) -> bytes:
@@ -78,3 +63,10 @@ def encode(name: str, value: Any, catalogue: Catalogue, *, now_ns: int) -> bytes
 def decode(name: str, payload: bytes, catalogue: Catalogue) -> dict[str, Any]:
     """CDR as values for `json_bytes`; DecodeError when it is none of that type."""
     return json_values(codec(name, catalogue).decode(payload))
+
+
+def _decoder() -> Decoder:
+    decoder: Decoder | None = getattr(_local, "decoder", None)
+    if decoder is None:
+        decoder = _local.decoder = Decoder()
+    return decoder

@@ -17,7 +17,7 @@ from gateway.api.rosbridge.dialect import decoded
 from gateway.api.rosbridge.outward import cbor_values, json_bytes, json_values
 from gateway.api.rosbridge.pieces import fragments, png_message
 from gateway.api.rosbridge.requests import Shape
-from gateway.api.ws.outlet import BINARY, TEXT, frame
+from gateway.api.ws.outlet import BINARY, TEXT, frame, frame_header
 from gateway.domain.channel import Channel
 from gateway.domain.records import Record
 from gateway.live.encoding import Block, Encoding, View
@@ -59,10 +59,13 @@ class JsonPublish:
     def encode(self, block: Block) -> bytes:
         """The samples' frames; one that is no message of its type is left out."""
         head = _json_head(self.topic)
-        texts = [head + made + b"}" for made in block.views(json_view) if made is not None]
-        if self.fragment_size is None:
-            return b"".join([frame(TEXT, text) for text in texts])
-        return b"".join(_in_pieces(texts, block, self.fragment_size))
+        made = [made for made in block.views(json_view) if made is not None]
+        if self.fragment_size is not None:
+            return b"".join(_in_pieces([head + one + b"}" for one in made], block, self.fragment_size))
+        parts: list[bytes] = []
+        for one in made:
+            parts += (frame_header(TEXT, len(head) + len(one) + 1), head, one, b"}")
+        return b"".join(parts)
 
 
 @dataclass(frozen=True, slots=True)

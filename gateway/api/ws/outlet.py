@@ -27,6 +27,7 @@ __all__ = [
     "Outlet",
     "UvicornOutlet",
     "frame",
+    "frame_header",
     "open_outlet",
     "split_frames",
     "take_messages",
@@ -40,12 +41,16 @@ ROOM_BYTES = 64 * 1024  # that wait in the fallback before it takes no more
 
 def frame(opcode: int, payload: bytes) -> bytes:
     """One whole message as a WebSocket frame from a server: `opcode` is TEXT or BINARY."""
-    size = len(payload)
-    if size < 126:
-        return bytes((0x80 | opcode, size)) + payload
-    if size < 65536:
-        return bytes((0x80 | opcode, 126)) + size.to_bytes(2, "big") + payload
-    return bytes((0x80 | opcode, 127)) + size.to_bytes(8, "big") + payload
+    return frame_header(opcode, len(payload)) + payload
+
+
+def frame_header(opcode: int, size_bytes: int) -> bytes:
+    """What stands before a whole message of so many bytes."""
+    if size_bytes < 126:
+        return bytes((0x80 | opcode, size_bytes))
+    if size_bytes < 65536:
+        return bytes((0x80 | opcode, 126)) + size_bytes.to_bytes(2, "big")
+    return bytes((0x80 | opcode, 127)) + size_bytes.to_bytes(8, "big")
 
 
 def split_frames(data: bytes) -> Iterator[tuple[int, bytes]]:

@@ -31,6 +31,11 @@ def gated(channel: Channel, record: Record) -> bytes:
     return noted(channel, record)
 
 
+def held_up(channel: Channel, record: Record) -> bytes:
+    threading.Event().wait(0.02)  # as if another process had the CPU
+    return noted(channel, record)
+
+
 def failing(_channel: Channel, record: Record) -> bytes:
     if record.seq == 2:
         raise ValueError("no such message")
@@ -51,6 +56,11 @@ class Shown:
 @dataclass(frozen=True)
 class ShownLate(Shown):
     view: ClassVar[View[Any] | None] = gated
+
+
+@dataclass(frozen=True)
+class ShownHeldUp(Shown):
+    view: ClassVar[View[Any] | None] = held_up
 
 
 @dataclass(frozen=True)
@@ -94,6 +104,16 @@ def test_a_view_is_made_once_for_all_encodings_rates_and_viewers() -> None:
     hub.publish(make_run(1, [b"a", b"b"], step_ns=2 * 10**9))
     hub.flush()
     assert [taken(sink) for sink in sinks] == [b"1:<1><2>", b"1:<1><2>", b"2:<1><2>", b"3:<1><2>"]
+    assert made_by == [threading.current_thread().name] * 2
+
+
+def test_a_view_that_had_to_wait_for_the_cpu_is_not_taken_for_a_slow_one() -> None:
+    hub = Hub(clock=SystemClock(), later=lambda _s, _call: _Never())
+    sink = watch(hub, ShownHeldUp())
+    for seq in (1, 2):
+        hub.publish(make_run(seq, [b"a"]))
+        hub.flush()
+    assert taken(sink) == b"1:<1>1:<2>"
     assert made_by == [threading.current_thread().name] * 2
 
 
