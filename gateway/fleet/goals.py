@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import uuid
 from collections import OrderedDict
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 from gateway.errors import TooManyError
@@ -65,8 +66,12 @@ class GoalDesk:
         lease_id: str = "",
         sent_ns: int = 0,
         by: str = "",
+        claim: Callable[[str], Awaitable[str]] | None = None,
     ) -> Goal:
         """Send a goal, `cdr` (of X_Goal) wins over `goal`; returns when the server has taken or rejected it.
+
+        `claim` gets the goal's id when all is well and nothing has left, and answers with the id of the goal that the
+        same request began: another one is looked up, and nothing is sent.
 
         Raises:
             UnknownActionError: no type is given, and the robot's graph has no such action.
@@ -85,10 +90,12 @@ class GoalDesk:
         send = link_pb2.SendGoal(action=full, type_name=name, goal_id=kept.goal_id, goal=payload, type_hash=type_hash)
         command = link_pb2.Command(send_goal=send, lease_id=lease_id, sent_ns=sent_ns)
         try:
+            if claim is not None and (begun := await claim(kept.id)) != kept.id:
+                return self._instead(kept, begun)
             result = await self._commands.run(robot_id, command, timeout_s=timeout_s)
             answer = decode(f"{name}_SendGoal_Response", result.payload, catalogue)
         except BaseException:  # should it go on nevertheless, the robot will tell of it
-            self._goals.get(robot_id, OrderedDict()).pop(kept.goal_id, None)
+            self._forget(kept)
             raise
         kept.accepted = bool(answer["accepted"])
         if not kept.accepted:
@@ -172,6 +179,13 @@ class GoalDesk:
         if len(goals) >= self._limits.goals_kept:
             del goals[next(key for key, one in goals.items() if one.ended)]
         goals[goal.goal_id] = goal
+
+    def _forget(self, goal: Goal) -> None:
+        self._goals.get(goal.robot, OrderedDict()).pop(goal.goal_id, None)
+
+    def _instead(self, goal: Goal, begun: str) -> Goal:
+        self._forget(goal)
+        return self.find(goal.robot, begun)
 
     def _adopt(self, robot_id: str, told: link_pb2.GoalEvent) -> Goal | None:
         """A goal that another gateway sent, or this one before it was started anew."""

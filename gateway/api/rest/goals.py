@@ -17,6 +17,7 @@ from gateway.api.models_identity import Nothing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.downloads import DownloadResponse
+from gateway.api.rest.once import OnceGoal
 from gateway.api.rest.sse import EVENT_STREAM, HEADERS, EventPieces, server_event
 from gateway.api.services import services_of
 from gateway.api.views_graph import goal_event_view, goal_view
@@ -40,14 +41,16 @@ async def begin_goal(request: Request, robot_id: str, action: str) -> Response:
     """Begin a goal; answers when the server has taken it, with the goal's own path in `Location`.
 
     The action's name is relative to the robot's namespace, or full (`%2Fsim_1%2Fdock`). Without a type the robot's
-    graph says it. 409 `goal_rejected` when the server does not take it.
+    graph says it. 409 `goal_rejected` when the server does not take it. With an Idempotency-Key the same request begins
+    one goal, and is answered with how that stands now.
     """
     body, services, principal = (
         await read_body(request, models.GoalRequest),
         services_of(request),
         principal_of(request),
     )
-    goal = await services.goals.send(
+    once = OnceGoal(request, robot_id, {"action": action, "goal": body.model_dump()})
+    goal = await once.find() or await services.goals.send(
         robot_id,
         action,
         type_name=body.type,
@@ -56,9 +59,10 @@ async def begin_goal(request: Request, robot_id: str, action: str) -> Response:
         lease_id=body.lease_id,
         sent_ns=body.sent_ns,
         by=principal.name,
+        claim=once.claim,
     )
     note(request, detail=f"goal {goal.id} of {goal.action}: {goal.status}")
-    if not goal.accepted:
+    if not once.settled(goal).accepted:
         raise GoalRejectedError(f"{goal.action} does not take the goal")
     where = f"/api/v1/robots/{robot_id}/goals/{goal.id}"
     return JsonResponse(goal_view(goal), status_code=202, headers={"Location": where})

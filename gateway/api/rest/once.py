@@ -16,12 +16,16 @@ from gateway.api.allow import principal_of
 from gateway.api.audited import note
 from gateway.api.services import services_of
 from gateway.domain.command import DONE, Command
+from gateway.domain.errors import IdempotencyConflictError
 from gateway.domain.once import Once
 from gateway.errors import CommandRefusedError, CommandTimeoutError
 from gateway.fleet.commands import TRAVEL_S
+from gateway.fleet.goal import Goal
 from gateway.fleet.orders import Order
+from gateway.store.engine import StoreEngine
+from gateway.store.once import made_before, remember_made
 
-__all__ = ["carried_once", "key_of", "once_of"]
+__all__ = ["OnceGoal", "carried_once", "key_of", "once_of"]
 
 
 def key_of(request: Request) -> str | None:
@@ -33,6 +37,39 @@ def once_of(request: Request, asked: Mapping[str, Any]) -> Once | None:
     """For what makes something; None without a key. `asked`: the request without its secrets. InvalidRequestError."""
     key = key_of(request)
     return Once.of(principal_of(request), key, asked) if key is not None else None
+
+
+class OnceGoal:
+    """The goal that a request under a key began; a request without a key has none, and begins another each time."""
+
+    def __init__(self, request: Request, robot_id: str, asked: Mapping[str, Any]) -> None:
+        """InvalidRequestError for what is no key."""
+        self._services, self._robot = services_of(request), robot_id
+        self._once = once_of(request, {"robot": robot_id, **asked})
+
+    async def find(self) -> Goal | None:
+        """The goal that the same request began. IdempotencyConflictError, UnknownGoalError when it is gone."""
+        begun = await self._services.store.read(lambda engine: made_before(engine, self._once)) if self._once else ""
+        return self.settled(self._services.goals.find(self._robot, begun)) if begun else None
+
+    async def claim(self, goal_id: str) -> str:
+        """Keep the goal's id under the key, before the goal leaves; the id of the one that was faster."""
+        once, now_ns = self._once, self._services.clock.wall_ns()
+
+        def job(engine: StoreEngine) -> str:
+            if begun := made_before(engine, once):
+                return begun
+            remember_made(engine, once, goal_id, now_ns=now_ns)
+            return goal_id
+
+        return await self._services.store.run(job) if once is not None else goal_id
+
+    @staticmethod
+    def settled(goal: Goal) -> Goal:
+        """The goal; IdempotencyConflictError while nobody knows whether its server takes it."""
+        if not goal.accepted and not goal.ended:
+            raise IdempotencyConflictError("a request under this Idempotency-Key is under way: send it again")
+        return goal
 
 
 async def carried_once(request: Request, order: Order) -> Command:

@@ -10,6 +10,7 @@ import httpx
 import pytest
 
 from metaros.cdr import codec
+from metaros.idl.json import from_json
 from metaros.interfaces.geometry_msgs.msg import Twist
 from metaros.interfaces.std_srvs.srv import Trigger
 from metaros.limits import LIMITS
@@ -22,7 +23,15 @@ STRING = "std_msgs/msg/String"
 PUBLISH = {"topic": "say", "type": STRING, "message": {"data": "once"}}
 CALL = {"service": "go", "type": "std_srvs/srv/Trigger", "request": {}}
 YES = codec("std_srvs/srv/Trigger_Response").encode(Trigger.Response(success=True, message="ok"))
+FIBONACCI = "example_interfaces/action/Fibonacci"
 KEY = {"Idempotency-Key": "mine"}
+
+
+def accepted(yes: bool) -> bytes:
+    """What an action's server answers to a goal."""
+    return codec(f"{FIBONACCI}_SendGoal_Response").encode(
+        from_json(f"{FIBONACCI}_SendGoal_Response", {"accepted": yes})
+    )
 
 
 async def nothing_more(agent: ScriptedAgent, http: httpx.AsyncClient) -> None:
@@ -96,6 +105,40 @@ async def test_a_recording_is_asked_for_once(tmp_path: Path) -> None:
         assert len((await http.get("/api/v1/recordings")).json()["recordings"]) == 1
         span = await http.post(f"{BASE}/recordings", json={"start": "-5s"}, headers={"Idempotency-Key": "b"})
         assert (span.status_code, span.json()["code"]) == (400, "invalid_request")
+
+
+async def test_a_goal_is_sent_once(tmp_path: Path) -> None:
+    asked = {"type": FIBONACCI, "goal": {"order": 3}}
+    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
+
+        async def ask(action: str = "count", key: str = "mine", **changed: Any) -> httpx.Response:
+            path = f"{BASE}/actions/{action}"
+            return await http.post(path, json={**asked, **changed}, headers={"Idempotency-Key": key})
+
+        assert (await ask(goal={"order": "x"})).status_code == 400
+        first = asyncio.ensure_future(ask())
+        command = (await agent.next("command")).command
+        early = await ask()
+        assert (early.status_code, early.json()["code"]) == (409, "idempotency_conflict"), "nobody knows yet"
+        await agent.answer(command, payload=accepted(True))
+        made = await first
+        assert made.status_code == 202, "what was refused leaves its key free"
+        again = await ask()
+        assert (again.status_code, again.json()) == (202, made.json())
+        assert again.headers["location"] == made.headers["location"]
+        for changed in ({"goal": {"order": 4}}, {"action": "other"}):
+            other = await ask(**changed)
+            assert (other.status_code, other.json()["code"]) == (409, "idempotency_conflict"), changed
+        no = [(await answered(agent, ask(key="no"), payload=accepted(False))), await ask(key="no")]
+        assert [(answer.status_code, answer.json()["code"]) for answer in no] == [(409, "goal_rejected")] * 2
+        both = [asyncio.ensure_future(ask(key="two")) for _ in range(2)]
+        await agent.answer((await agent.next("command")).command, payload=accepted(True))
+        assert {(await one).status_code for one in both} <= {202, 409}
+        failed = await answered(agent, ask(key="busy"), code="busy")
+        assert failed.json()["code"] == "busy"
+        assert (await ask(key="busy")).json()["code"] == "unknown_goal", "it may have come: it is not sent again"
+        await nothing_more(agent, http)
+        assert len((await http.get(f"{BASE}/goals")).json()["goals"]) == 3
 
 
 async def test_a_user_is_made_once(tmp_path: Path) -> None:
