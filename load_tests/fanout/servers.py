@@ -1,24 +1,22 @@
-"""What the benchmark measures, each in a process of its own: a real gateway, and the server of PyPI's foxglove-sdk.
+"""A real gateway in a process of its own, which takes samples from a robot's link or publishes what it is told.
 
-    python -m load_tests.fanout.servers gateway|foxglove [--tick-ms 5] [--stall-s 10]
+    python -m load_tests.fanout.servers [--tick-ms 5] [--stall-s 10] [--core 0]
 
-Prints its port; then each line of its input, JSON of a `Load`, makes it publish that, and it prints what CPU time that
-took and how many messages it were. Both publish inside the server's own process, what is due each millisecond: what is
-measured is the way from there to the viewers.
+Prints its HTTP port and the port of robots; then each line of its input, JSON of a `Load`, is published by itself, as
+foxglove-sdk's server does it too: what is due each millisecond, all of it with one stamp, out of one buffer. That
+generator is as light as it gets, and what it takes without any viewer is told apart. With a robot (robot.py) nothing
+of the kind runs here.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
-import json
 import os
-import struct
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,50 +31,14 @@ from gateway.heap import settle_heap
 from gateway.ingest.registry import RobotRecord
 from gateway.main import Ready, new_event_loop, serve
 from gateway.settings import Settings
+from load_tests.fanout.load import SETTLE_S, STEP_S, TOPIC, Load, due_of, read_load
 from metaros.idl import schema_text, type_hash
 from metaros.link import SampleColumns
 
-__all__ = ["Load", "main"]
+__all__ = ["main"]
 
-TOPICS = {False: "/bench", True: "/text"}
-STEP_S = 0.001
-SETTLE_S = 0.3
+ROBOT = "inside"
 TYPE = "std_msgs/msg/UInt8MultiArray"
-_STAMP = struct.Struct("<Q")
-
-
-@dataclass(frozen=True)
-class Load:
-    """What is published: messages of `size` bytes, so many a second; `text`: std_msgs/String, for JSON."""
-
-    seconds: float
-    rate: float
-    size: int
-    text: bool = False
-
-
-def _payload(size: int, filler: bytes) -> bytes:
-    return _STAMP.pack(time.monotonic_ns()) + filler[: size - 8]
-
-
-def _due(load: Load) -> Iterator[int]:
-    """How many messages are due, each time it is asked."""
-    began_s, sent = time.monotonic(), 0
-    while (passed_s := time.monotonic() - began_s) < load.seconds:
-        due = int(passed_s * load.rate) + 1 - sent
-        sent += due
-        yield due
-
-
-def _read_load() -> Load | None:
-    line = sys.stdin.readline()
-    return Load(**json.loads(line)) if line else None
-
-
-def _text_payload(size: int, filler: bytes) -> bytes:
-    """A std_msgs/String in CDR whose text begins with the stamp's digits."""
-    text = b"@%020d" % time.monotonic_ns() + filler[: size - 21] + b"\0"
-    return b"\0\1\0\0" + len(text).to_bytes(4, "little") + text
 
 
 class _Kept(Gateway):
@@ -110,80 +72,80 @@ async def _gateway(options: argparse.Namespace) -> None:
             task.result()  # tells why
         ready: Ready = up.result()
         settle_heap()  # as `metaros gateway` does
-        _Kept.made.registry.add(RobotRecord(Robot(id="bench"), seen_ns=1))
-        print(ready.http_port, flush=True)
-        while (load := await asyncio.to_thread(_read_load)) is not None:
-            await _publish(load)
+        _Kept.made.registry.add(RobotRecord(Robot(id=ROBOT), seen_ns=1))
+        print(ready.http_port, ready.grpc_port, flush=True)
+        while (load := await asyncio.to_thread(read_load)) is not None:
+            sent = await _Generator(load).done
+            await asyncio.sleep(SETTLE_S)
+            print(sent, flush=True)
         stop.set()
         await task
 
 
-def _channel(*, text: bool) -> Channel:
-    kind = "std_msgs/msg/String" if text else TYPE
-    return Channel(
-        robot="bench",
-        channel_id=1 + text,
-        topic=TOPICS[text],
-        schema_name=kind,
-        schema_encoding="ros2msg",
-        schema=schema_text(kind).encode(),
-        type_hash=type_hash(kind),
-    )
+class _Generator:
+    """Publishes a load into the hub, from a timer of the loop; `done` gives how many messages it were."""
 
+    def __init__(self, load: Load) -> None:
+        self._loop = asyncio.get_running_loop()
+        self.done: asyncio.Future[int] = self._loop.create_future()
+        self._due: Iterator[int] = due_of(load)
+        self._size, self._sent = load.size, 0
+        self._made: dict[int, tuple[Any, Any]] = {}  # by count; the hub copies what somebody wants
+        self._hub, self._channel = _Kept.made.hub, _channel()
+        self._step()
 
-async def _publish(load: Load) -> None:
-    make, filler, hub = (_text_payload if load.text else _payload), b"x" * load.size, _Kept.made.hub
-    channel, seq, began_s = _channel(text=load.text), 0, time.process_time()
-    for due in _due(load):
+    def _step(self) -> None:
+        due = next(self._due, None)
+        if due is None:
+            self.done.set_result(self._sent)
+            return
+        self._loop.call_later(STEP_S, self._step)
         if due:
-            payloads, stamp_ns = [make(load.size, filler) for _ in range(due)], time.time_ns()
+            (payload, offsets), stamp_ns = self._stamped(due), time.time_ns()
             columns = SampleColumns(
                 stream_id=1,
                 epoch=1,
-                first_seq=seq + 1,
+                first_seq=self._sent + 1,
                 stamps_ns=np.full(due, stamp_ns),
-                offsets=np.arange(due + 1) * len(payloads[0]),
-                payload=b"".join(payloads),
+                offsets=offsets,
+                payload=payload,
             )
-            hub.publish(Run(channel, columns, stamp_ns))
-            seq += due
-        await asyncio.sleep(STEP_S)
-    await asyncio.sleep(SETTLE_S)
-    print(f"{time.process_time() - began_s:.6f} {seq}", flush=True)
+            self._sent += due
+            self._hub.publish(Run(self._channel, columns, stamp_ns))
+
+    def _stamped(self, due: int) -> tuple[Any, Any]:
+        """So many messages with the stamp of now, and where each begins."""
+        size = self._size
+        if due not in self._made:
+            self._made[due] = bytearray(due * size), np.arange(due + 1) * size
+        buffer, offsets = self._made[due]
+        stamp = time.monotonic_ns().to_bytes(8, "little")
+        for start in range(0, due * size, size):
+            buffer[start : start + 8] = stamp
+        return buffer, offsets
 
 
-def _foxglove() -> None:
-    import foxglove
-
-    server = foxglove.start_server(name="bench", port=0)
-    schema = foxglove.Schema(name=TYPE, encoding="ros2msg", data=schema_text(TYPE).encode())
-    channel = foxglove.Channel(TOPICS[False], schema=schema, message_encoding="cdr")
-    print(server.port, flush=True)
-    while (load := _read_load()) is not None:
-        filler, sent, began_s = b"x" * load.size, 0, time.process_time()
-        for due in _due(load):
-            for _ in range(due):
-                channel.log(_payload(load.size, filler), log_time=time.time_ns())
-            sent += due
-            time.sleep(STEP_S)
-        time.sleep(SETTLE_S)
-        print(f"{time.process_time() - began_s:.6f} {sent}", flush=True)
-    server.stop()
+def _channel() -> Channel:
+    return Channel(
+        robot=ROBOT,
+        channel_id=1,
+        topic=TOPIC,
+        schema_name=TYPE,
+        schema_encoding="ros2msg",
+        schema=schema_text(TYPE).encode(),
+        type_hash=type_hash(TYPE),
+    )
 
 
 def main(argv: list[str]) -> int:
-    """Be one of the servers."""
+    """Be the gateway."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("server", choices=("gateway", "foxglove"))
-    parser.add_argument("--tick-ms", type=float, default=5.0, help="of the gateway's fan-out")
-    parser.add_argument("--stall-s", type=float, default=10.0, help="after which the gateway cuts who takes nothing")
+    parser.add_argument("--tick-ms", type=float, default=5.0, help="of the fan-out")
+    parser.add_argument("--stall-s", type=float, default=10.0, help="after which it cuts who takes nothing")
     parser.add_argument("--core", type=int, help="the one CPU that it runs on")
     options = parser.parse_args(argv)
     if options.core is not None:
         os.sched_setaffinity(0, {options.core})
-    if options.server == "foxglove":
-        _foxglove()
-        return 0
     with asyncio.Runner(loop_factory=new_event_loop) as runner:
         runner.run(_gateway(options))
     return 0
