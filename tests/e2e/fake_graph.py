@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
+from collections.abc import AsyncIterator
 from typing import Any
 
 from fastapi import FastAPI
-from fastapi.responses import JSONResponse, Response
+from fastapi.responses import JSONResponse, Response, StreamingResponse
 
 from gateway.fleet.shapes import shape_of
 from metaros.errors import UnknownTypeError
@@ -44,6 +47,11 @@ class FakeGraph:
         self.published: list[dict[str, Any]] = []
         self.tickets: list[dict[str, Any]] = []
         self.known = True
+        self.actions: list[tuple[str, str]] = []  # with navigate
+        self.goals: list[dict[str, Any]] = []
+        self.goal_events: list[tuple[str, dict[str, Any]]] = []  # what is told of every goal, in order
+        self.cancelled: list[str] = []
+        self.goals_known = True
 
     def add_routes(self, app: FastAPI) -> None:
         """Serve them."""
@@ -51,6 +59,9 @@ class FakeGraph:
         app.add_api_route("/api/v1/robots/{robot_id}/graph", self._graph)
         app.add_api_route("/api/v1/graph", self._graphs)
         app.add_api_route("/api/v1/auth/tickets", self._ticket, methods=["POST"])
+        app.add_api_route("/api/v1/robots/{robot_id}/actions/{action:path}", self._begin, methods=["POST"])
+        app.add_api_route("/api/v1/robots/{robot_id}/goals/{goal}/feedback", self._follow)
+        app.add_api_route("/api/v1/robots/{robot_id}/goals/{goal}/cancel", self._cancel, methods=["POST"])
         app.add_api_route("/api/v1/robots/{robot_id}/publish", self._publish, methods=["POST"])
 
     def describe(self, robot: FakeRobot) -> dict[str, Any]:
@@ -77,9 +88,13 @@ class FakeGraph:
         ]
         action = {"action": robot.topic("navigate"), "type": "nav2_msgs/action/NavigateToPose"}
         action |= {"servers": [robot.topic("planner")], "clients": [robot.topic("watchdog")]}
+        more = [
+            {"action": robot.topic(name), "type": kind, "servers": [robot.topic("base")], "clients": []}
+            for name, kind in self.actions
+        ]
         nodes = [robot.topic(name) for name in sorted(names)]
         graph = {"robot": robot.id, "revision": 7, "nodes": nodes, "topics": topics, "services": services}
-        return graph | {"actions": [action], "left_out": 0}
+        return graph | {"actions": [action, *more], "left_out": 0}
 
     async def _graph(self, robot_id: str) -> dict[str, Any]:
         return self.describe(next(robot for robot in self.robots if robot.id == robot_id))
@@ -96,6 +111,30 @@ class FakeGraph:
     async def _ticket(self, body: dict[str, Any]) -> dict[str, Any]:
         self.tickets.append(body)
         return {"ticket": f"mrt_{len(self.tickets)}", "expires": "2026-11-22T12:00:00Z"}
+
+    async def _begin(self, robot_id: str, action: str, body: dict[str, Any]) -> dict[str, Any]:
+        self.goals.append({"robot": robot_id, "action": action, **body})
+        return {"goal": "ab" * 16, "status": "accepted", "ended": False}
+
+    async def _follow(self, robot_id: str, goal: str) -> Response:
+        if not self.goals_known:
+            return JSONResponse({"code": "unknown_goal", "detail": "there is no such goal", "status": 404}, 404)
+
+        async def told() -> AsyncIterator[str]:
+            sent = 0
+            while True:
+                for kind, event in self.goal_events[sent:]:
+                    sent += 1
+                    yield f"event: {kind}\ndata: {json.dumps({'goal': goal, 'message': '', **event})}\n\n"
+                    if kind == "result":
+                        return
+                await asyncio.sleep(0.02)
+
+        return StreamingResponse(told(), media_type="text/event-stream")
+
+    async def _cancel(self, robot_id: str, goal: str) -> dict[str, Any]:
+        self.cancelled.append(goal)
+        return {"canceling": True}
 
     async def _publish(self, robot_id: str, body: dict[str, Any]) -> dict[str, Any]:
         self.published.append({"robot": robot_id, **body})

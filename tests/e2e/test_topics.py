@@ -128,6 +128,36 @@ def test_a_service_is_called_with_a_form_and_answers(gateway: FakeGateway, open_
     assert called["request"] == {"data": True}
 
 
+def test_a_goal_is_begun_followed_and_cancelled(gateway: FakeGateway, open_page: OpenPage) -> None:
+    gateway.graph.actions.append(("count", "example_interfaces/action/Fibonacci"))
+    page = opened(gateway, open_page)
+    page.get_by_role("button", name="count", exact=True).click()
+    form = page.locator("[data-goal]")
+    form.locator("[data-field=order]").get_by_role("textbox").fill("5")
+    form.get_by_role("button", name="Send goal").click()
+    status = form.locator(".goal-line")
+    expect(status).to_contain_text("accepted")
+    (begun,) = gateway.graph.goals
+    assert (begun["action"], begun["goal"]) == ("/sim_1/count", {"order": 5})
+    told = gateway.graph.goal_events
+    told.append(("status", {"status": "executing"}))
+    told.append(("feedback", {"status": "executing", "feedback": {"sequence": [0, 1, 1]}}))
+    expect(form.get_by_label("Feedback")).to_contain_text('"sequence"')
+    expect(status).to_contain_text("executing · 1 message of feedback")
+    expect(form.get_by_role("button", name="Under way")).to_be_disabled()
+    shot(page, "goal")
+    form.get_by_role("button", name="Cancel goal").click()
+    wait_until(lambda: gateway.graph.cancelled == ["ab" * 16])
+    told.append(("result", {"status": "canceled", "result": {"sequence": [0, 1, 1, 2]}}))
+    expect(form.get_by_label("Result")).to_contain_text("2")
+    expect(status).to_contain_text("canceled")
+    expect(form.get_by_role("button", name="Send goal")).to_be_enabled()
+    shot(page, "goal-over")
+    gateway.graph.goals_known = False
+    form.get_by_role("button", name="Send goal").click()
+    expect(status).to_contain_text("lost · the gateway does not know of it any more")
+
+
 def test_the_ends_and_the_type_are_told(gateway: FakeGateway, open_page: OpenPage) -> None:
     page = opened(gateway, open_page, "&topic=/sim_1/scan&view=ends")
     view = page.locator(".topic-view")

@@ -1,9 +1,10 @@
 /** Typed calls about what a robot's nodes offer: types, the graph, publishing once, calling a service. */
 
 import type { Json, JsonObject } from "../fleet_ops/json";
-import { request, robotPath } from "./client";
+import { call } from "./call";
+import { BASE_PATH, request, robotPath } from "./client";
 import { askExact, sendExact } from "./exact";
-import type { RobotGraph, TypeConstant, TypeField, TypeShape as Told } from "./schema.js";
+import type { Goal, RobotGraph, TypeConstant, TypeField, TypeShape as Told } from "./schema.js";
 
 /** One field: of a list `capacity` is the n of `T[n]` and `T[<=n]`, else 0; a default of null is zero, empty text or an empty list. */
 export type FieldShape = Omit<TypeField, "default"> & { default: Json };
@@ -13,7 +14,7 @@ export type ConstantShape = Omit<TypeConstant, "value"> & { value: Json };
 export type TypeShape = Omit<Told, "definitions"> & { definitions: Record<string, { fields: FieldShape[]; constants: ConstantShape[] }> };
 
 /** Of a graph, `revision` 0: the robot's agent has told nothing; it may be too old to. */
-export type { Endpoint, GraphService, GraphTopic, RobotGraph } from "./schema.js";
+export type { Endpoint, Goal, GraphService, GraphTopic, RobotGraph } from "./schema.js";
 
 /** Of each robot and type, once a page: types do not change under their name. */
 const shapes = new Map<string, Promise<TypeShape>>();
@@ -39,4 +40,9 @@ export const introspectApi = {
     sendExact<{ ok: boolean }>("POST", `${robotPath(robot)}/publish`, { topic, type, message }),
   call: async (robot: string, service: string, type: string, body: JsonObject, timeoutS: number) =>
     (await sendExact<{ response: JsonObject }>("POST", `${robotPath(robot)}/services/call`, { service, type, request: body, timeout_s: timeoutS })).response,
+  beginGoal: (robot: string, action: string, type: string, goal: JsonObject, timeoutS: number) =>
+    sendExact<Goal>("POST", `${robotPath(robot)}/actions/${encodeURIComponent(action)}`, { type, goal, timeout_s: timeoutS }),
+  /** For an EventSource: `status`, `feedback`, at last `result`. */
+  goalUrl: (robot: string, goal: string) => `${BASE_PATH}${robotPath(robot)}/goals/${goal}/feedback`,
+  cancelGoal: async (robot: string, goal: string) => (await call("POST /robots/{robot_id}/goals/{goal}/cancel", { path: { robot_id: robot, goal }, body: {} })).canceling,
 };

@@ -1,4 +1,4 @@
-/** The topics tab: everything that flows through the robot, each topic looked at closely, and the services beside it. */
+/** The topics tab: everything that flows through the robot, each topic looked at closely, the services and actions below. */
 
 import { useSignal } from "@preact/signals";
 import { Fragment } from "preact";
@@ -6,6 +6,7 @@ import { useEffect, useMemo } from "preact/hooks";
 import { useAsked } from "../admin/use_list";
 import { introspectApi, type RobotGraph } from "../api/introspect";
 import type { Robot, Topic } from "../api/types";
+import { Actions } from "../topics/actions";
 import { OpenInFoxglove } from "../topics/foxglove";
 import { Rates } from "../topics/rates";
 import { Services } from "../topics/services";
@@ -39,7 +40,7 @@ export function TopicsTab({ robot, topics }: { robot: Robot; topics: Topic[] | n
       <div class="topics-head">
         <Totals topics={topics} />
         <OpenInFoxglove robot={robot.id} />
-        <label class="search"><span class="visually-hidden">Search topics and services</span><input type="search" placeholder="Topic, type or service" value={wanted.value} onInput={(event) => (wanted.value = event.currentTarget.value)} /></label>
+        <label class="search"><span class="visually-hidden">Search topics, services and actions</span><input type="search" placeholder="Topic, type, service, action" value={wanted.value} onInput={(event) => (wanted.value = event.currentTarget.value)} /></label>
       </div>
       {shown.length === 0 ? <p class="nothing">{topics.length === 0 ? "This robot has announced no topics." : "No topic is called so."}</p> : (
         <div class="scroll">
@@ -71,6 +72,7 @@ export function TopicsTab({ robot, topics }: { robot: Robot; topics: Topic[] | n
         </div>
       )}
       <Services robot={robot} graph={graph} wanted={word} />
+      <Actions robot={robot} graph={graph} wanted={word} />
     </div>
   );
 }
