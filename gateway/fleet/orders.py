@@ -263,7 +263,10 @@ class OrderDesk:
     def _made(self, order: Order, principal: Principal) -> Command:
         now_ns = self._clock.wall_ns()
         shown = {key: value for key, value in order.request.items() if key not in UNSHOWN}
-        request = orjson.dumps(shown).decode()
+        try:
+            request = orjson.dumps(shown).decode()
+        except orjson.JSONEncodeError as error:  # its reader takes longer numbers than its writer does
+            raise InvalidRequestError(f"a command's request is JSON with whole numbers of 64 bits: {error}") from error
         if len(request) > self._limits.command_request_bytes:
             raise BodyTooLargeError(f"a command's request has at most {self._limits.command_request_bytes} bytes")
         return Command(

@@ -157,6 +157,11 @@ async def test_requests_that_do_not_fit(tmp_path: Path) -> None:
             {"kind": "set_uplink", "request": {}},
             {"kind": "set_uplink", "request": {"bytes_per_s": True}},
             {"kind": "set_uplink", "request": {"bytes_per_s": 1, "x": 1}},
+            {"kind": "set_uplink", "request": {"bytes_per_s": 2**64}},
+            {
+                "kind": "publish",
+                "request": {"topic": "x", "type": "std_msgs/msg/Int8", "message": {"data": -(2**63) - 1}},
+            },
             {"kind": "node_verb", "request": {"node": "a", "verb": "explode"}},
             {"kind": "publish", "request": {"topic": "x", "cdr": "no base64"}},
             {**UPLINK, "durable": True, "expires_s": 10**9},
