@@ -49,7 +49,7 @@ async def test_from_keys_to_a_rollout(tmp_path: Path) -> None:
     secret.write_text("correct horse\n")
     make_bundle(tmp_path, name="metaros", kind="agent", version="2.0.0", members={"wheels/m-2-py3-none-any.whl": b"2"})
     asked = ("--passphrase-file", str(secret))
-    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready, "sim_1") as agent:
+    async with running_gateway(tmp_path, heartbeat_s=60.0) as ready, ScriptedAgent(ready, "sim_1") as agent:
 
         async def run(*arguments: str, offline: bool = False) -> str:
             code, out, err = await metaros(None if offline else ready, *arguments, folder=tmp_path)
