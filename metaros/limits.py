@@ -53,6 +53,8 @@ class Limits:
     statistics_bytes: int = 1 * MIB  # what an agent says of itself at a time
     channels_per_robot: int = 4096
     series_per_robot: int = 4096
+    viewers: int = 1024  # of live data at a time, over all protocols
+    viewers_each: int = 512  # and of one user or key
     subscriptions_per_viewer: int = 256
     parameters_per_node: int = 4096
     image_pixels: int = 40_000_000  # of a compressed image, before it is decoded

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections import Counter
 from collections.abc import AsyncIterator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -21,11 +22,12 @@ from gateway.domain.principal import Principal
 from gateway.errors import CredentialsError
 from gateway.identity.door import Door
 from metaros.errors import MetarosError
-from metaros.limits import LIMITS
+from metaros.limits import LIMITS, Limits
 
-__all__ = ["REVOKED", "Attendance", "Visit"]
+__all__ = ["REVOKED", "TOO_MANY", "Attendance", "Visit"]
 
 REVOKED = 4401  # the close code of a socket whose credential is not good any more
+TOO_MANY = 4429  # and of one for which there is no place
 
 log = logging.getLogger(__name__)
 
@@ -41,9 +43,28 @@ class Visit:
 class Attendance:
     """Lives on the event loop."""
 
-    def __init__(self, door: Door) -> None:
+    def __init__(self, door: Door, *, limits: Limits = LIMITS) -> None:
         self._door = door
+        self._limits = limits
         self._visits: dict[Credential, set[Visit]] = {}
+        self._viewers: Counter[tuple[str, str]] = Counter()  # by kind and id of who they are
+
+    def full(self, principal: Principal) -> bool:
+        """Whether there is no place for one more viewer of live data, or none for one more of that user or key."""
+        limits, mine = self._limits, self._viewers[principal.kind, principal.id]
+        return self._viewers.total() >= limits.viewers or mine >= limits.viewers_each
+
+    @contextmanager
+    def place(self, principal: Principal) -> Iterator[None]:
+        """A viewer of live data takes a place; ask `full` just before."""
+        who = (principal.kind, principal.id)
+        self._viewers[who] += 1
+        try:
+            yield
+        finally:
+            self._viewers[who] -= 1
+            if not self._viewers[who]:
+                del self._viewers[who]
 
     @contextmanager
     def visit(self, connection: HTTPConnection) -> Iterator[Visit]:

@@ -25,7 +25,6 @@ PROTOCOLS = (
     "foxglove.sdk.v1",
     "foxglove.websocket.v1",
 )  # the same on the wire; the first that a client offers of these
-MOST_CLIENTS = 1024
 HOLDER_CHARS = 64
 SPANNED = 64  # robots that are asked since when they have history
 HELP = (
@@ -56,20 +55,27 @@ async def _serve(socket: WebSocket, robot: str | None) -> None:
         said = ", ".join(offered)[:200] or "none"
         await socket.send_denial_response(PlainTextResponse(HELP.format(offered=said), 400))
         return
-    if services.hub.viewers >= MOST_CLIENTS:
-        await socket.send_denial_response(PlainTextResponse("too many clients are connected\n", 503))
-        return
     with services.attendance.visit(socket) as visit:
-        visitor = Visitor.of(socket, services, visit, robot=robot)
-        span_ns = await _span_ns(services, visitor) if socket.query_params.get("history") != "off" else None
-        await socket.accept(chosen)
-        if visitor.may("robots.publish"):
-            take_messages(socket, LIMITS.json_bytes)
-        pipe = Pipe(socket, clock=services.clock, stall_s=services.settings.viewer_stall_s)
-        asked = socket.query_params
-        holder = asked.get("drive", "")[:HOLDER_CHARS]
-        session = Session(visitor, pipe, span_ns=span_ns, lease_id=asked.get("lease", ""), holder=holder)
-        await _run(socket, visit, pipe, session, robot)
+        if services.attendance.full(visit.principal):
+            await socket.send_denial_response(PlainTextResponse("too_many: too many viewers are connected\n", 429))
+            return
+        with services.attendance.place(visit.principal):
+            await _admit(socket, visit, robot, chosen)
+
+
+async def _admit(socket: WebSocket, visit: Visit, robot: str | None, protocol: str) -> None:
+    """One client that has its place, until either side ends it."""
+    services = services_of(socket)
+    visitor = Visitor.of(socket, services, visit, robot=robot)
+    span_ns = await _span_ns(services, visitor) if socket.query_params.get("history") != "off" else None
+    await socket.accept(protocol)
+    if visitor.may("robots.publish"):
+        take_messages(socket, LIMITS.json_bytes)
+    pipe = Pipe(socket, clock=services.clock, stall_s=services.settings.viewer_stall_s)
+    asked = socket.query_params
+    holder = asked.get("drive", "")[:HOLDER_CHARS]
+    session = Session(visitor, pipe, span_ns=span_ns, lease_id=asked.get("lease", ""), holder=holder)
+    await _run(socket, visit, pipe, session, robot)
 
 
 async def _run(socket: WebSocket, visit: Visit, pipe: Pipe, session: Session, robot: str | None) -> None:

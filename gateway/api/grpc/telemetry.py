@@ -19,19 +19,19 @@ from metaros.limits import LIMITS
 
 __all__ = ["TelemetryService"]
 
-MAX_VIEWERS = 1024  # with those of the other protocols
-
 
 class TelemetryService:
     """Each method is one call that was let in."""
 
     async def Subscribe(self, request: telemetry_pb2.SubscribeRequest, call: Call) -> AsyncIterator[bytes]:
         """Samples and values as they arrive; serialised already, as many calls share them. TooManyError when full."""
-        if call.services.hub.viewers >= MAX_VIEWERS:
-            raise TooManyError(f"{MAX_VIEWERS} connections look at live data already")
-        async with attended(call), aclosing(Subscription(request, call).replies()) as replies:
-            async for reply in replies:
-                yield reply
+        attendance = call.services.attendance
+        if attendance.full(call.principal):
+            raise TooManyError(f"of {LIMITS.viewers} viewers, {LIMITS.viewers_each} of a user or key, all look already")
+        with attendance.place(call.principal):
+            async with attended(call), aclosing(Subscription(request, call).replies()) as replies:
+                async for reply in replies:
+                    yield reply
 
     async def Query(self, request: telemetry_pb2.QueryRequest, call: Call) -> AsyncIterator[Any]:
         """Stored messages of a range, a page at a time: the next one is read when the last one was taken."""

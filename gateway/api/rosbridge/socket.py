@@ -12,7 +12,7 @@ from fastapi import APIRouter
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from gateway.api.allow import allow
-from gateway.api.attendance import REVOKED, Visit
+from gateway.api.attendance import REVOKED, TOO_MANY, Visit
 from gateway.api.authenticate import plain_protocol
 from gateway.api.rosbridge import requests
 from gateway.api.rosbridge.calling import Calling, Goals
@@ -32,8 +32,6 @@ from metaros.limits import LIMITS
 
 __all__ = ["router"]
 
-MAX_VIEWERS = 1024
-TOO_MANY = 4429
 HOLDER_CHARS = 64
 # Who may only look sends requests, and no long messages: not in pieces either.
 LOOKING = replace(LIMITS, rosbridge_message_bytes=LIMITS.socket_message_bytes)
@@ -58,12 +56,13 @@ async def _serve(socket: WebSocket, robot: str | None, drive: str) -> None:
     with services.attendance.visit(socket) as visit:
         visitor = Visitor.of(socket, services, visit, robot=robot)
         await socket.accept(plain_protocol(socket.scope))
-        if services.hub.viewers >= MAX_VIEWERS:
+        if services.attendance.full(visit.principal):
             await socket.close(TOO_MANY, "too_many")
             return
         if visitor.may("robots.publish"):
             take_messages(socket, LIMITS.json_bytes)
-        await _Connection(socket, visitor, drive[:HOLDER_CHARS]).run(visit)
+        with services.attendance.place(visit.principal):
+            await _Connection(socket, visitor, drive[:HOLDER_CHARS]).run(visit)
 
 
 class _Connection:

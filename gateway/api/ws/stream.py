@@ -12,7 +12,7 @@ from fastapi import APIRouter
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from gateway.api.allow import allow
-from gateway.api.attendance import REVOKED, Visit
+from gateway.api.attendance import REVOKED, TOO_MANY, Visit
 from gateway.api.authenticate import plain_protocol
 from gateway.api.problem import error_code
 from gateway.api.services import Services, services_of
@@ -34,8 +34,6 @@ from metaros.limits import LIMITS
 __all__ = ["router"]
 
 PROTOCOL = 1
-MAX_VIEWERS = 1024
-TOO_MANY = 4429
 
 log = logging.getLogger(__name__)
 router = APIRouter()
@@ -46,11 +44,13 @@ async def stream(socket: WebSocket) -> None:
     """One viewer's connection, until it goes or stalls."""
     services = services_of(socket)
     await socket.accept(plain_protocol(socket.scope))
-    if services.hub.viewers >= MAX_VIEWERS:
-        await socket.close(TOO_MANY, "too_many")
-        return
-    with services.attendance.visit(socket) as visit:
-        await _Connection(socket, services, visit).run()
+    attendance = services.attendance
+    with attendance.visit(socket) as visit:
+        if attendance.full(visit.principal):
+            await socket.close(TOO_MANY, "too_many")
+            return
+        with attendance.place(visit.principal):
+            await _Connection(socket, services, visit).run()
 
 
 class _Connection:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from starlette.requests import HTTPConnection
 from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import InvalidStatus
 
 from gateway.api.allow import CREDENTIAL_KEY, PRINCIPAL_KEY
 from gateway.api.attendance import Attendance
@@ -19,6 +23,7 @@ from gateway.errors import CredentialsError, StoreError
 from gateway.identity.store_door import REMEMBERED_S
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS
+from tests.gateway.api.foxglove.viewer import viewing
 from tests.gateway.harness import CONTROL, ScriptedAgent, client, hear, open_socket, running_gateway, say
 from tests.support.key_ring import KeyRing
 
@@ -111,6 +116,38 @@ async def test_a_key_as_a_subprotocol_is_never_echoed(tmp_path: Path) -> None:
             await hear(socket, "welcome")
         async with client(ready, key=key) as http:
             assert (await http.get("/api/v1/robots")).status_code == 200
+
+
+def test_nobody_takes_all_places() -> None:
+    attendance = Attendance(KeyRing(), limits=replace(LIMITS, viewers=3, viewers_each=2))
+    one, two = (Principal(kind="user", id=name, role=Role.VIEWER) for name in ("one", "two"))
+    with ExitStack() as places:
+        for _ in range(2):
+            assert not attendance.full(one)
+            places.enter_context(attendance.place(one))
+        assert attendance.full(one)
+        assert not attendance.full(two)
+        with attendance.place(two):
+            assert attendance.full(Principal(kind="key", id="two"))
+    assert not attendance.full(one)
+
+
+async def test_who_has_all_of_his_places_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.app.Attendance", partial(Attendance, limits=replace(LIMITS, viewers_each=1)))
+    ring = KeyRing()
+    greedy, other = ring.add(role=Role.VIEWER), ring.add(role=Role.VIEWER)
+    async with running_gateway(tmp_path, door=ring) as ready:
+        async with open_socket(ready, "/api/v1/stream", key=greedy) as first:
+            await hear(first, "welcome")
+            for path in ("/api/v1/stream", "/rosbridge"):
+                async with open_socket(ready, path, key=greedy) as refused:
+                    assert await end_of(refused) == (4429, "too_many")
+            with pytest.raises(InvalidStatus) as denied:
+                async with viewing(ready, key=greedy):
+                    pass
+            assert denied.value.response.status_code == 429
+            async with open_socket(ready, "/api/v1/stream", key=other) as second:
+                await hear(second, "welcome")
 
 
 async def test_sockets_stay_while_the_store_cannot_answer() -> None:
