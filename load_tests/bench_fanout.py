@@ -9,7 +9,8 @@ medians. Offered load, viewers and messages are the same for all. What the SDK's
 process, and so it is in ours but for --json, where a robot brings it: `generator` is what a server takes to publish to
 nobody, `net` is without that. The SDK does not set TCP_NODELAY, so its packets wait for the client's delayed
 acknowledgements: a second row has the client acknowledge at once (TCP_QUICKACK), which is the fair one at 1 ms. We set
-TCP_NODELAY. `m` is messages per tick and viewer. Rows in which messages were lost, or the client or the rest of the
+TCP_NODELAY. `m` is messages per tick and viewer. `bare writes` is what this machine asks for one write a tick and
+viewer, with no server around it. Rows in which messages were lost, or the client or the rest of the
 machine was the limit, say so.
 """
 
@@ -33,6 +34,7 @@ SIZES, VIEWERS = (64, 1024, 65536), (1, 10, 100, 500)
 MOST_A_S = {64: 200_000, 1024: 100_000, 65536: 15_000}  # deliveries of all viewers together
 MOST_RATE = {64: 2000, 1024: 1000, 65536: 100}
 PEER, PEER_QUICK, OURS_1, OURS_5 = "foxglove-sdk", "foxglove-sdk, quickack", "gateway, 1 ms", "gateway, 5 ms"
+BARE_1, BARE_5 = "bare writes, 1 ms", "bare writes, 5 ms"
 GOALS = "goals: foxglove-sdk ÷ gateway ≥ 1.5 at 1 ms and ≥ 5 at 5 ms for 64 B, ≥ 1.5 for 64 KiB, 100 viewers"
 TICKS_MS = (5, 20)  # for --json: the default, and that of dashboards
 
@@ -45,9 +47,10 @@ def rate_of(size: int, viewers: int) -> int:
 def _servers(stack: ExitStack, options: argparse.Namespace) -> dict[str, Server]:
     pin = [] if options.no_pin else ["--core", "0"]
     started = {}
-    for name in (PEER, OURS_1, OURS_5):
-        own = ["sdk"] if name == PEER else ["servers", "--tick-ms", name.split()[1]]
-        started[name] = Server(*own, *pin)
+    for name in (PEER, OURS_1, OURS_5, BARE_1, BARE_5):
+        module = "sdk" if name == PEER else "bare" if name in (BARE_1, BARE_5) else "servers"
+        tick = [] if name == PEER else ["--tick-ms", name.split()[-2]]
+        started[name] = Server(module, *tick, *pin)
         stack.callback(started[name].stop)
     return started
 
@@ -61,7 +64,7 @@ def _compare(options: argparse.Namespace) -> None:
                 load, table = Load(options.seconds, rate, size), Table()
                 for _ in range(options.rounds):
                     alone = {name: server.alone(load) for name, server in servers.items()}
-                    for name in (PEER, PEER_QUICK, OURS_1, OURS_5):
+                    for name in (PEER, PEER_QUICK, OURS_1, OURS_5, BARE_1, BARE_5):
                         own = PEER if name == PEER_QUICK else name
                         kind = functools.partial(FoxgloveViewer if own == PEER else StreamViewer, size=size)
                         quick = name == PEER_QUICK
@@ -77,6 +80,10 @@ def _print_ratios(table: Table) -> None:
         for peer in (PEER, PEER_QUICK):
             whole, net = (ratio(table, peer, ours, name) for name in ("us_a_delivery", "net_cores"))
             print(f"CPU a delivery, {peer} ÷ {ours}: {whole:.2f}; net {net:.2f}")
+    for ours, bare in ((OURS_1, BARE_1), (OURS_5, BARE_5)):
+        least = [ratio(table, peer, bare, "net_cores") for peer in (PEER, PEER_QUICK)]
+        print(f"CPU, {ours} ÷ {bare}: net {ratio(table, ours, bare, 'net_cores'):.2f}", end="; ")
+        print(f"foxglove-sdk ÷ {bare}, the most that can be had here: {least[0]:.2f}, quickack {least[1]:.2f}")
 
 
 def _numbers(text: str) -> list[int]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 from load_tests.fanout.measure import Figures, median
 
 __all__ = ["Table", "print_table", "ratio"]
@@ -11,14 +13,15 @@ Table = dict[str, list[Figures]]  # the rounds of each server
 
 
 def print_table(title: str, table: Table, rate: float) -> None:
-    """A row for each server; of a gateway the name tells the tick: "gateway, 5 ms, ..."."""
+    """A row for each server; of one with a tick the name tells it: "gateway, 5 ms, ..."."""
     print(f"\n{title}\n")
     print("| server | m | cores | generator | net | µs a delivery | p50 ms | p99 ms | delivered | client | |")
     print("|---|---|---|---|---|---|---|---|---|---|---|")
     for name, runs in table.items():
         cores = sorted(run.cores for run in runs)
         words = name.split()
-        m = f"{max(1.0, rate * float(words[1]) / 1000):g}" if words[0] == "gateway," else "1"
+        tick_ms = next((float(word) for word, unit in itertools.pairwise(words) if unit[:2] == "ms"), 0.0)
+        m = f"{max(1.0, rate * tick_ms / 1000):g}"
         generator = f"{median(runs, 'generator_cores'):.3f}" if runs[0].generator_cores else "elsewhere"
         print(
             f"| {name} | {m} | {median(runs, 'cores'):.3f} ({cores[0]:.3f}–{cores[-1]:.3f}) "
