@@ -114,6 +114,17 @@ class Visitor:
 
         A refusal is a row of the audit log: the first of its kind on this socket.
         """
+        self.check(action, robot)
+        if permission(action).mutates:
+            try:
+                self.services.rates.take("robot", robot)
+            except TooManyRequestsError:
+                self._note_refusal(action, robot)
+                raise
+            self.services.audit.check_room()
+
+    def check(self, action: str, robot: str) -> None:
+        """Return when its role and scope allow that on that robot, which is there: before work for a deed to come."""
         row = permission(action)
         if not self.names.covers(robot):
             raise UnknownRobotError.of(robot)
@@ -123,13 +134,6 @@ class Visitor:
                 raise SignInError(f"{action} needs somebody who has signed in: a key or ticket, as ?token= or Bearer")
             raise ForbiddenError(f"{action} needs the role {row.least.word} or more")
         self.services.registry.get(robot)
-        if row.mutates:
-            try:
-                self.services.rates.take("robot", robot)
-            except TooManyRequestsError:
-                self._note_refusal(action, robot)
-                raise
-            self.services.audit.check_room()
 
     # -- looking ---------------------------------------------------------------------------------------------------
 

@@ -64,7 +64,7 @@ class Calling:
             return await self._rosapi.answer(request.service, request.args)
         visitor = self._client.visitor
         place = visitor.find_service(request.service)
-        visitor.require("robots.call", place.robot)
+        visitor.check("robots.call", place.robot)
         type_name, catalogue = self._type(place, request.type_name)
         cdr = await _cdr(
             f"{type_name}_Request", request.args, catalogue, chars=request.chars, now_ns=self._client.now_ns
@@ -143,7 +143,7 @@ class Goals:
     async def _sent(self, request: SendGoal) -> Goal:
         visitor = self._client.visitor
         place = visitor.find_action(request.action)
-        visitor.require("robots.call", place.robot)
+        visitor.check("robots.call", place.robot)
         graph = self._client.services.graphs.of(place.robot)
         info = graph.actions.get(place.name)
         if not request.type_name and info is None:

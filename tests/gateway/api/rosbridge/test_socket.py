@@ -39,12 +39,13 @@ from tests.support.key_ring import bearer
 VIEWER_KEY = RING.add(role=Role.VIEWER, name="rosbridge viewer")
 ELSEWHERE_KEY = RING.add(role=Role.OPERATOR, name="of another robot", robots=("other",))
 TEXT, SCAN, IMAGE = "std_msgs/msg/String", "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/CompressedImage"
+FIBONACCI = "example_interfaces/Fibonacci"
 
 
 @asynccontextmanager
-async def world(folder: Path) -> AsyncIterator[tuple[Ready, ScriptedAgent]]:
+async def world(folder: Path, **settings: Any) -> AsyncIterator[tuple[Ready, ScriptedAgent]]:
     """A gateway and sim_1, which announces a text, a scan and an image."""
-    async with running_gateway(folder) as ready, ScriptedAgent(ready) as agent:
+    async with running_gateway(folder, **settings) as ready, ScriptedAgent(ready) as agent:
         kinds = {"/sim_1/chat": TEXT, "/sim_1/scan": SCAN, "/sim_1/image": IMAGE}
         await agent.announce(*(channel(number, topic, kind) for number, (topic, kind) in enumerate(kinds.items(), 1)))
         yield ready, agent
@@ -227,6 +228,15 @@ async def test_services_are_called_by_name_with_rosbridges_values(tmp_path: Path
         await agent.answer((await agent.next("command")).command, code="unavailable")
         answer = await hear(socket, "service_response")
         assert (answer["id"], answer["result"], answer["values"]) == ("e", False, "unavailable")
+
+
+async def test_a_call_and_a_goal_each_take_one_from_the_robots_rate(tmp_path: Path) -> None:
+    two = 0.4  # a second: a burst of two
+    async with world(tmp_path, robot_requests_per_s=two) as (ready, agent), open_socket(ready, "/rosbridge") as socket:
+        await say(socket, op="call_service", id="c", service="/sim_1/say", type="std_srvs/SetBool", args=[True])
+        assert (await agent.next("command")).command.call_service.service == "/sim_1/say"
+        await say(socket, op="send_action_goal", id="g", action="/sim_1/count", action_type=FIBONACCI)
+        assert (await agent.next("command")).command.send_goal.action == "/sim_1/count"
 
 
 async def test_an_actuator_needs_the_lease_and_drive_takes_it(tmp_path: Path) -> None:
