@@ -9,7 +9,7 @@ from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
-from playwright.sync_api import Locator, Page, expect
+from playwright.sync_api import Locator, Page, Route, expect
 
 from gateway.domain.principal import Role
 from tests.e2e.conftest import DESK, PHONE, save
@@ -156,6 +156,41 @@ def test_a_goal_is_begun_followed_and_cancelled(gateway: FakeGateway, open_page:
     gateway.graph.goals_known = False
     form.get_by_role("button", name="Send goal").click()
     expect(status).to_contain_text("lost · the gateway does not know of it any more")
+
+
+def test_a_goal_that_is_sent_again_for_want_of_an_answer_is_the_same_one(
+    gateway: FakeGateway, open_page: OpenPage
+) -> None:
+    gateway.graph.actions.append(("count", "example_interfaces/action/Fibonacci"))
+    gateway.graph.goal_events.append(("result", {"status": "succeeded", "result": {"sequence": [0]}}))
+    page = opened(gateway, open_page, "&action=/sim_1/count")
+    keys: list[str] = []
+    lost = [True, True, False, False]  # the answer's fate
+
+    def carry(route: Route) -> None:
+        keys.append(route.request.headers["idempotency-key"])
+        answer = route.fetch()
+        route.abort() if lost.pop(0) else route.fulfill(response=answer)
+
+    page.route("**/actions/**", carry)
+    form = page.locator("[data-goal]")
+    button = form.get_by_role("button", name="Send goal")
+    button.click()
+    expect(form.get_by_role("alert")).to_contain_text("does not answer")
+    form.locator("[data-field=order]").get_by_role("textbox").fill("5")
+    button.click()
+    wait_until(lambda: len(keys) == 2)
+    expect(button).to_be_enabled()
+    button.click()
+    expect(form.locator(".goal-line")).to_contain_text("succeeded")
+    second = "new MouseEvent('click', { detail: 2, bubbles: true, cancelable: true })"
+    assert button.evaluate(f"button => button.dispatchEvent({second})") is False, "a double click is one click"
+    button.click()
+    wait_until(lambda: len(keys) == 4)
+    first, changed, again, another = keys
+    assert changed == again
+    assert len({first, changed, another}) == 3
+    page.unroute_all(behavior="wait")
 
 
 def test_the_ends_and_the_type_are_told(gateway: FakeGateway, open_page: OpenPage) -> None:

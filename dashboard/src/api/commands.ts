@@ -46,12 +46,6 @@ export interface CommandOrder {
 /** As the gateway tells it; its own numbers are ordinary ones. */
 const plain = (command: Command): Command => ({ ...command, timeout_s: Number(command.timeout_s) });
 
-/** A key that nobody else has: the same order under it is the same command, however often it is sent. */
-export function newKey(): string {
-  const bytes = crypto.getRandomValues(new Uint8Array(16)); // randomUUID is not there over plain http
-  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("");
-}
-
 export const commandsApi = {
   list: async (robot: string, state: CommandState | "", before: string | null, limit = 50): Promise<CommandPage> => {
     const query = new URLSearchParams({ robot, limit: String(limit) });

@@ -40,8 +40,9 @@ export const introspectApi = {
     sendExact<{ ok: boolean }>("POST", `${robotPath(robot)}/publish`, { topic, type, message }),
   call: async (robot: string, service: string, type: string, body: JsonObject, timeoutS: number) =>
     (await sendExact<{ response: JsonObject }>("POST", `${robotPath(robot)}/services/call`, { service, type, request: body, timeout_s: timeoutS })).response,
-  beginGoal: (robot: string, action: string, type: string, goal: JsonObject, timeoutS: number) =>
-    sendExact<Goal>("POST", `${robotPath(robot)}/actions/${encodeURIComponent(action)}`, { type, goal, timeout_s: timeoutS }),
+  /** The same goal under the same key is begun once, however often it is sent. */
+  beginGoal: (robot: string, action: string, type: string, goal: JsonObject, timeoutS: number, key: string) =>
+    sendExact<Goal>("POST", `${robotPath(robot)}/actions/${encodeURIComponent(action)}`, { type, goal, timeout_s: timeoutS }, { "idempotency-key": key }),
   /** For an EventSource: `status`, `feedback`, at last `result`. */
   goalUrl: (robot: string, goal: string) => `${BASE_PATH}${robotPath(robot)}/goals/${goal}/feedback`,
   cancelGoal: async (robot: string, goal: string) => (await call("POST /robots/{robot_id}/goals/{goal}/cancel", { path: { robot_id: robot, goal }, body: {} })).canceling,

@@ -1,8 +1,10 @@
 /** Begin a goal of a robot's action: the goal as its type has it, then how it goes, and what it gave. */
 
 import { useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import { Refusal, useAttempt } from "../admin/modal";
+import { ApiError } from "../api/client";
+import { newKey } from "../api/exact";
 import { introspectApi, type Goal } from "../api/introspect";
 import { can } from "../api/session";
 import type { Robot } from "../api/types";
@@ -11,6 +13,9 @@ import { MayNot } from "../ui/parts";
 import { DraftFields, useDraft } from "./draft";
 
 const TIMEOUT_S = 10;
+
+/** Whether a goal that was answered so may have begun all the same: sent again, it is to be the same one. */
+const mayHaveBegun = (error: unknown) => error instanceof ApiError && (error.status === 0 || error.status >= 500 || error.code === "idempotency_conflict");
 
 /** What was told last of a goal. */
 interface Standing {
@@ -28,6 +33,7 @@ export function GoalForm({ robot, action, type }: { robot: Robot; action: string
   const draft = useDraft(robot.id, type, "goal");
   const goal = useSignal("");
   const standing = useSignal<Standing | null>(null);
+  const open = useRef({ text: "", key: "" }); // what was sent and has no answer yet
   const { busy, problem, attempt } = useAttempt();
   useEffect(() => {
     if (!goal.value) return;
@@ -50,11 +56,25 @@ export function GoalForm({ robot, action, type }: { robot: Robot; action: string
     source.addEventListener("error", () => source.readyState === EventSource.CLOSED && lost("the gateway does not know of it any more"));
     return () => source.close();
   }, [robot.id, goal.value]);
+  const send = async (asked: JsonObject) => {
+    const text = writeJson(asked);
+    const again = open.current.text === text;
+    const { key } = (open.current = again ? open.current : { text, key: newKey() });
+    try {
+      const begun = await introspectApi.beginGoal(robot.id, action, type, asked, TIMEOUT_S, key);
+      open.current = { text: "", key: "" };
+      return begun;
+    } catch (error) {
+      if (!mayHaveBegun(error)) open.current = { text: "", key: "" };
+      if (again && error instanceof ApiError && error.code === "unknown_goal") throw new Error("Nothing is known of the goal that was sent before. Sent again, it is another one.");
+      throw error;
+    }
+  };
   const submit = () =>
     attempt(async () => {
       goal.value = "";
       standing.value = null;
-      const begun = await introspectApi.beginGoal(robot.id, action, type, draft.value.peek(), TIMEOUT_S);
+      const begun = await send(draft.value.peek());
       standing.value = { status: begun.status, message: "", feedback: null, count: 0, result: null, ended: false };
       goal.value = begun.goal;
     });
@@ -72,7 +92,7 @@ export function GoalForm({ robot, action, type }: { robot: Robot; action: string
       <div class="message-end">
         {now && <GoalLine standing={now} />}
         {under && <button type="button" class="button" disabled={busy.value || now.status === "canceling"} onClick={() => void cancel()}>Cancel goal</button>}
-        <button class="button button-solid" disabled={busy.value || under || !draft.shape.value || draft.invalid.value.size > 0}>{busy.value && !under ? "Sending…" : under ? "Under way…" : "Send goal"}</button>
+        <button class="button button-solid" onClick={(event) => event.detail > 1 && event.preventDefault()} disabled={busy.value || under || !draft.shape.value || draft.invalid.value.size > 0}>{busy.value && !under ? "Sending…" : under ? "Under way…" : "Send goal"}</button>
       </div>
       {now?.feedback && !now.result && <pre class="message-answer goal-feedback" aria-label="Feedback">{writeJson(now.feedback, 2)}</pre>}
       {now?.result && <pre class="message-answer" data-status={now.status} aria-label="Result">{writeJson(now.result, 2)}</pre>}
