@@ -212,14 +212,12 @@ class Visitor:
         type_name: str = "",
         message: Any = None,
         cdr: bytes | None = None,
-        size_hint_bytes: int = 0,
         lease_id: str = "",
         sent_ns: int = 0,
     ) -> None:
         """Publish once; `cdr` wins over `message`. Returns after the robot's agent has taken it.
 
-        An actuator topic needs `lease_id`; there `sent_ns` (wall clock, 0 = now) must be fresh. `size_hint_bytes` is
-        the length of the message's JSON: a long one is encoded off the event loop.
+        An actuator topic needs `lease_id`; there `sent_ns` (wall clock, 0 = now) must be fresh.
         """
         publication = self._publications.get(self.find_topic(name)[0])
         if publication is None:
@@ -234,7 +232,6 @@ class Visitor:
                 type_name=type_name or publication.type_name,
                 message=message,
                 cdr=cdr,
-                size_hint_bytes=size_hint_bytes,
                 lease_id=lease_id,
                 sent_ns=sent_ns,
                 turn=self._turn,

@@ -13,7 +13,7 @@ from gateway.fleet.commands import CommandDesk
 from gateway.fleet.graph import RobotGraph
 from gateway.fleet.robots import FindRobot, require_online
 from gateway.fleet.ros_errors import UnknownServiceError
-from gateway.fleet.typed import catalogue_for, decode, encode
+from gateway.fleet.typed import LARGE_BYTES, catalogue_for, decode, encode, is_large
 from gateway.fleet.types import TypeBook, full_type_name
 from metaros._proto import link_pb2
 from metaros.clock import Clock
@@ -23,7 +23,6 @@ from metaros.limits import LIMITS
 
 __all__ = ["FleetDesk"]
 
-LARGE_JSON_BYTES = 32 * 1024  # beyond it, encoding runs in a thread: the event loop never stops for 5 ms
 MAX_TIMEOUT_S = 120.0
 
 Turn = AbstractAsyncContextManager[None]
@@ -61,7 +60,6 @@ class FleetDesk:
         type_name: str = "",
         message: Any = None,
         cdr: bytes | None = None,
-        size_hint_bytes: int = 0,
         lease_id: str = "",
         sent_ns: int = 0,
         turn: Turn | None = None,
@@ -79,7 +77,6 @@ class FleetDesk:
                 type_name=type_name,
                 message=message,
                 cdr=cdr,
-                size_hint_bytes=size_hint_bytes,
                 lease_id=lease_id,
             )
         command.sent_ns = sent_ns
@@ -93,7 +90,6 @@ class FleetDesk:
         type_name: str = "",
         message: Any = None,
         cdr: bytes | None = None,
-        size_hint_bytes: int = 0,
         lease_id: str = "",
     ) -> link_pb2.Command:
         """The command that publishes; LeaseRequiredError on an actuator topic without its lease."""
@@ -106,7 +102,7 @@ class FleetDesk:
         name = full_type_name(type_name or (channel.schema_name if channel else ""), "msg")
         if cdr is not None:
             payload, type_hash = cdr, self._types.hash_of(name, channel)
-        elif size_hint_bytes > LARGE_JSON_BYTES:
+        elif is_large(message):
             payload, type_hash = await asyncio.to_thread(self._types.encode, name, message, channel)
         else:
             payload, type_hash = self._types.encode(name, message, channel)
@@ -148,16 +144,18 @@ class FleetDesk:
             raise InvalidRequestError(f"timeout_s is more than 0 and at most {MAX_TIMEOUT_S:g}")
         require_online(self._find(robot_id))
         async with turn or nullcontext():
-            command = self.calling(robot_id, service, type_name=type_name, request=request, cdr=cdr, lease_id=lease_id)
+            command = await self.calling(
+                robot_id, service, type_name=type_name, request=request, cdr=cdr, lease_id=lease_id
+            )
         command.sent_ns = sent_ns
         result = await self._commands.run(robot_id, command, timeout_s=timeout_s, look=look)
         if raw:
             return result.payload
-        if len(result.payload) > LARGE_JSON_BYTES:  # the robot chose it
+        if len(result.payload) > LARGE_BYTES:  # the robot chose it
             return await asyncio.to_thread(self.response, command, result.payload, robot_id)
         return self.response(command, result.payload, robot_id)
 
-    def calling(
+    async def calling(
         self,
         robot_id: str,
         service: str,
@@ -178,7 +176,12 @@ class FleetDesk:
         name = self.service_type(robot_id, full, type_name)
         known = info.type_hash if info is not None and info.type_name == name else ""
         catalogue = catalogue_for(graph, name, known)
-        payload = cdr if cdr is not None else encode(f"{name}_Request", request, catalogue)
+        if cdr is not None:
+            payload = cdr
+        elif is_large(request):
+            payload = await asyncio.to_thread(encode, f"{name}_Request", request, catalogue)
+        else:
+            payload = encode(f"{name}_Request", request, catalogue)
         call = link_pb2.CallService(
             service=full, type_name=name, type_hash=known or type_hash(name, catalogue), request=payload
         )

@@ -12,7 +12,8 @@ from typing import Any
 import orjson
 
 from gateway.errors import InvalidRequestError
-from gateway.fleet.desk import LARGE_JSON_BYTES, FleetDesk
+from gateway.fleet.desk import FleetDesk
+from gateway.fleet.typed import LARGE_BYTES
 from metaros._proto import link_pb2
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
@@ -49,13 +50,12 @@ async def _publish(fleet: FleetDesk, robot: str, request: Request) -> link_pb2.C
         type_name=request.get("type", ""),
         message=request.get("message", {}),
         cdr=payload,
-        size_hint_bytes=len(orjson.dumps(request.get("message", {}))),
         lease_id=request.get("lease_id", ""),
     )
 
 
 async def _call(fleet: FleetDesk, robot: str, request: Request) -> link_pb2.Command:
-    return fleet.calling(
+    return await fleet.calling(
         robot,
         request["service"],
         type_name=request["type"],
@@ -172,7 +172,7 @@ async def read_result(fleet: FleetDesk, wire: link_pb2.Command, payload: bytes) 
         return orjson.dumps(fleet.response(wire, payload) if action == "call_service" else orjson.loads(payload))
 
     try:
-        large = len(payload) > LARGE_JSON_BYTES
+        large = len(payload) > LARGE_BYTES
         return (await asyncio.to_thread(read) if large else read()).decode()
     except (MetarosError, ValueError, TypeError):
         return orjson.dumps({"base64": base64.b64encode(payload).decode()}).decode()

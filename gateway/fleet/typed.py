@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from gateway.errors import InvalidRequestError
@@ -13,9 +14,27 @@ from metaros.idl import Catalogue, default_catalogue, message_class
 from metaros.idl.json import from_json, to_json
 from metaros.limits import LIMITS
 
-__all__ = ["catalogue_for", "decode", "encode"]
+__all__ = ["LARGE_BYTES", "catalogue_for", "decode", "encode", "is_large"]
 
 LARGEST = LIMITS.frame_bytes // 2
+LARGE_BYTES = 32 * 1024  # beyond it, encoding runs in a thread: the event loop never stops for 5 ms
+ITEM_BYTES = 8  # that an element of a list or a field counts for, beside its text
+
+
+def is_large(value: Any) -> bool:
+    """Whether a JSON-able message is one to encode in a thread; looks no further than it has to for that."""
+    left, waiting = LARGE_BYTES, [value]
+    while waiting:
+        item = waiting.pop()
+        if isinstance(item, str):
+            left -= len(item)
+        elif isinstance(item, (Mapping, list, tuple)):
+            left -= ITEM_BYTES * len(item)
+            if left >= 0:
+                waiting.extend(item.values() if isinstance(item, Mapping) else item)
+        if left < 0:
+            return True
+    return False
 
 
 def catalogue_for(graph: RobotGraph, name: str, type_hash: str) -> Catalogue:

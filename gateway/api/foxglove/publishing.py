@@ -104,7 +104,6 @@ class Publishing:
             await self._visitor.publish(
                 channel.topic,
                 type_name=channel.schema_name,
-                size_hint_bytes=len(payload),
                 lease_id=await self._lease(channel.topic),
                 sent_ns=came_ns,
                 **values,

@@ -55,7 +55,6 @@ class TelemetryService:
                 type_name=request.type_name,
                 message=message,
                 cdr=cdr,
-                size_hint_bytes=len(request.json),
                 lease_id=request.lease_id,
                 sent_ns=stamp(request.sent_ns),
             )

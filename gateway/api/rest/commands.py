@@ -66,7 +66,6 @@ async def publish(
             type_name=body.type,
             message=body.message,
             cdr=cdr,
-            size_hint_bytes=len(raw),
             lease_id=body.lease_id,
             sent_ns=body.sent_ns,
         )

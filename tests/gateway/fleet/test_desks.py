@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from dataclasses import dataclass, field
+from typing import Any
 
 import pytest
 
@@ -20,7 +22,9 @@ from gateway.errors import (
     UnknownRobotError,
 )
 from gateway.fleet.commands import LOOKS_PER_ROBOT, PENDING_PER_ROBOT, CommandDesk
+from gateway.fleet.desk import FleetDesk
 from gateway.fleet.teleop import TWIST_STAMPED, TeleopDesk
+from gateway.fleet.typed import is_large
 from gateway.fleet.types import TypeBook, full_type_name
 from metaros._proto import link_pb2
 from metaros.cdr import codec
@@ -63,6 +67,52 @@ def rig(**options: object) -> tuple[Bot, CommandDesk, TeleopDesk, ManualClock]:
     commands = bot.desk = CommandDesk(bot.send)
     teleop = TeleopDesk(bot.find, commands, LeaseTable(valid_s=3.0), bot.send, clock=clock)
     return bot, commands, teleop, clock
+
+
+class Watched(dict[str, Any]):
+    """A message that notes in which threads it is encoded."""
+
+    threads: set[int]
+
+    def items(self) -> Any:
+        self.threads = {threading.get_ident()}
+        return super().items()
+
+
+async def test_what_is_long_is_encoded_in_a_thread_and_goes_before_what_was_said_after_it() -> None:
+    bot, commands, _, clock = rig()
+    fleet = FleetDesk(bot.find, commands, LeaseTable(valid_s=3.0), clock=clock)
+    turn, loop = asyncio.Lock(), {threading.get_ident()}
+    for kind in ("publish", "call_service"):
+        bot.frames.clear()
+        long, short = Watched(), Watched()
+        long["data" if kind == "publish" else "map_url"] = "long " * 10_000
+        async with asyncio.TaskGroup() as group:
+            for said in (long, short):
+                if kind == "publish":
+                    work = fleet.publish("r1", "/a", type_name="std_msgs/String", message=said, turn=turn)
+                else:
+                    name = "nav_msgs/srv/LoadMap"
+                    work = fleet.call("r1", "/a", type_name=name, request=said, raw=True, turn=turn)
+                group.create_task(work)
+        sizes = [getattr(frame.command, kind).ByteSize() > 50_000 for frame in bot.frames]
+        assert (sizes, long.threads == loop, short.threads == loop) == ([True, False], False, True), kind
+
+
+@pytest.mark.parametrize(
+    ("message", "large"),
+    [
+        ({"data": "a" * 30_000}, False),
+        ({"data": [0.5] * 4_000}, False),
+        ({"data": "a" * 33_000}, True),
+        ({"a": {"b": ["a" * 11_000] * 3}}, True),
+        ({"data": [0.5] * 5_000}, True),
+        ([[[]] * 70] * 70, True),
+        (None, False),
+    ],
+)
+def test_what_is_long_is_told_by_its_texts_and_numbers(message: Any, large: bool) -> None:
+    assert is_large(message) is large
 
 
 async def test_results_find_their_command_only() -> None:
