@@ -50,6 +50,7 @@ class _Collected:
     """A sink that keeps the newest line of each topic, up to a bound in bytes."""
 
     def __init__(self, wanted: Collection[str]) -> None:
+        self.on_full: Callable[[], None] | None = None
         self.on_room: Callable[[], None] | None = None
         self.lines: dict[str, Shown] = {}
         self.whole = asyncio.Event()
@@ -66,6 +67,8 @@ class _Collected:
         for line in data.splitlines():
             shown = orjson.loads(line)
             self.lines[shown["topic"]] = shown
+        if not self.ready() and self.on_full is not None:
+            self.on_full()
         if self._wanted <= self.lines.keys():
             self.whole.set()
 

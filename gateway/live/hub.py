@@ -233,12 +233,12 @@ class Hub:
             self._deliver(selection, block, encoding)
 
     def _deliver(self, selection: Selection, block: Block, encoding: Encoding) -> None:
-        """The hot loop: once per block and viewer."""
+        """The hot loop: once per block and viewer, whose objects are in no cache any more since the last tick."""
         data = block.encoded(encoding)
         for viewer, subscription in selection.groups[encoding]:
-            sink = viewer.sink
-            if viewer.clear and sink.ready():
-                sink.write(data)
+            write = viewer.write
+            if write is not None:
+                write(data)
             else:
                 viewer.hold(subscription, block, encoding)
         for run in self._followed:

@@ -13,21 +13,23 @@ SINK_BYTES = 256 * 1024
 
 
 class Sink(Protocol):
-    """Takes ready-made bytes while it has room, and says when it has room again."""
+    """Takes ready-made bytes while it has room, says when it has none, and when it has some again."""
 
+    on_full: Callable[[], None] | None
     on_room: Callable[[], None] | None
 
     def ready(self) -> bool:
         """Whether it takes more now; after a False, `on_room` is called when it does."""
 
     def write(self, data: bytes, /) -> None:
-        """Take bytes in; only after `ready` said so."""
+        """Take bytes in; only while it is ready. `on_full` is called when it is so no more, be it by this or else."""
 
 
 class QueueSink:
     """For connections that are written by a coroutine, such as a gRPC stream: at most `limit_bytes` and one block."""
 
     def __init__(self, *, limit_bytes: int = SINK_BYTES) -> None:
+        self.on_full: Callable[[], None] | None = None
         self.on_room: Callable[[], None] | None = None
         self.waiting_bytes = 0
         self._limit_bytes = limit_bytes
@@ -45,6 +47,8 @@ class QueueSink:
             self._queue.append(data)
             self.waiting_bytes += len(data)
             self._filled.set()
+            if not self.ready():
+                self._say_full()
 
     async def next(self) -> bytes:
         """The oldest that waits; waits for one."""
@@ -61,3 +65,8 @@ class QueueSink:
     def close(self) -> None:
         """Take nothing more."""
         self._closed = True
+        self._say_full()
+
+    def _say_full(self) -> None:
+        if self.on_full is not None:
+            self.on_full()

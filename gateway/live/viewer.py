@@ -47,17 +47,24 @@ class Viewer:
     def __init__(
         self, hub: Interests, sink: Sink, *, on_dropped: OnDropped | None = None, limits: Limits = LIMITS
     ) -> None:
-        self.sink = sink
-        self.clear = True  # nothing waits: what comes may go straight to the sink
+        self.write: Callable[[bytes], None] | None = None  # where what comes goes straight to; None: it has to wait
         self.size_bytes = 0  # of samples that wait
         self._hub = hub
+        self._sink = sink
         self._on_dropped = on_dropped
         self._limits = limits
         self._topics: dict[int, TopicSubscription] = {}
         self._closed = False
         self._notice_s = 0.0
         self._notice_set = False
-        sink.on_room = self.drain
+        sink.on_full, sink.on_room = self._wait, self.drain
+        if sink.ready():
+            self.write = sink.write
+
+    @property
+    def clear(self) -> bool:
+        """Whether nothing waits."""
+        return self.write is not None
 
     @property
     def topics(self) -> list[TopicSubscription]:
@@ -95,7 +102,7 @@ class Viewer:
         """The sink takes nothing now: let a block wait, and the oldest go where that is too much."""
         if self._topics.get(subscription.number) is not subscription:
             return
-        self.clear = False
+        self.write = None
         self.size_bytes += subscription.hold(block, encoding)
         while self.size_bytes > self._limits.viewer_queue_bytes:
             freed = max(self._topics.values(), key=lambda item: item.size_bytes).drop_oldest()
@@ -111,22 +118,26 @@ class Viewer:
 
     def drain(self) -> None:
         """The sink has room: write what waits, subscription by subscription in turn, while it takes it."""
-        sink = self.sink
+        sink = self._sink
         while not self.clear and sink.ready():
-            self.clear = True
+            wrote = False
             for number, subscription in list(self._topics.items()):
                 if not sink.ready():
-                    self.clear = False
                     break
                 found = subscription.take()
                 if found is None:
                     continue
-                self.clear = False
+                wrote = True
                 block, encoding = found
                 self.size_bytes -= block.size_bytes
                 sink.write(block.encoded(encoding))
                 self._topics[number] = self._topics.pop(number)  # it goes last next time: none starves the others
+            if not wrote and sink.ready():
+                self.write = sink.write  # nothing waits any more
         self._tell()
+
+    def _wait(self) -> None:
+        self.write = None
 
     def _tell(self) -> None:
         """Say what was lost, twice a second at most."""

@@ -11,7 +11,7 @@ import asyncio
 import contextlib
 import sys
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from socket import IPPROTO_TCP
 from typing import Any, Protocol
 
@@ -94,10 +94,10 @@ class Outlet(Protocol):
 class UvicornOutlet:
     """Into uvicorn's transport."""
 
-    def __init__(self, protocol: Any) -> None:
+    def __init__(self, protocol: Any, on_full: Callable[[], None]) -> None:
         self._connection = protocol.conn
-        self._writable: asyncio.Event = protocol.writable
         self._transport: asyncio.Transport = protocol.transport
+        self._writable = protocol.writable = _Writable(self._transport, on_full, was=protocol.writable.is_set())
         self._is_writable = self._writable.is_set
         self.write = self._transport.write
         _hold_little(self._transport)
@@ -124,11 +124,33 @@ class UvicornOutlet:
         """The transport belongs to uvicorn."""
 
 
+class _Writable(asyncio.Event):
+    """What uvicorn clears when its transport is full, and sets when it is so no more or the connection is lost."""
+
+    def __init__(self, transport: asyncio.Transport, on_full: Callable[[], None], *, was: bool) -> None:
+        super().__init__()
+        self._transport, self._on_full = transport, on_full
+        if was:
+            super().set()
+
+    def clear(self) -> None:
+        """The transport is full."""
+        super().clear()
+        self._on_full()
+
+    def set(self) -> None:
+        """It has room; or there is nobody any more to write to."""
+        super().set()
+        if self._transport.is_closing():
+            self._on_full()
+
+
 class AsgiOutlet:
     """Through the ASGI send of a socket, by a task of its own."""
 
-    def __init__(self, socket: WebSocket) -> None:
+    def __init__(self, socket: WebSocket, on_full: Callable[[], None]) -> None:
         self._socket = socket
+        self._on_full = on_full
         self._queue: deque[tuple[int, bytes]] = deque()
         self._waiting_bytes = 0
         self._filled, self._emptied = asyncio.Event(), asyncio.Event()
@@ -155,6 +177,8 @@ class AsgiOutlet:
             self._waiting_bytes += len(payload)
         self._emptied.clear()
         self._filled.set()
+        if not self.ready():
+            self._on_full()
 
     async def room(self) -> None:
         """Until all of it is sent."""
@@ -180,6 +204,7 @@ class AsgiOutlet:
             return
         finally:
             self._emptied.set()
+            self._on_full()
 
     async def _send(self, opcode: int, payload: bytes) -> None:
         message: dict[str, Any] = {"type": "websocket.send"}
@@ -202,11 +227,14 @@ def take_messages(socket: WebSocket, size_bytes: int) -> None:
         connection.max_message_size = size_bytes
 
 
-def open_outlet(socket: WebSocket) -> Outlet:
-    """The fast way where the server is the uvicorn we know, else the one that ASGI has."""
+def open_outlet(socket: WebSocket, on_full: Callable[[], None]) -> Outlet:
+    """The fast way where the server is the uvicorn we know, else the one that ASGI has.
+
+    `on_full` is called when it takes nothing more: for now, or because the connection has ended.
+    """
     protocol = socket.scope.get(PROTOCOL_KEY)
     transport, connection = getattr(protocol, "transport", None), getattr(protocol, "conn", None)
     known = hasattr(transport, "get_write_buffer_size") and hasattr(connection, "state")
     if known and isinstance(getattr(protocol, "writable", None), asyncio.Event):
-        return UvicornOutlet(protocol)
-    return AsgiOutlet(socket)
+        return UvicornOutlet(protocol, on_full)
+    return AsgiOutlet(socket, on_full)

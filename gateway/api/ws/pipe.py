@@ -32,8 +32,9 @@ class Pipe:
         stall_s: float = LIMITS.viewer_stall_s,
         control_bytes: int = CONTROL_BYTES,
     ) -> None:
+        self.on_full: Callable[[], None] | None = None
         self.on_room: Callable[[], None] | None = None
-        self._outlet = open_outlet(socket)
+        self._outlet = open_outlet(socket, self._fill)
         self._clock = clock
         self._stall_s = stall_s
         self._control_most = control_bytes
@@ -53,8 +54,7 @@ class Pipe:
         """Whether the socket takes more now; after a False, `on_room` is called when it does."""
         if self._watch is None and self._outlet.ready():
             return True
-        if self._watch is None and not (self._closed or self._outlet.over):
-            self._watch = asyncio.create_task(self._wait_for_room())
+        self._fill()
         return False
 
     def text(self, message: str | bytes) -> None:
@@ -77,7 +77,8 @@ class Pipe:
     def close(self) -> None:
         """Write nothing more; more than once does nothing."""
         self._closed = True
-        self.on_room = None
+        self._fill()
+        self.on_full = self.on_room = None
         self._outlet.close()
         if self._watch is not None:
             self._watch.cancel()
@@ -92,6 +93,13 @@ class Pipe:
         self._control_bytes += len(data)
         if self._control_bytes > self._control_most:
             self._stalled.set()
+
+    def _fill(self) -> None:
+        """It takes nothing more: whoever writes has to wait until there is room, if there ever is."""
+        if self.on_full is not None:
+            self.on_full()
+        if self._watch is None and not (self._closed or self._outlet.over):
+            self._watch = asyncio.create_task(self._wait_for_room())
 
     async def _wait_for_room(self) -> None:
         least, since_s = self._outlet.waiting_bytes, self._clock.monotonic_s()

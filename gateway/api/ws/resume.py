@@ -46,6 +46,7 @@ class Resumed:
 class _Closed:
     """A sink that takes nothing."""
 
+    on_full: Callable[[], None] | None = None
     on_room: Callable[[], None] | None = None
 
     def ready(self) -> bool:

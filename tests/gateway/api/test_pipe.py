@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from starlette.websockets import WebSocket, WebSocketState
 from websockets.frames import Frame, Opcode
+from websockets.protocol import State
+from websockets.server import ServerProtocol
 
 from gateway.api.ws import outlet
 from gateway.api.ws.outlet import BINARY, TEXT, AsgiOutlet, UvicornOutlet, frame, split_frames
@@ -30,6 +33,53 @@ def test_a_frame_is_what_websockets_makes(opcode: int, size: int) -> None:
 def test_frames_are_taken_apart_again(messages: list[tuple[int, bytes]]) -> None:
     joined = b"".join(frame(opcode, payload) for opcode, payload in messages)
     assert list(split_frames(joined)) == messages
+
+
+class Served(asyncio.Protocol):
+    """As much of uvicorn's WebSocket protocol as an outlet looks at, over a real transport."""
+
+    def __init__(self, made: asyncio.Queue[Served]) -> None:
+        self.conn, self.writable, self.lost = ServerProtocol(), asyncio.Event(), asyncio.Event()
+        self._made = made
+        self.conn.state = State.OPEN
+        self.writable.set()
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self.transport = transport
+        self._made.put_nowait(self)
+
+    def pause_writing(self) -> None:
+        self.writable.clear()
+
+    def resume_writing(self) -> None:
+        self.writable.set()
+
+    def connection_lost(self, error: Exception | None) -> None:
+        self.writable.set()  # as uvicorn does
+        self.lost.set()
+
+
+async def test_uvicorns_transport_says_when_it_is_full_and_when_it_is_gone() -> None:
+    made, fulls = asyncio.Queue[Served](), list[int]()
+    server = await asyncio.get_running_loop().create_server(lambda: Served(made), "127.0.0.1", 0)
+    async with server, asyncio.timeout(60):
+        reader, writer = await asyncio.open_connection(*server.sockets[0].getsockname())
+        served = await made.get()
+        out = UvicornOutlet(served, lambda: fulls.append(1))
+        written = 0
+        while out.ready():
+            assert not fulls
+            out.write(bytes(100_000))
+            written += 100_000
+        assert fulls == [1]
+        await reader.readexactly(written)
+        await out.room()
+        assert out.ready()
+        assert fulls == [1]
+        writer.transport.abort()
+        await served.lost.wait()
+        assert fulls == [1, 1]
+        assert not out.ready()
 
 
 class SlowApp:
@@ -60,10 +110,11 @@ class SlowApp:
 
 async def test_without_uvicorn_frames_go_through_asgi_in_order() -> None:
     app = SlowApp()
-    pipe, rooms = Pipe(app.socket(), clock=SystemClock()), []
-    pipe.on_room = lambda: rooms.append(1)
+    pipe, fulls, rooms = Pipe(app.socket(), clock=SystemClock()), [], []
+    pipe.on_full, pipe.on_room = lambda: fulls.append(1), lambda: rooms.append(1)
     assert pipe.ready()
     pipe.write(frame(BINARY, bytes(70_000)) + frame(TEXT, b"two"))
+    assert fulls  # at once: nobody asks before he writes
     assert not pipe.ready()
     pipe.text("three")
     assert pipe.waiting_bytes > 70_000
@@ -100,8 +151,8 @@ async def test_who_lets_too_many_answers_wait_is_stalled() -> None:
 async def test_the_stream_is_the_same_both_ways(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, known: bool) -> None:
     made: list[Any] = []
 
-    def opened(socket: WebSocket) -> Any:
-        made.append(outlet.open_outlet(socket) if known else AsgiOutlet(socket))
+    def opened(socket: WebSocket, on_full: Callable[[], None]) -> Any:
+        made.append(outlet.open_outlet(socket, on_full) if known else AsgiOutlet(socket, on_full))
         return made[-1]
 
     monkeypatch.setattr("gateway.api.ws.pipe.open_outlet", opened)

@@ -45,6 +45,7 @@ class ListSink:
     """A sink that takes what comes, or so many writes and no more."""
 
     def __init__(self, *, takes: int | None = None) -> None:
+        self.on_full: Callable[[], None] | None = None
         self.on_room: Callable[[], None] | None = None
         self.open = True
         self.frames: list[bytes] = []
@@ -58,6 +59,13 @@ class ListSink:
         self.frames.append(data)
         if self._takes is not None:
             self._takes -= 1
+        if not self.ready():
+            self.shut()
+
+    def shut(self) -> None:
+        self.open = False
+        assert self.on_full is not None
+        self.on_full()
 
     def reopen(self, *, takes: int | None = None) -> None:
         self.open, self._takes = True, takes
@@ -203,13 +211,13 @@ def test_a_queue_is_thinned_by_stamps() -> None:
 
 def test_a_full_queue_drops_the_oldest_and_says_so() -> None:
     rig = Rig(make_subscription(queue_bytes=10 * 48))
-    rig.sink.open = False
+    rig.sink.shut()
     rig.hub.publish(make_run(1, [b"x"] * 25))
     rig.pass_time()
     rig.sink.reopen()
     assert [seq for _, seq, _ in rig.got()] == list(range(16, 26))
     assert (rig.notices, rig.viewer.size_bytes, rig.viewer.clear) == ([(1, 15, 15)], 0, True)
-    rig.sink.open = False
+    rig.sink.shut()
     rig.hub.publish(make_run(26, [b"x"] * 11))
     rig.pass_time(0.1)
     rig.sink.reopen()
@@ -220,7 +228,7 @@ def test_a_full_queue_drops_the_oldest_and_says_so() -> None:
 
 def test_a_slow_viewer_keeps_the_newest_of_mode_latest_and_lost_nothing() -> None:
     rig = Rig(make_subscription(latest=True))
-    rig.sink.open = False
+    rig.sink.shut()
     for seq in range(1, 50):
         rig.hub.publish(make_run(seq, [b"x"]))
         rig.pass_time(0.005)
@@ -232,7 +240,7 @@ def test_a_slow_viewer_keeps_the_newest_of_mode_latest_and_lost_nothing() -> Non
 def test_a_slow_viewer_is_bounded_over_all_its_subscriptions() -> None:
     limits = Limits(viewer_queue_bytes=100_000)
     rig = Rig(*(make_subscription(n, queue_bytes=8 << 20) for n in range(5)), limits=limits)
-    rig.sink.open = False
+    rig.sink.shut()
     for seq in range(1, 200):
         rig.hub.publish(make_run(seq, [bytes(5000)]))
         rig.pass_time(0.005)
@@ -258,7 +266,7 @@ def test_a_slow_viewer_holds_nobody_up_and_its_subscriptions_take_turns() -> Non
 
 def test_one_sample_larger_than_the_queue_still_passes() -> None:
     rig = Rig(make_subscription(queue_bytes=10))
-    rig.sink.open = False
+    rig.sink.shut()
     rig.hub.publish(make_run(1, [bytes(1000), bytes(1000)]))
     rig.pass_time()
     rig.sink.reopen()
@@ -267,7 +275,7 @@ def test_one_sample_larger_than_the_queue_still_passes() -> None:
 
 def test_unsubscribing_frees_what_waits() -> None:
     rig = Rig(make_subscription(1), make_subscription(2))
-    rig.sink.open = False
+    rig.sink.shut()
     rig.hub.publish(make_run(1, [bytes(100)] * 3))
     rig.pass_time()
     rig.viewer.unsubscribe(1)
