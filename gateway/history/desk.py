@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import orjson
 
 from gateway.decoder import Decoder
+from gateway.domain.channel import Channel
 from gateway.errors import StoreError, TooManyError
 from gateway.history.export import Export, ExportRequest
 from gateway.history.instant import Instant, instant_facts, pack_instant, read_instant
@@ -22,7 +23,7 @@ from gateway.history.pages import Page, PageRequest, message_facts, read_page
 from gateway.history.source import Source, StoreSource
 from gateway.history.timeline import timeline_facts
 from gateway.store import Store
-from gateway.store.history import StoredTopic, topic_names
+from gateway.store.history import StoredTopic, stored_channels, topic_names
 from gateway.store.timeline import read_density, series_count
 from metaros.limits import LIMITS
 
@@ -57,6 +58,10 @@ class HistoryDesk:
     async def topic_names(self, robot_id: str) -> list[str]:
         """Every topic of a robot of which messages were ever stored."""
         return await self._store.read(lambda engine: topic_names(engine, robot_id))
+
+    async def channels(self, robot_id: str, *, most: int) -> list[Channel]:
+        """Of each topic of which messages are stored the channel with the newest of them, by topic."""
+        return await self._store.read(lambda engine: stored_channels(engine, robot_id, most=most))
 
     async def timeline(self, robot_id: str, *, start_ns: int, end_ns: int, buckets: int) -> bytes:
         """The counts and losses of a range, as JSON."""

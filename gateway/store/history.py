@@ -21,6 +21,7 @@ __all__ = [
     "find_runs",
     "gaps_between",
     "newest_candidates",
+    "stored_channels",
     "stored_topics",
     "topic_names",
 ]
@@ -134,6 +135,23 @@ def stored_topics(engine: StoreEngine, robot_id: str) -> list[StoredTopic]:
         robot = _robot(engine, robot_id)
         rows = engine.fetch(query, robot, robot) if robot is not None else []
     return [StoredTopic(*row) for row in rows]
+
+
+def stored_channels(engine: StoreEngine, robot_id: str, *, most: int) -> list[Channel]:
+    """Of each topic of which messages are stored the channel with the newest of them, by topic; of `most` at most."""
+    newest = "(SELECT max(b.last_ns) FROM {table} b WHERE b.channel = c.channel)"
+    query = (
+        f"SELECT {CHANNEL_COLUMNS}, {newest.format(table='sample_batches')}, {newest.format(table='segment_runs')}"
+        " FROM channels c JOIN robots r ON r.robot = c.robot WHERE r.id = ? ORDER BY c.topic, c.channel LIMIT ?"
+    )
+    with engine.transaction(write=False):
+        rows = engine.fetch(query, robot_id, most)
+    found: dict[str, tuple[int, Row]] = {}
+    for row in rows:
+        ends_ns = [end_ns for end_ns in row[-2:] if end_ns is not None]
+        if ends_ns and (row[1] not in found or found[row[1]][0] <= max(ends_ns)):
+            found[row[1]] = (max(ends_ns), row)
+    return [stored_channel(robot_id, row) for _, row in found.values()]
 
 
 def topic_names(engine: StoreEngine, robot_id: str) -> list[str]:

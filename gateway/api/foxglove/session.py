@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 from gateway.api.foxglove import requests, texts
@@ -33,7 +34,7 @@ from gateway.api.foxglove.requests import Parameter
 from gateway.api.foxglove.texts import ERROR, INFO, WARNING, GraphView
 from gateway.api.foxglove.values import Values
 from gateway.api.rosbridge.driving import Wheel
-from gateway.api.visitor import Visitor
+from gateway.api.visitor import Topic, Visitor
 from gateway.api.ws.pipe import Pipe
 from gateway.domain.channel import Channel
 from gateway.domain.qos import is_latched
@@ -48,6 +49,7 @@ FUTURE_NS = 60 * 10**9  # a robot's clock may be ahead
 LATCHED_S = (0.0, 0.2, 0.5, 1.0)  # waits before each look for a latched sample
 TEND_S = 0.25  # how often it is looked at what changed, and a live client is told the time
 POLL_S = 2.0  # how often parameters are read that a client watches
+RECALLED = 256  # robots that announced nothing yet of which a client of the fleet is told what is stored
 TOGETHER = 128  # channels in one message
 FULL = "Send buffer limit reached"  # the very words for which Lichtblick has a hint
 
@@ -79,6 +81,7 @@ class Session:
         self._viewer = services.hub.join(pipe, on_dropped=lambda *_: self._note(WARNING, FULL, "send-buffer"))
         self._directory = Directory(LIMITS.foxglove_channels)
         self._subscriptions: dict[int, Offered] = {}
+        self._stored: dict[str, list[Topic]] = {}  # of robots that may be away: what was announced goes before it
         self._values = Values(visitor)
         self._publishing = Publishing(
             visitor,
@@ -123,6 +126,8 @@ class Session:
         self._pipe.text(
             texts.server_info(name, session=session, metadata=metadata, span_ns=self._span_ns, assets=assets)
         )
+        if self._span_ns is not None:
+            self._start(self._recall())
         async with asyncio.TaskGroup() as group:
             group.create_task(self._tend())
             group.create_task(self._poll())
@@ -239,8 +244,20 @@ class Session:
                 self._pipe.binary(time_message(self._services.clock.wall_ns()))
             await asyncio.sleep(TEND_S)
 
+    async def _recall(self) -> None:
+        """A robot that has not been here since the gateway began has a past all the same, which can be played."""
+        names, most = self._visitor.names, LIMITS.foxglove_channels
+        away = [item.robot.id for item in self._visitor.robots() if names.robot is not None or not item.topics()]
+        for robot in away[:RECALLED]:
+            found = await self._services.history.channels(robot, most=most)
+            self._stored[robot] = [Topic(names.shown(robot, channel.topic), channel) for channel in found]
+            self._channels_stale = True
+            if (most := most - len(found)) <= 0:
+                return
+
     async def _tell_channels(self) -> None:
-        changes = self._directory.update_channels((item.shown, item.channel) for item in self._visitor.topics())
+        found = [*self._visitor.topics(), *chain.from_iterable(self._stored.values())]
+        changes = self._directory.update_channels((item.shown, item.channel) for item in found)
         if changes.gone:
             for number in [n for n, item in self._subscriptions.items() if item.number in changes.gone]:
                 self._unsubscribe(requests.Unsubscribe((number,)))

@@ -14,7 +14,7 @@ from gateway.objects import ObjectStore
 from gateway.store.commit import Committer
 from gateway.store.compact import Compaction, CompactPace
 from gateway.store.engine import StoreEngine
-from gateway.store.history import find_runs, stored_topics
+from gateway.store.history import find_runs, stored_channels, stored_topics
 from gateway.store.ledger import in_transaction, sweep_objects
 from gateway.store.load import RunLoader
 from gateway.store.samples import SampleFilter
@@ -287,8 +287,12 @@ def test_a_batch_that_cannot_be_packed_stops_no_other(
 def test_a_segment_is_an_mcap_file_of_one_robot(engine: StoreEngine, objects: ObjectStore) -> None:
     expected = fill(engine)
     topics = stored_topics(engine, "r1")
+    channels = stored_channels(engine, "r1", most=99)
+    assert [item.topic for item in channels] == sorted({item.topic for item in topics})
+    assert [item.topic for item in stored_channels(engine, "r1", most=1)] == [topics[0].topic]
     compact_all(compaction(engine, objects))
     assert stored_topics(engine, "r1") == topics
+    assert stored_channels(engine, "r1", most=99) == channels
     found: dict[int, bytes] = {}
     for name in names(objects):
         reader = make_reader(io.BytesIO(objects.read(name)), validate_crcs=True)

@@ -103,6 +103,24 @@ async def test_a_topic_that_is_chosen_while_paused_is_shown_as_of_then(tmp_path:
         assert (await state(viewer))[1] == first_ns
 
 
+async def test_a_robot_that_is_away_since_the_gateway_began_is_played(tmp_path: Path) -> None:
+    async with with_history(tmp_path) as (_, _, first_ns):
+        pass
+    async with running_gateway(tmp_path) as ready:
+        for path in ("/sim_1", "/?robot=sim_1", "/"):
+            async with viewing(ready, path) as viewer:
+                assert (await viewer.channel("/sim_1/chatter"))["schemaName"] == STRING
+                await viewer.subscribe(1, "/sim_1/chatter")
+                await viewer.socket.send(control(play=False, seek_ns=first_ns + 3 * STEP_NS))
+                assert await viewer.data() == (1, first_ns + 3 * STEP_NS, text("3"))
+        async with viewing(ready, "/sim_1") as viewer:
+            await viewer.subscribe(1, "/sim_1/chatter")
+            async with ScriptedAgent(ready) as agent:  # it is back: the subscription holds
+                await agent.announce(channel(1, "/sim_1/chatter", STRING))
+                await agent.samples(1, COUNT + 1, [text("live")])
+                assert (await viewer.data())[2] == text("live")
+
+
 async def test_time_does_not_go_where_nobody_may_look(tmp_path: Path) -> None:
     scoped = RING.add(role=Role.VIEWER, robots=("other",))
     async with with_history(tmp_path) as (ready, _, first_ns):
