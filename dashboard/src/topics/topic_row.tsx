@@ -25,7 +25,7 @@ export function TopicRow({ robot, topic, rates, chosen, onChoose }: TopicRowProp
         {topic.encoding === SEALED_CDR && <LockMark />}
         <span class="sub" title={topic.type}>{typeWord(topic.type)}</span>
       </td>
-      <td data-label="Leaves the robot"><Way topic={topic} /></td>
+      <td data-label="Class"><Way topic={topic} /></td>
       <td class="end" data-label="Rate">
         <span class="with-spark">
           <Spark values={rates} top={topOf(rates)} />
@@ -34,8 +34,8 @@ export function TopicRow({ robot, topic, rates, chosen, onChoose }: TopicRowProp
       </td>
       <td class="end num" data-label="Bandwidth">{bytesPerSecond(topic.bytes_per_s)}</td>
       <td class="cell-qos" data-label="QoS" title={qos?.rows.map(([name, value]) => `${name}: ${value}`).join("\n")}>{qos?.short ?? <span class="none">{NONE}</span>}</td>
-      <td class="end num" data-label="Ends" title={`${topic.publishers} publishers, ${topic.subscribers} subscribers`}>{topic.publishers} → {topic.subscribers}</td>
-      <td class="end num" data-label="Came here">
+      <td class="end num" data-label="Pub → sub" title={`${topic.publishers} publishers, ${topic.subscribers} subscribers`}>{topic.publishers} → {topic.subscribers}</td>
+      <td class="end num" data-label="Received">
         {integer(topic.received)}
         {topic.lost > 0 && <span class="sub bad">{integer(topic.lost)} lost</span>}
         {topic.thinned > 0 && <span class="sub">{integer(topic.thinned)} thinned</span>}
