@@ -14,6 +14,7 @@ from typing import Any
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 from websockets.http11 import Request
+from websockets.protocol import State
 
 from gateway.api.guard import AGENTS_ONLY, PROTOCOL_KEY
 from gateway.crowd import Crowd, Guest
@@ -195,6 +196,7 @@ class SocketProtocol(Counted, WebSocketsSansIOProtocol):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
+        self.last_words = ""  # said to a client that sends too much before it is shown out, see ws/cut.py
         self._guest: Guest | None = None
         self._pinged = False
         self._frames_seen = 0
@@ -269,6 +271,8 @@ class SocketProtocol(Counted, WebSocketsSansIOProtocol):
     def _end(self, code: int, reason: str) -> None:
         if self.close_sent or self.transport.is_closing():
             return
+        if code == TOO_OFTEN and self.last_words and self.conn.state is State.OPEN:
+            self.conn.send_text(self.last_words.encode())
         self.conn.fail(code, reason)
         self.handle_parser_exception()
 

@@ -15,7 +15,7 @@ from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from gateway.api.allow import PRINCIPAL_KEY, RATES_KEY
-from gateway.api.guard import AGENTS_ONLY
+from gateway.api.guard import AGENTS_ONLY, PROTOCOL_KEY
 from gateway.api.problem import problem
 from gateway.api.turns import Turns
 from gateway.domain.buckets import Buckets
@@ -202,6 +202,9 @@ class RateLimited:
                 rates.take("message_bytes", me, len(message.get("text") or message.get("bytes") or ""))
             except TooManyRequestsError:
                 rates.count("sockets", key, cost)
+                words = getattr(scope.get(PROTOCOL_KEY), "last_words", "")
+                if words:
+                    await send({"type": "websocket.send", "text": words})
                 await send({"type": "websocket.close", "code": TOO_OFTEN, "reason": TooManyRequestsError.code})
                 return {"type": "websocket.disconnect", "code": TOO_OFTEN}
             return message

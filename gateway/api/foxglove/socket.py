@@ -12,11 +12,13 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from gateway.api.allow import allow
 from gateway.api.attendance import REVOKED, Visit
 from gateway.api.foxglove.session import Session
+from gateway.api.foxglove.texts import ERROR, status
 from gateway.api.services import Services, services_of
 from gateway.api.visitor import Visitor
-from gateway.api.ws.cut import STALLED, cut
+from gateway.api.ws.cut import STALLED, TOO_MUCH, cut, leave_word
 from gateway.api.ws.outlet import take_messages
 from gateway.api.ws.pipe import Pipe
+from gateway.errors import TooManyRequestsError
 from metaros.limits import LIMITS
 
 __all__ = ["PROTOCOLS", "router"]
@@ -69,6 +71,7 @@ async def _admit(socket: WebSocket, visit: Visit, robot: str | None, protocol: s
     visitor = Visitor.of(socket, services, visit, robot=robot)
     span_ns = await _span_ns(services, visitor) if socket.query_params.get("history") != "off" else None
     await socket.accept(protocol)
+    leave_word(socket, status(ERROR, f"{TOO_MUCH} ({TooManyRequestsError.code})"))
     if visitor.may("robots.publish"):
         take_messages(socket, LIMITS.json_bytes)
     pipe = Pipe(socket, clock=services.clock, stall_s=services.settings.viewer_stall_s)

@@ -24,9 +24,10 @@ from gateway.api.rosbridge.publishing import Publishing
 from gateway.api.rosbridge.subscriptions import Subscriptions
 from gateway.api.services import services_of
 from gateway.api.visitor import Visitor
-from gateway.api.ws.cut import STALLED, cut
+from gateway.api.ws.cut import STALLED, TOO_MUCH, cut, leave_word
 from gateway.api.ws.outlet import take_messages
 from gateway.api.ws.pipe import Pipe
+from gateway.errors import TooManyRequestsError
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
 
@@ -81,6 +82,8 @@ class _Connection:
         self._publishing = Publishing(client, self._wheel)
         self._offering = Offering(client)
         self._handlers = self._table(Calling(client), Goals(client))
+        for _, text in Protocol().fault(TooManyRequestsError(TOO_MUCH, retry_after_s=1.0)):
+            leave_word(socket, text.decode())
 
     async def run(self, visit: Visit) -> None:
         """Serve until either side ends it."""

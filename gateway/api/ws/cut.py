@@ -17,11 +17,13 @@ from starlette.types import Scope
 from starlette.websockets import WebSocket
 
 from gateway.api.guard import PROTOCOL_KEY
+from metaros.limits import LIMITS
 
-__all__ = ["STALLED", "cut"]
+__all__ = ["STALLED", "TOO_MUCH", "cut", "leave_word"]
 
 STALLED = 4408
 GRACE_S = 1.0
+TOO_MUCH = f"you send more than {LIMITS.socket_frames_per_s:g} frames or 1 MiB a second: this socket ends"
 
 
 async def cut(socket: WebSocket, code: int, reason: str) -> None:
@@ -37,6 +39,13 @@ async def cut(socket: WebSocket, code: int, reason: str) -> None:
     protocol.conn.send_close(code, reason)
     protocol.transport.write(b"".join(protocol.conn.data_to_send()))
     asyncio.get_running_loop().call_later(GRACE_S, _drop, protocol.transport)
+
+
+def leave_word(socket: WebSocket, text: str) -> None:
+    """What the client is told, in its protocol, right before it is shown out because it sends too much."""
+    protocol: Any = socket.scope.get(PROTOCOL_KEY)
+    if hasattr(protocol, "last_words"):
+        protocol.last_words = text
 
 
 def _drop(transport: asyncio.Transport) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import struct
 from pathlib import Path
+from typing import Any
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -146,6 +148,42 @@ async def test_a_long_message_is_not_overtaken_by_short_ones(tmp_path: Path) -> 
             await viewer.socket.send(struct.pack("<BI", 1, 1) + json.dumps({"data": data}).encode())
         await wait_until_async(lambda: len(robot.published) == len(said))
         assert [payload for _, _, payload in robot.published] == [text(data) for data in said]
+
+
+async def test_who_publishes_too_fast_is_told_so_before_the_socket_ends(tmp_path: Path) -> None:
+    orders = {"id": 1, "topic": "/sim_1/orders", "encoding": "json", "schemaName": STRING}
+    async with (
+        running_gateway(tmp_path, robot_requests_per_s=0.2) as ready,  # one at once: to advertise takes it
+        Answering.of(ready),
+        viewing(ready, "/sim_1") as viewer,
+    ):
+        await viewer.say("advertise", channels=[orders])
+        await viewer.socket.send(struct.pack("<BI", 1, 1) + b"{}")
+        assert (await viewer.hear("status"))["message"].endswith("(too_many_requests)")
+        hearing = asyncio.create_task(last_status(viewer))
+        with pytest.raises(ConnectionClosed) as closed:
+            await flood(viewer)
+        assert closed.value.rcvd is not None
+        assert (closed.value.rcvd.code, closed.value.rcvd.reason) == (1008, "too_many_requests")
+        last = await hearing
+        assert last["level"] == 2
+        assert "150 frames" in last["message"]
+        assert last["message"].endswith("(too_many_requests)")
+
+
+async def flood(viewer: Viewer) -> None:
+    """Say the same until the end."""
+    while True:
+        await viewer.say("unsubscribe", subscriptionIds=[])
+
+
+async def last_status(viewer: Viewer) -> dict[str, Any]:
+    """The last one before the socket ends."""
+    found: dict[str, Any] = {}
+    with contextlib.suppress(ConnectionClosed):
+        while True:
+            found = await viewer.hear("status")
+    return found
 
 
 async def test_a_viewer_looks_and_an_operator_without_a_lease_does_not_drive(tmp_path: Path) -> None:
