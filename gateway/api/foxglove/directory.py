@@ -6,7 +6,8 @@ types, the first stays: viewers take one channel a topic.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Set
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -49,22 +50,31 @@ class Directory:
     services: dict[int, ServiceView] = field(default_factory=dict)
     _by_topic: dict[str, int] = field(default_factory=dict)
     _by_service: dict[str, int] = field(default_factory=dict)
+    _unreadable: Counter[str] = field(default_factory=Counter)  # by robot
+    _left_out: Counter[str] = field(default_factory=Counter)
     _last: int = 0
 
-    def update_channels(self, found: Iterable[tuple[str, Channel]]) -> Changes:
-        """These are there now, by the names that the client sees."""
+    def update_channels(self, found: Iterable[tuple[str, Channel]], *, robots: Set[str] | None = None) -> Changes:
+        """These are there now, by the names that the client sees; with `robots` all of those, and no others changed."""
+        known = {
+            topic: item
+            for topic, number in self._by_topic.items()
+            if (item := self.channels[number]) and (robots is None or item.channel.robot in robots)
+        }
+        for counts in (self._unreadable, self._left_out):
+            for robot in list(counts) if robots is None else robots:
+                counts.pop(robot, None)
         wanted: dict[str, Channel] = {}
-        unreadable = left_out = 0
+        room = self.most - len(self._by_topic) + len(known)
         for topic, channel in found:
             if topic in wanted:
                 continue
             if not _readable(channel):
-                unreadable += 1
-            elif len(wanted) >= self.most:
-                left_out += 1
+                self._unreadable[channel.robot] += 1
+            elif len(wanted) >= room:
+                self._left_out[channel.robot] += 1
             else:
                 wanted[topic] = channel
-        known = {topic: self.channels[number] for topic, number in self._by_topic.items()}
         gone = [
             item.number
             for topic, item in known.items()
@@ -73,7 +83,7 @@ class Directory:
         for number in gone:
             del self._by_topic[self.channels.pop(number).topic]
         new = [self._add(topic, channel) for topic, channel in wanted.items() if topic not in self._by_topic]
-        return Changes(new, gone, unreadable, left_out)
+        return Changes(new, gone, self._unreadable.total(), self._left_out.total())
 
     def update_services(self, found: Iterable[tuple[str, str, str, str]]) -> tuple[list[ServiceView], list[int]]:
         """(name, type, request's schema, response's) that are there now; returns the new ones and who is gone."""

@@ -7,9 +7,8 @@ rest: the lists of channels, services and parameters, the graph and the time, an
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import chain
 from typing import Any
 
 from gateway.api.foxglove import requests, texts
@@ -94,6 +93,7 @@ class Session:
         self._graph_wanted, self._graph = False, GraphView({}, {}, {})
         self._graph_told = False
         self._channels_stale = self._graphs_stale = True
+        self._changed: set[str] = set()  # robots whose channels are others than the client was told
         self._tasks: set[asyncio.Task[None]] = set()
         self._unwatch = (services.hub.watch_channels(self._on_channels), services.graphs.watch(self._on_graph))
         side = PlayerSide(
@@ -226,16 +226,18 @@ class Session:
     # -- what there is ---------------------------------------------------------------------------------------------
 
     def _on_channels(self, robot: str) -> None:
-        self._channels_stale = self._channels_stale or self._visitor.names.covers(robot)
+        if self._visitor.names.covers(robot):
+            self._changed.add(robot)
 
     def _on_graph(self, robot: str) -> None:
         self._graphs_stale = self._graphs_stale or self._visitor.names.covers(robot)
 
     async def _tend(self) -> None:
         while True:
-            if self._channels_stale:
+            if self._channels_stale or self._changed:
+                robots, self._changed = None if self._channels_stale else self._changed, set()
                 self._channels_stale = False
-                await self._tell_channels()
+                await self._tell_channels(robots)
             if self._graphs_stale:
                 self._graphs_stale = False
                 await self._tell_services()
@@ -251,13 +253,14 @@ class Session:
         for robot in away[:RECALLED]:
             found = await self._services.history.channels(robot, most=most)
             self._stored[robot] = [Topic(names.shown(robot, channel.topic), channel) for channel in found]
-            self._channels_stale = True
+            self._changed.add(robot)
             if (most := most - len(found)) <= 0:
                 return
 
-    async def _tell_channels(self) -> None:
-        found = [*self._visitor.topics(), *chain.from_iterable(self._stored.values())]
-        changes = self._directory.update_channels((item.shown, item.channel) for item in found)
+    async def _tell_channels(self, robots: set[str] | None) -> None:
+        """What changed of those robots, or of all; others that were left out come where places became free."""
+        changes = self._directory.update_channels(self._found(robots), robots=robots)
+        self._channels_stale = bool(robots is not None and changes.gone and changes.left_out)
         if changes.gone:
             for number in [n for n, item in self._subscriptions.items() if item.number in changes.gone]:
                 self._unsubscribe(requests.Unsubscribe((number,)))
@@ -267,6 +270,17 @@ class Session:
             self._pipe.text(texts.advertise([channel_facts(item) for item in changes.new[start : start + TOGETHER]]))
         self._tell_left_out("sealed", changes.unreadable, "topics are sealed or of unknown types, and not shown")
         self._tell_left_out("channels", changes.left_out, "further topics are not shown: open /foxglove/ROBOT instead")
+
+    def _found(self, robots: set[str] | None) -> Iterator[tuple[str, Channel]]:
+        """What was announced, and then what is stored, by the client's names."""
+        names, find = self._visitor.names, self._services.registry.find
+        chosen = self._visitor.robots() if robots is None else filter(None, map(find, sorted(robots)))
+        for record in chosen:
+            robot = record.robot.id
+            for state in record.topics():
+                yield names.shown(robot, state.channel.topic), state.channel
+            for topic in self._stored.get(robot, ()):
+                yield topic.shown, topic.channel
 
     def _tell_left_out(self, about: str, count: int, text: str) -> None:
         self._note(INFO, f"{count} {text}" if count else "", about)

@@ -43,6 +43,19 @@ def test_one_channel_a_topic_and_no_more_than_there_may_be() -> None:
     assert changes.left_out == 1
 
 
+def test_a_change_of_one_robot_is_told_without_the_others() -> None:
+    directory = Directory(3)
+    others = [(f"/r2/{name}", replace(made(f"/{name}"), robot="r2")) for name in "abcd"]
+    assert directory.update_channels([("/r1/a", made("/a")), *others]).left_out == 2
+    first = [item.number for item in directory.channels.values() if item.channel.robot == "r2"]
+    changes = directory.update_channels([("/r1/b", made("/b")), ("/r1/c", made("/c"))], robots={"r1"})
+    assert ([item.topic for item in changes.new], changes.gone, changes.left_out) == (["/r1/b"], [1], 3)
+    assert [item.number for item in directory.channels.values() if item.channel.robot == "r2"] == first
+    assert directory.update_channels([], robots={"r1"}).left_out == 2
+    whole = directory.update_channels(others)
+    assert ([item.topic for item in whole.new], whole.left_out) == (["/r2/c"], 1)
+
+
 def test_what_no_viewer_could_read_is_counted_and_not_shown() -> None:
     found = [
         ("/sealed", made("/sealed", encoding="sealed/cdr")),
