@@ -2,29 +2,53 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import orjson
 
 from gateway.api.foxglove.binary import ServiceCall, service_response
 from gateway.api.foxglove.texts import ENCODINGS, ServiceView, service_failure
 from gateway.api.visitor import Visitor
+from gateway.domain.world_names import WorldNames
 from gateway.errors import InvalidRequestError
+from gateway.fleet.graph import RobotGraph
 from metaros.errors import MetarosError
 from metaros.limits import LIMITS
 
-__all__ = ["answer_call", "known_services"]
+__all__ = ["KnownServices", "answer_call"]
+
+Known = tuple[str, str, str, str]
 
 
-def known_services(visitor: Visitor) -> list[tuple[str, str, str, str]]:
-    """(shown name, type, request's schema, response's) of each service whose type the gateway knows."""
+class KnownServices:
+    """The services of one client's robots; a robot's are read again when its graph is another one."""
+
+    def __init__(self) -> None:
+        self._read: dict[str, tuple[RobotGraph, list[Known]]] = {}
+
+    def of(self, graphs: Iterable[RobotGraph], names: WorldNames) -> list[Known]:
+        """(shown name, type, request's schema, response's) of each service whose type the gateway knows."""
+        before, self._read = self._read, {}
+        found: list[Known] = []
+        for graph in graphs:
+            read = before.get(graph.robot)
+            if graph.services:
+                if read is None or read[0] is not graph:
+                    read = (graph, _known_services(graph, names))
+                self._read[graph.robot] = read
+                found += read[1]
+        return found
+
+
+def _known_services(graph: RobotGraph, names: WorldNames) -> list[Known]:
     found = []
-    for graph in visitor.graphs():
-        for name, info in graph.services.items():
-            if not info.servers:
-                continue
-            request = graph.schema(f"{info.type_name}_Request", info.type_hash)
-            response = graph.schema(f"{info.type_name}_Response", info.type_hash)
-            if request or response:
-                found.append((visitor.names.shown(graph.robot, name), info.type_name, request, response))
+    for name, info in graph.services.items():
+        if not info.servers:
+            continue
+        request = graph.schema(f"{info.type_name}_Request", info.type_hash)
+        response = graph.schema(f"{info.type_name}_Response", info.type_hash)
+        if request or response:
+            found.append((names.shown(graph.robot, name), info.type_name, request, response))
     return found
 
 

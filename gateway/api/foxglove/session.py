@@ -23,7 +23,7 @@ from gateway.api.foxglove.binary import (
     read_binary,
     time_message,
 )
-from gateway.api.foxglove.calling import answer_call, known_services
+from gateway.api.foxglove.calling import KnownServices, answer_call
 from gateway.api.foxglove.directory import Directory, Offered, channel_facts
 from gateway.api.foxglove.encoding import MessageData
 from gateway.api.foxglove.graph import graph_view
@@ -81,6 +81,7 @@ class Session:
         self._directory = Directory(LIMITS.foxglove_channels)
         self._subscriptions: dict[int, Offered] = {}
         self._stored: dict[str, list[Topic]] = {}  # of robots that may be away: what was announced goes before it
+        self._known = KnownServices()
         self._values = Values(visitor)
         self._publishing = Publishing(
             visitor,
@@ -286,7 +287,7 @@ class Session:
         self._note(INFO, f"{count} {text}" if count else "", about)
 
     async def _tell_services(self) -> None:
-        new, gone = self._directory.update_services(known_services(self._visitor))
+        new, gone = self._directory.update_services(self._known.of(self._visitor.graphs(), self._visitor.names))
         if gone:
             self._pipe.text(texts.unadvertise_services(gone))
         for start in range(0, len(new), TOGETHER):
