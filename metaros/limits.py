@@ -229,6 +229,7 @@ class Limits:
     nodes_listed: int = 10_000  # in one answer about many robots
     graph_entities: int = 8192  # nodes and endpoints that an agent tells of its robot's graph; more are counted
     graph_types: int = 256  # types of services and actions that it tells with them
+    graph_type_steps: int = 640  # of reading them, about one a line: of one type, and of all types of one report
     graph_robot_bytes: int = 4 * MIB  # of both, in a gateway's memory
     graphs_bytes: int = 128 * MIB  # of all robots; then those go that were longest without a link
     graph_report_s: float = 0.5  # two reports are so far apart

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Mapping
 from edge_agent.ros.survey import End, Survey
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS, Limits
+from metaros.link.type_steps import steps_of
 
 __all__ = ["GraphTeller"]
 
-TYPE_ITEM_BYTES = 400  # of a type's text weigh as much as an endpoint: a gateway reads 128 KiB of types at a time
 FRAME_ITEMS = 256  # nodes and endpoints of one frame, so that it is well below what a lane takes at a time
 
 
@@ -49,7 +49,7 @@ class GraphTeller:
         self._add(frames, "nodes_gone", sorted(self._nodes - nodes))
         self._add(frames, "nodes", sorted(nodes - self._nodes))
         self._add(frames, "endpoints", [self._endpoint(gid, ends[gid]) for gid in came])
-        self._add(frames, "types", texts)
+        self._add_types(frames, texts)
         self._types.update((text.type_name, text.type_hash) for text in texts)
         self._nodes, self._ends, self._left_out = nodes, ends, left_out
         self._revision += 1
@@ -80,8 +80,18 @@ class GraphTeller:
         """Put items into the last frame, and into further ones as it fills."""
         for item in items:
             last = frames[-1]
-            types = sum(max(32, text.ByteSize() // TYPE_ITEM_BYTES) for text in last.types)
-            if len(last.nodes) + len(last.nodes_gone) + len(last.endpoints) + types >= FRAME_ITEMS:
+            if len(last.nodes) + len(last.nodes_gone) + len(last.endpoints) >= FRAME_ITEMS:
                 last = self._frame()
                 frames.append(last)
             getattr(last, field).append(item)
+
+    def _add_types(self, frames: list[link_pb2.GraphReport], texts: Iterable[link_pb2.TypeText]) -> None:
+        """As many to a frame as a gateway reads of one."""
+        taken = 0
+        for text in texts:
+            steps = steps_of(text, enough=self._limits.graph_type_steps)
+            taken += steps
+            if taken > self._limits.graph_type_steps and frames[-1].types:
+                frames.append(self._frame())
+                taken = steps
+            self._add(frames, "types", [text])

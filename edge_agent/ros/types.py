@@ -13,6 +13,7 @@ from metaros.errors import MetarosError
 from metaros.idl import Catalogue, MessageDefinition, catalogue_of, default_catalogue, definition_text
 from metaros.idl.derived import root_names
 from metaros.limits import LIMITS, Limits
+from metaros.link.type_steps import steps_of
 from metaros.node import Node
 from metaros.node.introspection import fetch_type_async
 
@@ -70,10 +71,12 @@ class TypeLearner:
             except MetarosError as error:
                 reason = str(error)
                 continue
-            if text.ByteSize() <= self._limits.schema_bytes:
+            if steps_of(text, enough=self._limits.graph_type_steps) <= self._limits.graph_type_steps:
                 self._texts[key] = text
                 self._learned()
-            return
+                return
+            reason = "its definition is too large"
+            break
         LOG.warning("services of type %s can only be called in CDR from afar: %s", key[0], reason)
 
 

@@ -11,18 +11,18 @@ from typing import Final
 
 from gateway.fleet.graph import ActionInfo, Endpoint, RobotGraph, ServiceInfo
 from metaros._proto import link_pb2
-from metaros.errors import MetarosError
+from metaros.errors import MetarosError, TooLargeError
 from metaros.idl import Catalogue, default_catalogue
 from metaros.idl.catalogue import parse_definition
 from metaros.idl.hashing import type_hash
 from metaros.limits import LIMITS, Limits
+from metaros.link.type_steps import TYPE_STEPS, steps_of
 
 __all__ = ["GraphBook", "catalogue_from"]
 
 log = logging.getLogger(__name__)
 ACTION: Final = "/_action/"
 SEND_GOAL: Final = f"{ACTION}send_goal"
-TYPES_BYTES: Final = 128 * 1024  # of the types of one report: to read so much takes a tenth of a second
 ENTITY_BYTES: Final = 1024  # what a node or an endpoint weighs here, its texts included
 PUBLISHER, SUBSCRIPTION = link_pb2.ENDPOINT_KIND_PUBLISHER, link_pb2.ENDPOINT_KIND_SUBSCRIPTION
 SERVER, CLIENT = link_pb2.ENDPOINT_KIND_SERVER, link_pb2.ENDPOINT_KIND_CLIENT
@@ -110,11 +110,7 @@ class _Told:
         for endpoint in report.endpoints:
             if self._room(limits) and endpoint.ByteSize() <= ENTITY_BYTES:
                 self.endpoints[endpoint.number] = endpoint
-        room_bytes = TYPES_BYTES  # an agent begins another report before that: what is left out here was none's
-        for text in report.types:
-            if room_bytes > 0 and text.ByteSize() <= limits.schema_bytes:
-                self._learn(text, limits)
-            room_bytes -= text.ByteSize()
+        self._learn_all(report.types, limits)
         self.left_out = report.left_out + self._refused
 
     def settle(self, revision: int) -> None:
@@ -132,13 +128,32 @@ class _Told:
         self._refused += not room
         return room
 
+    def _learn_all(self, texts: Iterable[link_pb2.TypeText], limits: Limits) -> None:
+        """As many as the event loop can read in one go; an agent begins another report before that."""
+        room = limits.graph_type_steps
+        for text in texts:
+            if room < TYPE_STEPS:
+                return
+            steps = steps_of(text, enough=room)
+            if steps <= room:
+                self._learn(text, limits)
+            else:
+                log.warning(
+                    "robot %s tells a type that is not read (%s): %s takes more than %d steps",
+                    self.robot,
+                    TooLargeError.code,
+                    text.type_name[:80],
+                    room,
+                )
+            room -= steps if steps <= room else TYPE_STEPS
+
     def _learn(self, text: link_pb2.TypeText, limits: Limits) -> None:
         if len(self.types) >= limits.graph_types or self._type_bytes + text.ByteSize() > limits.graph_robot_bytes // 2:
             return
         try:
             catalogue = catalogue_from(text)
         except MetarosError as error:
-            log.warning("robot %s tells a type that cannot be: %s", self.robot, error)
+            log.warning("robot %s tells a type that cannot be (%s): %s", self.robot, error.code, error)
             return
         self.types[text.type_name, text.type_hash] = catalogue
         self._type_bytes += text.ByteSize()

@@ -2,37 +2,90 @@
 
 from __future__ import annotations
 
+import logging
+
+import pytest
+
 from edge_agent.ros.report import GraphTeller
 from edge_agent.ros.survey import Survey
-from gateway.fleet.graph_book import TYPES_BYTES, GraphBook
+from gateway.fleet import graph_book
+from gateway.fleet.graph_book import GraphBook, catalogue_from
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS
 
+STEPS = LIMITS.graph_type_steps
+DEEP = "visualization_msgs/msg/InteractiveMarkerUpdate a\n"  # brings 16 messages along
+HOSTILE = {  # reports of 120 KiB, each of which took from 0.1 to 0.4 s
+    "many fields": [("p/msg/A", "".join(f"int8 f{field}\n" for field in range(3400)))] * 3,
+    "small actions": [(f"p/action/A{number}", "---\n---\n") for number in range(2500)],
+    "deep messages": [(f"p/msg/A{number}", DEEP) for number in range(1500)],
+    "a long list": [("p/msg/A", "int8[] a [" + "1," * 60_000 + "1]\n")],
+    "a list of texts": [("p/msg/A", "string[] a [" + "''," * 40_000 + "'']\n")],
+    "apostrophes": [("p/msg/A", "string[] a [a" + "'" * 120_000 + "]\n")],
+    "a long text": [("p/msg/A", "string a '" + "x" * 120_000 + "'\n")],
+    "comments": [("p/msg/A", "#\n" * 60_000 + "int8 a\n")],
+    "other ends of lines": [("p/msg/A", "int8 a\f\v\r\x1c\u2028" * 9000)],
+}
 
-def told(number: int, size_bytes: int) -> link_pb2.TypeText:
-    """A service type of about that size."""
-    comment = "#" + "x" * 998 + "\n"
-    text = f"{comment * (size_bytes // 1000)}int32 a\n---\nint32 b\n"
+
+def told(number: int, fields: int) -> link_pb2.TypeText:
+    """A service type of so many fields."""
+    text = "".join(f"int32 field_{field}\n" for field in range(fields)) + "---\nint32 b\n"
     name = f"p/srv/S{number}"
     return link_pb2.TypeText(type_name=name, parts=[link_pb2.TypePart(name=name, text=text)])
 
 
-def known(*types: link_pb2.TypeText) -> int:
-    """How many of these a gateway learns from one report."""
+def known(*types: link_pb2.TypeText) -> list[str]:
+    """What a gateway learns from one report."""
     book = GraphBook()
     book.on_report("r", link_pb2.GraphReport(anew=True, revision=1, types=types))
-    return len(book.of("r").types)
+    return [name for name, _ in book.of("r").types]
 
 
-def test_a_report_brings_the_event_loop_no_megabytes_of_types_to_read() -> None:
-    assert known(*(told(number, 1000) for number in range(8))) == 8
-    assert known(*(told(number, 20_000) for number in range(100))) <= TYPES_BYTES / 20_000 + 1
-    assert known(told(1, 1000), told(2, LIMITS.schema_bytes - 10_000), told(3, 1000)) == 2
-    assert known(told(1, LIMITS.schema_bytes + 10_000)) == 0
+def read_of(monkeypatch: pytest.MonkeyPatch, *types: link_pb2.TypeText) -> list[link_pb2.TypeText]:
+    """The types of one report that are parsed at all, whatever becomes of them."""
+    read: list[link_pb2.TypeText] = []
+
+    def reading(text: link_pb2.TypeText) -> object:
+        read.append(text)
+        return catalogue_from(text)
+
+    monkeypatch.setattr(graph_book, "catalogue_from", reading)
+    known(*types)
+    return read
 
 
-def test_all_types_of_an_agent_arrive_however_large_they_are() -> None:
-    sizes = [1000, 200_000, 90_000, 90_000, 30_000, 1000, 1000, 200_000, *[40_000] * 20]
+@pytest.mark.parametrize("case", HOSTILE)
+def test_a_report_brings_the_event_loop_little_to_read(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    types = [
+        link_pb2.TypeText(type_name=name, type_hash="x", parts=[link_pb2.TypePart(name=name, text=text)])
+        for name, text in HOSTILE[case]
+    ]
+    read = read_of(monkeypatch, *types)
+    assert len(read) <= 10  # each brings its hash and common messages along
+    assert sum(len(part.text.splitlines()) for text in read for part in text.parts) < STEPS
+    assert sum(text.ByteSize() for text in read) < 64 * STEPS
+
+
+def test_parts_without_text_are_not_read_by_the_thousand(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, most in (("p/msg/A", STEPS // 2), ("p/action/A", STEPS // 8)):
+        parts = [link_pb2.TypePart(name=name)] * 9000
+        assert read_of(monkeypatch, link_pb2.TypeText(type_name=name, parts=parts)) == []
+        assert read_of(monkeypatch, link_pb2.TypeText(type_name=name, parts=parts[:most])) == []
+
+
+def test_a_type_that_is_too_large_is_refused_by_its_code_and_the_rest_of_the_report_is_used(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        assert known(told(1, 50), told(2, 1000), told(3, 50)) == ["p/srv/S1", "p/srv/S3"]
+    (record,) = caplog.records
+    assert "(too_large): p/srv/S2" in record.getMessage()
+    assert known(told(1, 400)) == ["p/srv/S1"]  # twice of what the largest services of moveit_msgs have
+
+
+def test_all_types_of_an_agent_arrive_whatever_their_sizes() -> None:
+    sizes = [1, 400, 90, 90, 400, 1, 1, 1, 400, *[1] * 20, *[30] * 20]
     types = {(f"p/srv/S{number}", ""): told(number, size) for number, size in enumerate(sizes)}
     book = GraphBook()
     for frame in GraphTeller().tell(Survey(frozenset({"/r/a"}), {}), types):
