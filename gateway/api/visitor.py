@@ -225,6 +225,7 @@ class Visitor:
         else:
             self.require("robots.publish", publication.place.robot)
         place = publication.place
+        publication.sent += 1  # also when the socket ends before the robot has answered: it may be on its way
         try:
             await self.services.fleet.publish(
                 place.robot,
@@ -237,9 +238,9 @@ class Visitor:
                 turn=self._turn,
             )
         except MetarosError:
+            publication.sent -= 1
             publication.refused += 1
             raise
-        publication.sent += 1
 
     def unadvertise(self, name: str) -> None:
         """It publishes there no more; nothing happens when it did not."""

@@ -97,7 +97,7 @@ async def test_a_service_is_called_by_its_name_alone(robot: Robot) -> None:
     robot.node.create_service(ADD, "add", add)
     async with ros_pair(robot.context) as pair:
         await wait_until_async(lambda: "/sim_1/add" in pair.gateway.ros.graphs.of(ROBOT).services)
-        command = pair.gateway.fleet.calling(ROBOT, "add", request={"a": 2, "b": 3})
+        command = await pair.gateway.fleet.calling(ROBOT, "add", request={"a": 2, "b": 3})
         assert command.call_service.type_name == "example_interfaces/srv/AddTwoInts"
         assert command.call_service.type_hash == ADD.__metaros_hash__
 
@@ -117,7 +117,7 @@ async def test_a_service_of_a_type_that_only_its_node_knows_is_called_in_json(
             graph = gateway.ros.graphs.of(ROBOT)
             info = graph.services["/sim_1/wave"]
             assert graph.schema("far_robot/srv/Wave_Request", info.type_hash).startswith("string<=8 how\nint16 times\n")
-            call = gateway.fleet.calling(ROBOT, "wave", request={"times": 3}).call_service
+            call = (await gateway.fleet.calling(ROBOT, "wave", request={"times": 3})).call_service
             client = pair.node.create_raw_client(call.service, call.type_name, call.type_hash)
             with closing(client):
                 answer = await client.call_async(call.request, 60)
