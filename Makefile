@@ -6,7 +6,7 @@ WORKERS ?= 2
 # CI runs the slow tests too; at a desk they are one word away: make test SLOW=1
 MARKERS = $(if $(or $(CI),$(SLOW)),,-m "not slow")
 
-.PHONY: setup up test check fmt proto lock bench campaign clean
+.PHONY: setup up test check fmt proto lock bench bench-anomaly bench-faults campaign clean
 
 setup:
 	@[ -n "$(PYTHON)" ] || { echo "metaros: needs Python 3.11 or newer (Debian: apt install python3)"; exit 1; }
@@ -45,6 +45,14 @@ lock:
 
 bench: setup
 	@$(BIN)/python -m load_tests $(ARGS)
+
+# The detectors on the development series of NAB, or on any folder of such files: make bench-anomaly DIR=folder
+bench-anomaly: setup
+	@$(BIN)/python -m load_tests.anomaly $(or $(ARGS),nab $(DIR) --cross-validate)
+
+# Faults injected into simulated robots, and days of healthy ones: some minutes; ARGS="--quick" for a glance
+bench-faults: setup
+	@OPENBLAS_NUM_THREADS=1 $(BIN)/python -m load_tests.anomaly faults $(ARGS)
 
 campaign: setup
 	@$(BIN)/python -m load_tests.campaign $(ARGS)

@@ -30,7 +30,9 @@ def run_command(
     context: typer.Context,
     name: Annotated[str | None, typer.Option(help="The robot's id at the gateway; default: this host's name.")] = None,
     namespace: Annotated[str | None, typer.Option(help="Tap only topics under this ROS namespace.")] = None,
-    gateway: Annotated[str | None, typer.Option(help="Address of the gateway: HOST:PORT or a URL.")] = None,
+    gateway: Annotated[
+        str | None, typer.Option(help="Address of the gateway, HOST:PORT or a URL; of several replicas with commas.")
+    ] = None,
     zenoh_port: Annotated[
         int | None, typer.Option(help="Port of the Zenoh router on this host.", envvar="METAROS_ZENOH_PORT")
     ] = None,
@@ -63,7 +65,7 @@ def run_command(
     overrides = {
         "name": name,
         "namespace": namespace,
-        "gateway": gateway,
+        **_gateways(gateway),
         "zenoh_port": zenoh_port,
         "zenoh_profile": zenoh_profile,
         "zenoh_credentials": zenoh_credentials,
@@ -77,3 +79,9 @@ def run_command(
     except MetarosError as error:
         typer.echo(inert_lines(f"metaros agent: {error}"), err=True)
         raise typer.Exit(2) from error
+
+
+def _gateways(told: str | None) -> dict[str, object]:
+    """The setting that `--gateway` means: one gateway, or several replicas of one."""
+    names = [part.strip() for part in (told or "").split(",") if part.strip()]
+    return {"gateways": tuple(names)} if len(names) > 1 else {"gateway": told}

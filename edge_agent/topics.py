@@ -62,6 +62,7 @@ DEFAULT_TOPICS: tuple[TopicRule, ...] = (
     TopicRule(match="**/host/temperature", max_rate_hz=2.0, fields=("celsius",)),
     TopicRule(match="**/host/network", max_rate_hz=2.0, fields=("rx_bytes_per_s", "tx_bytes_per_s")),
     TopicRule(match="**/rosout", delivery="event"),
+    TopicRule(match="**/functions/results", delivery="event"),
     TopicRule(match="**", max_rate_hz=10.0),
 )
 

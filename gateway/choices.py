@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from gateway.api.rate import Rates
+from gateway.functions.feature import FunctionChoices
 from gateway.identity.desk import IdentityChoices
 from gateway.settings import Settings
 from metaros.clock import Clock
+from metaros.functions.egress_rules import parse_bound
+from metaros.functions.sandbox.level import Level
 
-__all__ = ["identity_choices", "rates_of"]
+__all__ = ["function_choices", "identity_choices", "rates_of"]
 
 
 def rates_of(settings: Settings, clock: Clock) -> Rates:
@@ -30,4 +33,15 @@ def identity_choices(settings: Settings) -> IdentityChoices:
         certificate_s=settings.robot_certificate_s,
         ca_cert=settings.ca_cert,
         ca_key=settings.ca_key,
+        master_key=settings.master_key,
+    )
+
+
+def function_choices(settings: Settings) -> FunctionChoices:
+    """Whether functions run here, and how."""
+    return FunctionChoices(
+        on=settings.functions,
+        require=Level[settings.sandbox_require],
+        workers=settings.function_workers,
+        egress=parse_bound(settings.function_egress, field="--function-egress"),
     )

@@ -7,9 +7,12 @@ from typing import Annotated, Any
 
 import typer
 
+from gateway.cli_backup import register as register_backup
 from gateway.cli_options import (
+    Cluster,
     DataDir,
     EventRetentionDays,
+    MasterKeyFile,
     ObjectsUrl,
     RetentionDays,
     RetentionMib,
@@ -21,6 +24,7 @@ from gateway.cli_store import register as register_store
 from gateway.ports import NO_PORT
 from gateway.settings import MIB, Settings, default_data_dir
 from metaros.errors import ConfigError
+from metaros.limits import LIMITS
 
 __all__ = ["register"]
 
@@ -43,6 +47,22 @@ RosbridgePort = Annotated[
 AssetsDir = Annotated[
     Path | None, typer.Option(file_okay=False, help="Files that viewers may fetch, such as meshes; none by default.")
 ]
+Alerts = Annotated[bool, typer.Option("--alerts/--no-alerts", help="Whether robots are watched for what is wrong.")]
+FunctionsOn = Annotated[bool, typer.Option("--functions/--no-functions", help="Whether functions run here.")]
+SandboxRequire = Annotated[
+    str,
+    typer.Option(metavar="L0|L1|L2|L3", help="The least sandbox of functions; with less it does not start."),
+]
+FunctionWorkers = Annotated[int, typer.Option(min=1, max=LIMITS.function_workers, help="Processes of all functions.")]
+FunctionEgress = Annotated[
+    str, typer.Option(metavar="public|none|any|HOST[:PORT],…", help="Where functions may ask to connect to.")
+]
+AwsEndpoint = Annotated[str, typer.Option(metavar="URL", help="Where targets of AWS are called; default AWS itself.")]
+WebhookPrivate = Annotated[
+    list[str] | None, typer.Option(metavar="HOST", help="A host of a private network that rules may post to.")
+]
+AwsRegion = Annotated[str, typer.Option(metavar="REGION", help="The region of those that name none.")]
+Notify = Annotated[Path | None, typer.Option(metavar="FILE", help="TOML: the webhooks and mails that alerts go to.")]
 AllowHost = Annotated[list[str] | None, typer.Option(help="Another name browsers may call this gateway by.")]
 AllowOrigin = Annotated[list[str] | None, typer.Option(help="Origin of another page that may use this gateway.")]
 TickMs = Annotated[float, typer.Option(min=0.0, max=100.0, help="How long live samples wait to share one write.")]
@@ -88,7 +108,12 @@ StatusFile = Annotated[Path | None, typer.Option(metavar="FILE", help="Write thi
 
 # Options whose setting has another name, and those that may be repeated.
 RENAMED = {"store": "store_url", "objects": "objects_url", "robot_certificate_hours": "robot_certificate_s"}
-PLURAL = {"allow_host": "allow_hosts", "allow_origin": "allow_origins", "trusted_proxy": "trusted_proxies"}
+PLURAL = {
+    "allow_host": "allow_hosts",
+    "allow_origin": "allow_origins",
+    "trusted_proxy": "trusted_proxies",
+    "webhook_private": "webhook_private",
+}
 
 
 def register(app: typer.Typer) -> None:
@@ -96,6 +121,7 @@ def register(app: typer.Typer) -> None:
     gateway = typer.Typer(invoke_without_command=True, help="Run the gateway: robots on one side, people on the other.")
     gateway.callback()(_gateway)
     register_store(gateway)
+    register_backup(gateway)
     register_rekey(gateway)
     app.add_typer(gateway, name="gateway")
 
@@ -112,6 +138,8 @@ def _gateway(
     data_dir: DataDir = None,
     store: StoreUrl = "",
     objects: ObjectsUrl = "",
+    cluster: Cluster = "",
+    master_key: MasterKeyFile = None,
     allow_host: AllowHost = None,
     allow_origin: AllowOrigin = None,
     tls: Tls = "auto",
@@ -120,6 +148,15 @@ def _gateway(
     trusted_proxy: TrustedProxy = None,
     anonymous: Anonymous = True,
     oidc: Oidc = None,
+    alerts: Alerts = True,
+    notify: Notify = None,
+    functions: FunctionsOn = True,
+    sandbox_require: SandboxRequire = "L0",
+    function_workers: FunctionWorkers = LIMITS.function_workers,
+    function_egress: FunctionEgress = "public",
+    aws_endpoint: AwsEndpoint = "",
+    aws_region: AwsRegion = "",
+    webhook_private: WebhookPrivate = None,
     fleet: Fleet = "",
     require_enrolment: RequireEnrolment = False,
     ca_cert: CaCert = None,
@@ -146,9 +183,12 @@ def _gateway(
 ) -> None:
     """Run the gateway until Ctrl-C."""
     given = {name: value for name, value in locals().items() if name not in ("context", "status_file")}
-    if context.invoked_subcommand is not None:
-        return
-    from gateway.main import run
+    if context.invoked_subcommand is None:
+        _run(given, status_file)
+
+
+def _run(given: dict[str, Any], status_file: Path | None) -> None:
+    from gateway.main import run  # heavy: a page of help needs none of it
 
     run(_settings(given), status_file=status_file)
 
@@ -160,6 +200,7 @@ def _settings(given: dict[str, Any]) -> Settings:
     for name in ("foxglove_port", "rosbridge_port"):
         chosen[name] = _own_port(given[name], f"--{name.replace('_', '-')}")
     chosen["data_dir"] = given["data_dir"] or default_data_dir()
+    chosen["cluster"] = tuple(part.strip() for part in given["cluster"].split(",") if part.strip())
     chosen["robot_certificate_s"] *= 3600.0
     chosen["retention_bytes"] = chosen.pop("retention_mib") * MIB
     chosen["retention_rules"] = tuple(chosen.pop("retention") or ())

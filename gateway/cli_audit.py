@@ -68,7 +68,7 @@ def _verify(
 
 def _prove_here(data_dir: Path | None, store: str, objects: str) -> dict[str, Any]:
     """The same in a store on this machine, whose gateway may run or not; nothing is made that is not there."""
-    from gateway.identity.master import MASTER_KEY, MasterKey
+    from gateway.identity.master import MasterKey, key_file
     from gateway.objects import open_objects
     from gateway.settings import default_data_dir
     from gateway.store.audit_proof import prove
@@ -78,7 +78,7 @@ def _prove_here(data_dir: Path | None, store: str, objects: str) -> dict[str, An
     folder = data_dir or default_data_dir()
     if not store and not (folder / DATABASE).exists():
         raise ConfigError(f"there is no store in {folder}\nSay where the gateway keeps it: --data-dir, or --store.")
-    seal = MasterKey.load_or_make(folder) if (folder / MASTER_KEY).exists() else None
+    seal = MasterKey.load_or_make(folder) if key_file(folder).exists() else None
     kept = open_objects(objects, folder)
     engine, _ = open_engine(store, folder)
     try:

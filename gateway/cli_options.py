@@ -7,7 +7,17 @@ from typing import Annotated
 
 import typer
 
-__all__ = ["DataDir", "EventRetentionDays", "ObjectsUrl", "RetentionDays", "RetentionMib", "RetentionRules", "StoreUrl"]
+__all__ = [
+    "Cluster",
+    "DataDir",
+    "EventRetentionDays",
+    "MasterKeyFile",
+    "ObjectsUrl",
+    "RetentionDays",
+    "RetentionMib",
+    "RetentionRules",
+    "StoreUrl",
+]
 
 DataDir = Annotated[Path | None, typer.Option(file_okay=False, help="Where data is kept; default ~/.metaros/gateway.")]
 StoreUrl = Annotated[
@@ -28,6 +38,27 @@ ObjectsUrl = Annotated[
         envvar="METAROS_OBJECTS",
         show_envvar=False,
         help="s3://bucket/prefix or file:///folder instead of a directory in the data directory.",
+    ),
+]
+Cluster = Annotated[
+    str,
+    typer.Option(
+        "--cluster",
+        metavar="ENDPOINT,…",
+        envvar="METAROS_CLUSTER",
+        show_envvar=False,
+        help="Zenoh routers by which the gateways of one PostgreSQL reach each other, as tcp/host:7447.",
+    ),
+]
+MasterKeyFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--master-key",
+        dir_okay=False,
+        metavar="FILE",
+        envvar="METAROS_MASTER_KEY",
+        show_envvar=False,
+        help="The key that seals secrets, for gateways that share it; default master.key in the data directory.",
     ),
 ]
 RetentionDays = Annotated[float, typer.Option(min=0.01, help="How long series and messages are kept.")]

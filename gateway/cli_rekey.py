@@ -21,16 +21,16 @@ def register(gateway: typer.Typer) -> None:
 def _rekey(data_dir: LocalDir = None, store: StoreUrl = "", output: FormatOption = Format.TEXT) -> None:
     """Make a new master.key, seal by it what the old one sealed, and delete that. Run it again if it was stopped."""
     from gateway.identity import rekey
-    from gateway.identity.master import MASTER_KEY
+    from gateway.identity.master import MASTER_KEY, key_file
     from gateway.settings import default_data_dir
 
-    out, folder = Output(output), data_dir or default_data_dir()
-    if not (folder / MASTER_KEY).exists():
-        raise ConfigError(f"there is no {folder / MASTER_KEY}\nSay where the gateway keeps it: --data-dir.")
+    out, file = Output(output), key_file(data_dir or default_data_dir())
+    if not file.exists():
+        raise ConfigError(f"there is no {file}\nSay where the gateway keeps it: --data-dir, or METAROS_MASTER_KEY.")
     with local_store(data_dir, store) as here:
-        old, new = rekey.begin(here.folder)
+        old, new = rekey.begin(file)
         done = here.change("master.rekey", MASTER_KEY, lambda engine: rekey.reseal(engine, old, new))
-        rekey.finish(here.folder)
+        rekey.finish(file)
     if out.json:
         out.objects({"sealed": done.sealed, "foreign": list(done.foreign)})
         return

@@ -13,6 +13,7 @@ import typer
 
 from gateway.cli_options import DataDir, EventRetentionDays, ObjectsUrl, RetentionDays, RetentionMib, RetentionRules
 from gateway.cli_options import StoreUrl as StoreUrlOption
+from gateway.cli_store_migrate import migrate
 from gateway.cli_store_view import show_plan, show_report, show_stats
 from gateway.settings import MIB, Settings, default_data_dir
 from metaros.cli.options import Format, FormatOption
@@ -49,6 +50,7 @@ def register(gateway: typer.Typer) -> None:
     )
     for name, command in (("check", _check), ("compact", _compact), ("stats", _stats), ("retention", _retention)):
         store.command(name)(command)
+    store.command("migrate")(migrate)
     gateway.add_typer(store, name="store")
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+from websockets.frames import Frame
 from websockets.http11 import Request
 from websockets.protocol import State
 
@@ -247,6 +248,16 @@ class SocketProtocol(Counted, WebSocketsSansIOProtocol):
         if self.writable.is_set():
             self.transport.write(b"".join(output))
 
+    def handle_close(self, event: Frame) -> None:
+        """The client ends it."""
+        super().handle_close(event)
+        self._tell_closed()
+
+    def handle_parser_exception(self) -> None:
+        """What came makes no sense, or is too much."""
+        super().handle_parser_exception()
+        self._tell_closed()
+
     def shutdown(self) -> None:
         """The gateway ends: say 1001, "going away", where uvicorn would say that a service restarts."""
         if not self.close_sent and self.handshake_complete and not self.transport.is_closing():
@@ -255,6 +266,7 @@ class SocketProtocol(Counted, WebSocketsSansIOProtocol):
             self.conn.send_close(GOING_AWAY)
             self.transport.write(b"".join(self.conn.data_to_send()))
             self.transport.close()
+            self._tell_closed()
         else:
             super().shutdown()
 
@@ -263,6 +275,12 @@ class SocketProtocol(Counted, WebSocketsSansIOProtocol):
         await super().send(message)
         if message["type"] == "websocket.http.response.body" and not message.get("more_body", False):
             self.handshake_complete = True
+
+    def _tell_closed(self) -> None:
+        """Let nobody wait to send more: a client that takes nothing keeps the connection long after its end."""
+        if self.transport.is_closing():
+            self.disconnected = True
+            self.writable.set()
 
     def _affordable(self) -> bool:
         seen, self._frames_seen = self._frames_seen, 0

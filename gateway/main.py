@@ -38,6 +38,7 @@ from gateway.settings import (
     DEFAULT_ROSBRIDGE_PORT,
     Settings,
 )
+from gateway.systemd import ENDING, READY, beat, tell_systemd
 from gateway.tls import HttpTls, strict_transport
 from gateway.tls_accept import TlsAcceptor
 from metaros.clock import Clock, SystemClock
@@ -126,13 +127,16 @@ async def _serve(
             web = group.create_task(http.serve(sockets=list(filter(None, listeners))))
             work = group.create_task(gateway.run())
             sweeping = group.create_task(crowd.run())
+            beating = group.create_task(beat())
             starting = group.create_task(http.up.wait())
             await asyncio.wait({web, starting}, return_when=asyncio.FIRST_COMPLETED)
             on_ready(_ready(gateway, listeners, gateway.programs_port))
             await stop.wait()
+            tell_systemd(ENDING)
             await drain(gateway, robots=robots, programs=programs, end_http=lambda: http.end(web))
             work.cancel()
             sweeping.cancel()
+            beating.cancel()
     finally:
         await asyncio.gather(robots.stop(0), programs.stop(0))
         crowd.close()
@@ -279,6 +283,7 @@ def run(settings: Settings, *, status_file: Path | None = None) -> None:
         access.begin(where)
         if status_file is not None:
             write_status(status_file, where)
+        tell_systemd(READY)
         settle_heap()
 
     async def main() -> None:

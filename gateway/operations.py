@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import platform
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final
@@ -50,6 +50,8 @@ class Parts:
     audit: AuditLog
     leases: LeaseTable
     checks: Callable[[], dict[str, str]]
+    reacting: Callable[[Families], Awaitable[None]]
+    clustering: Callable[[Families], None]
 
 
 class Operations:
@@ -116,6 +118,8 @@ class Operations:
         found.put("metaros_leases", self._parts.leases.held(now_s=self._clock.monotonic_s()))
         await self._robots(found)
         self._store(found)
+        await parts.reacting(found)
+        parts.clustering(found)
         self._traces(found)
         return found
 
@@ -137,7 +141,11 @@ class Operations:
             "process": await asyncio.to_thread(process_report),
             "settings": settings_report(self._settings),
             "numbers": numbers,
-            "robots": {"known": len(records), "online": sum(record.online for record in records)},
+            "robots": {
+                "known": len(records),
+                "online": sum(record.here for record in records),
+                "elsewhere": sum(bool(record.home) for record in records),
+            },
             "tasks": task_kinds(LIMITS.debug_tasks),
         }
 
@@ -146,9 +154,12 @@ class Operations:
         for position, record in enumerate(records):
             if position % _AT_ONCE == _AT_ONCE - 1:
                 await asyncio.sleep(0)
+            if record.told is not None:
+                view.add_elsewhere(record.counts, online=record.online)
+                continue
             told = record.statistics
             lag_s = record.lag_ns / 1e9 - told.link.clock_offset_ns / 1e9 if record.lag_ns is not None else None
-            view.add(record.robot.id, record.online, record.counts, lag_s, record.rtt_s, told.outbox_bytes)
+            view.add(record.robot.id, record.here, record.counts, lag_s, record.rtt_s, told.outbox_bytes)
             view.lost((item.name, item.lost) for item in told.link.classes)
         await asyncio.to_thread(view.put, found)  # it sorts them all
 

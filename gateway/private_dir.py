@@ -1,4 +1,6 @@
-"""The gateway's data directory: this user's alone, as keys, passwords' hashes and what robots saw are in it."""
+"""What is the gateway's alone: its data directory, as keys, passwords' hashes and what robots saw are in it, and the
+files that hold a secret.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +10,9 @@ from pathlib import Path
 
 from metaros.errors import ConfigError
 
-__all__ = ["make_private"]
+__all__ = ["make_private", "others_can_read"]
 
+GROUP_READS = 0o040
 OTHERS = 0o007  # a group may have been let in on purpose, for backups say; nobody lets in all by intent
 
 
@@ -30,3 +33,16 @@ def make_private(folder: Path) -> Path:
     if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
         raise ConfigError(f"--data-dir {folder}: this user cannot write there\nchown it, or choose another one")
     return folder
+
+
+def others_can_read(path: Path) -> bool:
+    """Whether somebody but the gateway's user may read a file with a secret; OSError where there is none.
+
+    Root may let the gateway in by its group: so Kubernetes mounts a secret for a program that is not root.
+    """
+    if sys.platform == "win32":
+        return False
+    else:
+        found = path.stat()
+        lets_in = GROUP_READS if found.st_uid == 0 and os.getuid() != 0 else 0
+        return bool(found.st_mode & 0o077 & ~lets_in)

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from gateway.domain.networks import Network, parse_networks
 from gateway.names import is_wildcard, machine_names, outward_address
-from metaros.errors import ConfigError
+from metaros.errors import ConfigError, FieldError
+from metaros.functions.egress_rules import parse_bound
 from metaros.limits import LIMITS
 
 __all__ = [
@@ -29,6 +30,7 @@ DEFAULT_API_GRPC_PORT = 8082
 DEFAULT_FOXGLOVE_PORT = 8765
 DEFAULT_ROSBRIDGE_PORT = 9090
 MIB = 1024 * 1024
+SANDBOXES = ("L0", "L1", "L2", "L3")
 _FLEET = re.compile(r"[a-z0-9][a-z0-9.-]{0,62}")
 
 
@@ -48,9 +50,20 @@ class Settings:
     foxglove_port: int | None = None  # -1: no port of its own
     rosbridge_port: int | None = None
     assets_dir: Path | None = None  # files that viewers may fetch: meshes, maps
+    alerts: bool = True  # whether robots are watched; alerts that are stored are shown all the same
+    functions: bool = True  # whether functions run here; those that are stored are shown all the same
+    sandbox_require: str = "L0"  # the least sandbox of functions; a gateway that has less does not start
+    function_workers: int = LIMITS.function_workers  # processes of all functions
+    function_egress: str = "public"  # where functions may ask to connect to: public, none, any, or patterns
+    aws_endpoint: str = ""  # where destinations and targets of AWS are; "": AWS itself
+    aws_region: str = ""  # of those whose ARN names none
+    webhook_private: tuple[str, ...] = ()  # hosts, as globs, to which rules may post within a private network
+    notify: Path | None = None  # a file that says where alerts are sent
     data_dir: Path = field(default_factory=default_data_dir)
     store_url: str = field(default="", repr=False)  # PostgreSQL; "": a file in the data directory
     objects_url: str = ""  # "": a directory in the data directory
+    cluster: tuple[str, ...] = ()  # Zenoh routers between the gateways of this store; none: it is alone
+    master_key: Path | None = None  # None: METAROS_MASTER_KEY names it, or it is in the data directory
     allow_hosts: tuple[str, ...] = ()
     allow_origins: tuple[str, ...] = ()
     anonymous: bool = True  # on loopback, who has not signed in may look
@@ -88,11 +101,15 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Refuse what cannot work, naming the setting."""
+        from gateway.cluster.routers import check_routers
         from gateway.objects import check_objects_url  # heavy: a page of help needs none of it
         from gateway.store.engines import check_url
         from gateway.store.retention import class_limits
 
         check_url(self.store_url)
+        check_routers(self.cluster)
+        if self.cluster and not self.store_url:
+            raise ConfigError("--cluster needs --store postgresql://…: the gateways of a cluster share one store")
         check_objects_url(self.objects_url)
         class_limits(self.retention_rules)
         if min(self.retention_days, self.event_retention_days) <= 0 or self.retention_bytes < MIB:
@@ -117,7 +134,7 @@ class Settings:
         if not 0.2 <= self.heartbeat_s <= 60.0:
             raise ConfigError("--heartbeat-s is 0.2 to 60")
         self._check_operations()
-
+        self._check_functions()
         self._check_identity()
 
     def _check_operations(self) -> None:
@@ -129,6 +146,16 @@ class Settings:
             raise ConfigError(f"--log-format is {' or '.join(FORMATS)}, --log-level one of {', '.join(LEVELS)}")
         if not (0.0 <= self.drain_s <= 600.0 and 0.0 <= self.drain_notice_s <= 600.0):
             raise ConfigError("--drain-s and --drain-notice-s are 0 to 600")
+
+    def _check_functions(self) -> None:
+        if self.sandbox_require not in SANDBOXES:
+            raise ConfigError(f"--sandbox-require is one of {', '.join(SANDBOXES)}")
+        if not 1 <= self.function_workers <= LIMITS.function_workers:
+            raise ConfigError(f"--function-workers is 1 to {LIMITS.function_workers}")
+        try:
+            parse_bound(self.function_egress, field="--function-egress")
+        except FieldError as error:
+            raise ConfigError(str(error)) from error
 
     def _check_identity(self) -> None:
         if self.tls not in ("auto", "on", "off"):

@@ -1,6 +1,8 @@
 """`make bench`: every benchmark, or the ones named. Each prints medians of interleaved rounds against its peers.
 
-Options after a single name are that benchmark's own: `python -m load_tests peers --quick`.
+Options after a single name are that benchmark's own: `python -m load_tests peers --quick`. At the end one table has the
+figures, goals and peers of what ran; `--summary` prints it of the last run of each, and runs nothing; `--markdown` as
+docs/topics/performance.md has it, `--write` puts it there.
 """
 
 from __future__ import annotations
@@ -9,12 +11,18 @@ import importlib
 import itertools
 import sys
 
+from load_tests.figures import gathered
+from load_tests.summary import print_summary, summarise
+
 BENCHMARKS = {
+    "anomaly": "what judging 10,000 series costs, beside river's HalfSpaceTrees; what it finds is make bench-anomaly",
     "attacks": "what an honest client notices while somebody attacks the gateway",
     "broker": "ZeroMQ messages through the broker and its bridge, against a plain zmq.proxy",
     "cdr": "CDR encode and decode against rosbags",
     "delivery": "durable samples from an agent's outbox to the gateway's disk, and live ones beside them",
     "executor": "shares of the fair executor and a critical node's timer beside them",
+    "fleet": "thousands of robots on one gateway over the real link: steady, storm, viewers, bulk, chaos, growth",
+    "functions": "calls of a function: engine, gateway and boto3 beside AWS's runtime interface emulator",
     "fanout": "one topic to 1 to 500 WebSocket viewers, beside foxglove-sdk; JSON; one viewer that never reads",
     "history": "24 h of a series in 1000 buckets out of ten million stored rows, on SQLite and PostgreSQL",
     "ingest": "metric rows and samples through a real gateway",
@@ -24,16 +32,22 @@ BENCHMARKS = {
     "rest": "pages of 100 of ten thousand robots for 50 clients at a time",
     "record": "MCAP writers beside a plain file, PyPI's mcap and rosbags; a recorder on the wire",
     "restart": "kill -9 of a supervised node to the first message of its replacement, against bare python with zenoh",
+    "rules": "one event among 1,000 and 10,000 event patterns, beside asking each and moto's matcher",
     "service": "service round trips and action goals against raw eclipse-zenoh queries",
     "storage": "bytes on the gateway's disk for an hour of a robot, beside raw CDR and a rosbags MCAP file",
     "timer": "how late timers are called, per executor",
     "twin": "a change of a thousand robots' desired states: accepted, and lived by",
+    "watch": "10,000 series at 1 Hz through log, judge and desk; what the event loop notices; restarts",
 }
 
 
 def main(argv: list[str]) -> int:
     """Run the named benchmarks, all without names; exit code 2 for what there is not, 1 when one failed."""
+    if argv[:1] == ["--summary"]:
+        return summarise(argv[1:])
     names = list(itertools.takewhile(lambda word: not word.startswith("-"), argv))
+    if names[:1] == ["fleet"] and names[1:2] and names[1] not in BENCHMARKS:  # its scenario
+        names = names[:1]
     options = argv[len(names) :]
     unknown = [name for name in names if name not in BENCHMARKS]
     if unknown:
@@ -42,11 +56,14 @@ def main(argv: list[str]) -> int:
     if options and len(names) != 1:
         print("options need the one benchmark that they are for: python -m load_tests peers --quick", file=sys.stderr)
         return 2
-    codes = []
-    for name in names or BENCHMARKS:
+    codes, chosen = [], names or list(BENCHMARKS)
+    for name in chosen:
         if not options:
             print(f"\n{name}: {BENCHMARKS[name]}\n", flush=True)
-        codes.append(importlib.import_module(f"load_tests.bench_{name}").main(options))
+        with gathered(name, options) as run:
+            run.code = int(importlib.import_module(f"load_tests.bench_{name}").main(options) or 0)
+        codes.append(run.code)
+    print_summary(chosen)
     return int(any(codes))
 
 

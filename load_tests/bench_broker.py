@@ -22,6 +22,7 @@ from contextlib import suppress
 import zmq
 
 import metaros
+from load_tests.figures import note
 from metaros.broker import Broker, BrokerOptions, HubOptions
 from metaros.interfaces.std_msgs.msg import String
 from tests.support.ports import free_port
@@ -178,6 +179,7 @@ def _print(figures: dict[tuple[str, int], list[float]], sizes: tuple[int, ...]) 
     for mode in MODES:
         cells = [f"{statistics.median(figures[mode, size]):,.0f}" for size in sizes]
         print(f"| {mode} | " + " | ".join(cells) + " |")
+    note("64 B through the hub", figures["hub", sizes[0]], peer=figures["proxy", sizes[0]])
     shares = [statistics.median(figures["hub", size]) / statistics.median(figures["proxy", size]) for size in sizes]
     print("| hub ÷ proxy | " + " | ".join(f"{share:.2f}" for share in shares) + " |")
 

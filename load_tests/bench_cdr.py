@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
+from load_tests.figures import note
 from metaros.cdr import codec
 from metaros.idl import message_class
 
@@ -128,6 +129,7 @@ def main(argv: Sequence[str] = ()) -> int:
     rounds = max(5, parser.parse_args(list(argv)).rounds)
     print(f"{'message':<18}{'operation':<11}{'bytes':>9}{'metaros us':>12}{'rosbags us':>12}{'ratio':>8}")
     for result in run(rounds=rounds):
+        note(f"{result.operation} {result.type_name}, rosbags ÷ ours", [result.ratio])
         print(
             f"{result.type_name:<18}{result.operation:<11}{result.size_bytes:>9}"
             f"{result.ours_us:>12.2f}{result.rosbags_us:>12.2f}{result.ratio:>7.1f}x"

@@ -27,6 +27,7 @@ from typing import Any
 import psutil
 
 from edge_agent.outbox import Outbox
+from load_tests.figures import note
 from tests.support.load_robot import LoadRobot, RobotConfig
 from tests.support.postgres import PostgresServer, postgres_binaries
 from tests.support.viewer import open_socket, records, subscribe
@@ -228,6 +229,9 @@ def bench_durable(samples: int, rounds: int) -> None:
         rates = sorted(fact["rate"] for fact in facts)
         median = statistics.median(rates)
         spread = f"{rates[0]:,.0f} to {rates[-1]:,.0f}"
+        note(
+            f"samples, {kind}", [fact["rate"] for fact in facts], peer=[fact["rate"] for fact in found["outbox alone"]]
+        )
         agent, gateway = (statistics.median(fact.get(key, 0.0) for fact in facts) for key in ("cpu_us", "gateway_us"))
         lost = sum(fact["lost"] for fact in facts)
         share = f"{median / alone:.0%}"
@@ -247,6 +251,7 @@ def bench_live(seconds: float, rounds: int) -> None:
     for load, runs in late.items():
         whole = [run for run in runs if len(run) > 100]
         if whole:
+            note(f"live p99, {load}", [statistics.quantiles(run, n=100)[-1] for run in whole])
             middle = statistics.median(statistics.median(run) for run in whole)
             tail = statistics.median(statistics.quantiles(run, n=100)[-1] for run in whole)
             print(f"  {load:24} p50 {middle:>7.2f}  p99 {tail:>7.2f}  ({sum(map(len, whole)):,} samples)")

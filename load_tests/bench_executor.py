@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import metaros
+from load_tests.figures import note
 from metaros.executor import SingleThreadedExecutor
 from metaros.executor.fair_schedule import weight_of
 
@@ -105,6 +106,10 @@ def main(argv: Sequence[str] = ()) -> int:
     ideal = [weight / sum(weights) for weight in weights]
     print(f"{'executor':<10}{'callback':<10}" + "".join(f"{f'nice {nice}':>10}" for nice in LEVELS), end="")
     print(f"{'p50 ms':>10}{'p99 ms':>10}{'max ms':>10}{'calls':>8}  real-time class")
+    late = {kind: found[kind, "1 ms"]["p99_s"] * 1000 for kind in ("fair", "default")}
+    note("critical timer p99, fair executor", [late["fair"]], peer=[late["default"]])
+    pairs = zip(found["fair", "1 ms"]["shares"], ideal, strict=True)
+    note("largest error of a share, 1 ms callbacks", [100 * max(abs(part - due) / due for part, due in pairs)])
     print(f"{'(weights)':<20}" + "".join(f"{part:>10.4f}" for part in ideal))
     for (kind, burst), row in found.items():
         print(f"{kind:<10}{burst:<10}" + "".join(f"{part:>10.4f}" for part in row["shares"]), end="")

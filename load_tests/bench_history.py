@@ -31,6 +31,7 @@ from gateway.store.engine import StoreEngine, placeholders
 from gateway.store.engines import open_engine
 from gateway.store.schema import CHUNK_SAMPLES
 from gateway.store.series import Method, read_range
+from load_tests.figures import note
 from tests.support.postgres import PostgresServer
 
 __all__ = ["Figures", "fill", "main", "measure"]
@@ -146,6 +147,7 @@ def _run(options: argparse.Namespace, folder: Path) -> float:
                 found = measure(reader, queries=options.queries, points=options.points, method=method)
                 if method == "buckets":
                     worst = max(worst, found.p95)
+                    note(f"p95 of a day in 1000 buckets, {kind}, {shape}", [found.p95])
                 print(
                     f"{kind:<10}{SHAPES[shape]:>7}{options.rows // SHAPES[shape]:>12,}{used:>7.1f}  {method:<9}"
                     f"{found.points:>7}{found.p50:>9.1f}{found.p95:>9.1f}",

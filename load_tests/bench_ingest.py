@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ import grpc
 import numpy as np
 import psutil
 
+from load_tests.figures import note
 from metaros._proto import link_pb2, link_pb2_grpc
 
 WINDOW = 64
@@ -148,6 +150,7 @@ async def measure(kind: str, per_batch: int, *, robots: int, seconds: float, rou
                 await asyncio.to_thread(process.wait, 10)
         walls.append(wall)
         cores.append(core)
+    note(kind, walls)
     print(
         f"{kind}: {statistics.median(walls):,.0f}/s by the clock ({min(walls):,.0f} to {max(walls):,.0f}), "
         f"{statistics.median(cores):,.0f} a second of gateway CPU; batches of {per_batch}, {robots} robots"
@@ -160,15 +163,16 @@ async def measure_all(*, robots: int, seconds: float, rounds: int) -> None:
         await measure(kind, per_batch, robots=robots, seconds=seconds, rounds=rounds)
 
 
-def main() -> None:
+def main(argv: Sequence[str] = ()) -> int:
     """Read the options and run."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", type=int, default=4)
     parser.add_argument("--seconds", type=float, default=3.0)
     parser.add_argument("--rounds", type=int, default=5)
-    options, _ = parser.parse_known_args()
+    options = parser.parse_args(list(argv))
     asyncio.run(measure_all(robots=options.robots, seconds=options.seconds, rounds=options.rounds))
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(main(sys.argv[1:]))

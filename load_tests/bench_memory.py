@@ -23,6 +23,7 @@ from typing import Any
 import psutil
 
 import metaros
+from load_tests.figures import note
 from metaros.interfaces.sensor_msgs.msg import Image
 from metaros.wire import Congestion, QoSProfile, qos_reliable_all
 
@@ -134,6 +135,8 @@ def main(argv: Sequence[str] = ()) -> int:
     print(f"{'kind':<8}{'process':<12}{'messages':>10}{'warm MB':>9}{'end MB':>9}{'most MB':>9}{'bytes/message':>15}")
     for kind, total in (("typed", options.messages), ("images", options.images)):
         for process, sizes in run(kind, total).items():
+            if (kind, process) == ("typed", "subscriber"):
+                note("growth, typed, subscriber", [slope(sizes, total)])
             kept = sizes[len(sizes) // _WARM_UP :]
             megabytes = "".join(f"{size / 1e6:>9.1f}" for size in (kept[0], kept[-1], max(sizes)))
             print(f"{kind:<8}{process:<12}{total:>10,}{megabytes}{slope(sizes, total):>15.3f}", flush=True)

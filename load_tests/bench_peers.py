@@ -22,7 +22,9 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from load_tests.figures import note
 from load_tests.peers.chart import as_svg
+from load_tests.peers.goals import GOALS
 from load_tests.peers.pair import WARM_UP_S
 from load_tests.peers.results import Cell, Results, ResultsFileError, machine
 from load_tests.peers.rows import QUICK_SIZES, SIZES, Row, UnknownRow, chosen, pings_of, planned, size_name
@@ -174,6 +176,9 @@ def main(argv: Sequence[str] = ()) -> int:
         results = Results.load(options.markdown) if options.markdown else _measure_shown(options, console)
     except (UnknownRow, ResultsFileError) as error:
         parser.error(str(error))
+    for goal in GOALS if not options.markdown else ():
+        if (figure := goal.figure(results)) is not None:
+            note(goal.text, [figure[0]])
     if options.markdown:
         print(as_markdown(results), end="")
     else:

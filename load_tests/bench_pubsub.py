@@ -23,6 +23,8 @@ import sys
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from load_tests.figures import note
+
 __all__ = ["main", "run"]
 
 PATHS = ("raw", "shared", "dedicated", "bytes")
@@ -97,6 +99,14 @@ def _print_flow(row: Row, figures: Sequence[dict[str, float]], raw: Sequence[dic
     print(f"{left}{ratio:>8.2f}{cpu:>16}{_median(figures, 'threads'):>9.0f}")
 
 
+def _note(results: dict[Row, list[dict[str, float]]]) -> None:
+    raw, own = (results.get(Row(64, path, False)) for path in ("raw", "dedicated"))
+    if raw and own:
+        rates, bare = ([figure["rate"] for figure in figures] for figures in (own, raw))
+        note("typed 64 B, dedicated", rates, peer=bare)
+        note("typed 64 B, of raw", [mine / least for mine, least in zip(rates, bare, strict=True)])
+
+
 def main(argv: Sequence[str] = ()) -> int:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
@@ -111,6 +121,7 @@ def main(argv: Sequence[str] = ()) -> int:
     for row in rows:
         if not row.trips:
             _print_flow(row, results[row], results.get(Row(row.size, "raw", False)))
+    _note(results)
     print(f"\n{'bytes':>8}  {'path':<14}{'RTT p50 us':>12}{'p99 us':>10}{'p50 to raw':>12}")
     for row in rows:
         if row.trips:

@@ -31,6 +31,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 
 import metaros
+from load_tests.figures import note
 from metaros.idl import schema_text, type_hash
 from metaros.mcap import McapFile
 from metaros.record import Recorder, open_bag
@@ -200,10 +201,12 @@ def main(argv: Sequence[str] = ()) -> int:
         print()
         missing = _print_recorder(Path(folder), rounds=options.rounds, seconds=options.seconds)
     print(f"medians of {options.rounds} interleaved rounds on {os.cpu_count()} cores")
+    note("1080p at 30 Hz, missing", [missing])
     return int(missing > 0)
 
 
 def _print_writers(rates: dict[tuple[str, str], list[float]]) -> None:
+    note("1080p written", rates["1080p", "ours, none"], peer=rates["1080p", "mcap, none"])
     print(f"{'payload':<9}{'writer':<16}{'msg/s':>12}{'min..max':>24}{'MB/s':>9}{'ratio to plain':>16}")
     for (size, name), figures in rates.items():
         middle = statistics.median(figures)

@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import zenoh
 
 import metaros
+from load_tests.figures import note
 from metaros.cdr import codec
 from metaros.interfaces.example_interfaces.action import Fibonacci
 from metaros.interfaces.example_interfaces.srv import AddTwoInts
@@ -195,6 +196,10 @@ def main(argv: Sequence[str] = ()) -> int:
         _ask(options.ask, options.endpoint, options.seconds)
     rounds = max(5, options.rounds)
     figures = run(rounds=rounds, seconds=options.seconds)
+    raw, call = ([row.p50_us for row in figures[mode]] for mode in ("raw", "call"))
+    note("call p50", call, peer=raw)
+    note("call p50, of raw", [ours / bare for ours, bare in zip(call, raw, strict=True)])
+    note("goals a second, 32 at a time", [row.per_s for row in figures["goal x32"]])
     middle = {mode: Figures(*map(statistics.median, zip(*rows, strict=True))) for mode, rows in figures.items()}
     print(f"{'path':<10}{'p50 us':>10}{'p99 us':>10}{'per s':>10}{'min..max':>18}{'p50 to raw':>12}")
     for mode, rows in figures.items():

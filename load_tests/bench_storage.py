@@ -45,6 +45,7 @@ from gateway.store.compact import Compaction
 from gateway.store.engines import open_engine
 from gateway.store.ledger import in_transaction
 from gateway.store.merge import merge_step
+from load_tests.figures import note
 from metaros.cdr import codec
 from metaros.clock import SystemClock
 from metaros.idl import schema_text, type_hash
@@ -263,6 +264,7 @@ def report(name: str, messages: Sequence[Message], folder: Path) -> None:
         place.mkdir()
         found = measure(messages, place, rules)
         size = found.database + found.objects
+        note(f"{title}, {name}, of raw CDR", [size / raw], peer=[bag / raw])
         print(
             f"{'store, ' + title:<28}{size * hour:>12,.1f}{size / raw:>12.3f}{found.messages:>12,}{found.rows:>10,}"
             f"{found.database * hour:>9,.1f} MB{found.objects * hour:>9,.1f} MB",

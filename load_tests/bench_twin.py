@@ -23,6 +23,7 @@ from pathlib import Path
 import httpx
 
 from gateway.domain.principal import Role
+from load_tests.figures import note
 from tests.gateway.harness import RING, client, running_gateway
 from tests.support.postgres import PostgresServer
 
@@ -96,6 +97,8 @@ def main(argv: Sequence[str] = ()) -> int:
         finally:
             if server is not None:
                 server.close()
+        note(f"accepted, {engine}", [accepted for accepted, _ in found])
+        note(f"converged, {engine}", [converged for _, converged in found])
         for number, (accepted, converged) in enumerate(found, 1):
             kind = "merge patch of every robot" if number % 2 else "template for every robot"
             print(f"{engine:9} {kind:27} accepted in {accepted:6.3f} s, converged in {converged:6.2f} s", flush=True)

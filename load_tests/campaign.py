@@ -20,6 +20,8 @@ CAMPAIGNS = {
     "history": "200 times kill -9 of a gateway that compacts, purges and exports",
     "simulator": "50,000 seeded worlds of the link's two halves",
     "twin": "100 worlds in which people edit twins a thousand times while everything breaks",
+    "functions": "10,000 events for a function under 20 kill -9 of gateway and workers, on SQLite and PostgreSQL",
+    "replicas": "30 times kill -9 of one of three gateways on one PostgreSQL, with robots and a viewer",
     "fuzz": "every decoder of foreign bytes, a minute each, guided by coverage where atheris is installed",
     "recovery": "how long until `metaros agent` and `metaros gateway` are back after kill -9",
 }

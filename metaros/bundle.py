@@ -32,6 +32,7 @@ __all__ = [
 ]
 
 AGENT = "metaros"  # the name of the agent's own bundles
+OWN = "metaros."  # an entry that begins so is in the robot's own install: it needs no wheel
 MEMBERS = 512
 UNPACKED_BYTES = 1 << 30
 RATIO = 200  # what a member may grow by; wheels are packed already
@@ -261,7 +262,7 @@ def _check_content(manifest: Manifest, names: set[str]) -> None:
         raise BundleError("bundle.toml: say one of entry, command and image")
     if manifest.image and manifest.image not in names:
         raise BundleError(f"bundle.toml: image: there is no {manifest.image[:80]!r} in the bundle")
-    if manifest.entry and not wheels:
+    if manifest.entry and not wheels and not manifest.entry.startswith(OWN):
         raise BundleError("bundle.toml: an entry needs a wheel under wheels/")
     if manifest.command and manifest.command[0] not in names:
         raise BundleError(f"bundle.toml: command begins with {manifest.command[0][:80]!r}, which is not in the bundle")

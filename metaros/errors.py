@@ -13,6 +13,9 @@
     │   ├── SealedError           a sealed payload is not decoded without its key       sealed
     │   └── ClosedError           the node, session or publisher was closed             closed
     ├── RecordingError            a recording cannot be written or read               recording
+    ├── PackageError              a zip file of a function's code is refused          invalid_package
+    ├── SandboxError              functions cannot be shut in as far as required      sandbox_unavailable
+    │   └── LaunchError           a function's worker could not be started            launch_failed
     └── PeerError                 the other side's fault
         ├── RefusedError          a gateway refused the request, or failed at it        refused
         ├── DecodeError           bytes that are no valid CDR of the type               malformed_cdr
@@ -45,14 +48,17 @@ __all__ = [
     "FieldError",
     "FrameError",
     "KeyringError",
+    "LaunchError",
     "MetarosError",
     "NameError_",
+    "PackageError",
     "ParameterError",
     "PeerError",
     "PeerRestartedError",
     "RecordingError",
     "RefusedError",
     "ReplayError",
+    "SandboxError",
     "SealError",
     "SealFormatError",
     "SealKeyError",
@@ -144,6 +150,24 @@ class RecordingError(MetarosError):
     """A recording cannot be written (a full disk) or read (no MCAP, damaged); the message says what was kept."""
 
     code = "recording"
+
+
+class PackageError(MetarosError):
+    """A zip file of a function's code or a layer is refused; the message names the member and the limit."""
+
+    code = "invalid_package"
+
+
+class SandboxError(MetarosError):
+    """This machine cannot shut functions in as far as is required; the message says why."""
+
+    code = "sandbox_unavailable"
+
+
+class LaunchError(SandboxError):
+    """A function's worker could not be started, or not shut in; nothing of it is left."""
+
+    code = "launch_failed"
 
 
 class PeerError(MetarosError):

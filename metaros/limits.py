@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from metaros.function_limits import FunctionLimits
+
 __all__ = ["LIMITS", "Limits"]
 
 KIB = 1024
@@ -11,7 +13,7 @@ MIB = 1024 * KIB
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
+class Limits(FunctionLimits):
     """Bounds in bytes, counts and seconds. Passed where a caller may want another value; never mutated."""
 
     sample_bytes: int = 16 * MIB  # one message; larger ones are a declared gap, reason too_large
@@ -174,6 +176,36 @@ class Limits:
     event_streams_each: int = 64  # of one user, key, or nobody
     events_kept: int = 200_000  # of one store, the newest
     events_kept_s: float = 30 * 86_400.0  # and for so long
+    alerts_unresolved: int = 10_000  # of the fleet; more findings wait, and one alert says so
+    alerts_per_robot: int = 64  # of one robot that are not resolved; likewise
+    alert_findings: int = 32  # that an alert shows and keeps: the worst
+    alert_findings_active: int = 4096  # that one alert waits for the end of
+    alert_findings_waiting: int = 10_000  # for which there is no room among the alerts; more are counted and forgotten
+    alert_remarks: int = 500  # of one alert; more are refused
+    alert_text_chars: int = 2000  # a remark, or a silence's reason
+    alerts_kept: int = 100_000  # of one store that are over, the newest
+    alerts_kept_s: float = 90 * 86_400.0  # and for so long
+    silences: int = 256  # that are not over; more are refused
+    silence_globs: int = 32  # of robots, and of causes, in one silence
+    silence_s: float = 366 * 86_400.0  # the longest
+    notice_routes: int = 32  # in the file of --notify
+    notice_alerts: int = 25  # in one mail
+    notices_waiting: int = 2000  # of one route, that failed and are tried again
+    notice_s: float = 10.0  # the longest that one delivery may take, connecting included
+    notice_tries_s: float = 86_400.0  # for how long a delivery that fails is tried again
+    watch_state_bytes: int = 16 * MIB  # what detectors learned of one robot, packed; more stays with its gateway
+    watch_state_plain_bytes: int = 128 * MIB  # the same, unpacked
+    watch_save_s: float = 60.0  # how old it is in the database at most, while a robot's rows come
+    watch_save_bytes: int = 512 * KIB  # of all robots, at once: twice a second
+    watch_replay_s: float = 600.0  # of a robot's stored rows, which whoever takes it over judges; older ones are not
+    watch_replay_rows: int = 200_000  # of them, the newest
+    cluster_queue_bytes: int = 32 * MIB  # what waits to be sent to one replica; more is not sent
+    cluster_received_bytes: int = 64 * MIB  # what came from replicas and was not handled; more is dropped, and met anew
+    cluster_live_bytes: int = 8 * MIB  # live samples that wait for one replica's viewers; the oldest go
+    cluster_asks: int = 256  # questions to other replicas at once, and of theirs
+    backtest_series: int = 512  # of one backtest; one runs at a time
+    backtest_samples: int = 2_000_000  # that it judges; then it is cut
+    backtest_s: float = 150.0  # and for so long: about a day of a robot at 1 Hz
     traces_kept: int = 256  # followed samples that have ended, and as many that are under way
     traces_per_s: int = 100  # that a gateway follows; further ones are only counted
     traces_export: int = 2048  # that wait to be exported; further ones are counted as lost

@@ -14,7 +14,7 @@ from pathlib import Path
 
 __all__ = ["failed_tests", "main"]
 
-FEW = 3
+FEW = 8
 ROOT = Path(__file__).resolve().parent.parent
 
 

@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from metaros.errors import ConfigError
+from metaros.errors import ConfigError, NameError_
+from metaros.idl.globs import Glob
 from metaros.limits import LIMITS
 
 __all__ = ["Allowed", "NodeSettings", "allowed_entries", "node_settings"]
@@ -47,6 +48,7 @@ class NodeSettings:
     health_s: float = 20.0  # a new version of a bundle has to run so long without an exit to be good
     trial_s: float = 180.0  # and to have done so within so long
     allowed: Mapping[str, Allowed] = field(default_factory=dict)
+    function_actuators: tuple[str, ...] = ()  # of what moves this robot, the names that its functions may use
     safe_stop: tuple[str, ...] = ()  # a command that brings this robot to rest where a critical node keeps dying
     safe_stop_service: str = ""  # a std_srvs/srv/Trigger that does
     safe_stop_publish: Mapping[str, str] = field(default_factory=dict)  # topics on which the zero message does: types
@@ -62,10 +64,10 @@ def node_settings(table: Mapping[str, Any], where: str) -> dict[str, Any]:
         elif key in ("health_s", "trial_s"):
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0.1 <= value <= 86_400:
                 raise ConfigError(f"{where}: nodes.{key} must be 0.1 to 86400 s, not {value!r}")
-        elif key in _STOPS:
-            values[key] = _STOPS[key](value, f"{where}: nodes.{key}")
+        elif key in _READERS:
+            values[key] = _READERS[key](value, f"{where}: nodes.{key}")
         else:
-            known = ", ".join(("free_commands", "health_s", "trial_s", *_STOPS))
+            known = ", ".join(("free_commands", "health_s", "trial_s", *_READERS))
             raise ConfigError(f"{where}: unknown key nodes.{key}; known are {known}")
     return values
 
@@ -89,11 +91,25 @@ def _topics(value: object, where: str) -> Mapping[str, str]:
     return value
 
 
+def _globs(value: object, where: str) -> tuple[str, ...]:
+    if not isinstance(value, list) or len(value) > MAX_ENTRIES:
+        raise ConfigError(f'{where}: expected patterns of names: ["**/gripper/command"]')
+    try:
+        return tuple(Glob(pattern).pattern for pattern in value)
+    except NameError_ as error:
+        raise ConfigError(f"{where}: {error}") from error
+
+
 def _is_type(name: object) -> bool:
     return isinstance(name, str) and _TYPE.match(name) is not None
 
 
-_STOPS: Final = {"safe_stop": _command, "safe_stop_service": _service, "safe_stop_publish": _topics}
+_READERS: Final = {
+    "safe_stop": _command,
+    "safe_stop_service": _service,
+    "safe_stop_publish": _topics,
+    "function_actuators": _globs,
+}
 
 
 def allowed_entries(rows: object, where: str) -> dict[str, Allowed]:

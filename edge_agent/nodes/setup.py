@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from edge_agent.nodes.ledger import Ledger
 from edge_agent.nodes.link import NodeLink
 from edge_agent.nodes.rows import Place
 from metaros.clock import Clock
+from metaros.robot_functions.law import ACTUATORS_VARIABLE, ALLOWED_VARIABLE, FOLDER_VARIABLE, ROBOT_VARIABLE
 from metaros.wire.profile import default_folder
 
 if TYPE_CHECKING:
@@ -28,7 +30,13 @@ def open_nodes(settings: Settings, directory: Path, clock: Clock, *, domain: int
         zenoh_port=settings.zenoh_port,
         domain=domain,
         python=python_of_base(),
-        env={"ZENOH_SESSION_CONFIG_URI": str(session / "node.json5")} if session else {},
+        env={
+            **({"ZENOH_SESSION_CONFIG_URI": str(session / "node.json5")} if session else {}),
+            ROBOT_VARIABLE: settings.name,
+            FOLDER_VARIABLE: str(directory / "functions"),
+            ACTUATORS_VARIABLE: json.dumps(settings.actuators),
+            ALLOWED_VARIABLE: json.dumps(settings.nodes.function_actuators),
+        },
         drive_session=str(session / "agent.json5") if session else "",
     )
     desk = NodeDesk(

@@ -54,7 +54,7 @@ class Kept:
 
 
 class GoalBook:
-    """All of them, the oldest first. Not thread-safe."""
+    """All of them, the oldest first. Not thread-safe, but for `find`."""
 
     def __init__(self, clock: Clock, *, limits: Limits = LIMITS) -> None:
         self._clock = clock

@@ -115,6 +115,7 @@ class GoalRunner:
         except MetarosError as error:
             self._book.end(goal, status=0, code=error.code, message=f"{action.name}: {error}")
         else:
+            self._take_feedback()  # which was heard before it
             self._ended(goal, response)
         if goal.feedback:
             self._say(self._book.take_feedback(goal))
@@ -157,9 +158,12 @@ class GoalRunner:
             self._actions.pop(action.name).close()
 
     def _fed_back(self, data: bytes) -> None:
-        """On an endpoint's thread: the newest of each goal waits for the loop, which is called once."""
+        """On Zenoh's thread: the newest of each goal waits for the loop, which is called once."""
+        goal_id = goal_id_of(data)
+        if self._book.find(goal_id) is None:  # somebody else's goal
+            return
         with self._lock:
-            idle, goal_id = not self._heard, goal_id_of(data)
+            idle = not self._heard
             count, _ = self._heard.get(goal_id, (0, b""))
             self._heard[goal_id] = (count + 1, data)
         if idle:

@@ -9,16 +9,21 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Final
+
+import zenoh
 
 from metaros.cdr import codec
 from metaros.errors import PeerError, UnavailableError, UsageError
+from metaros.limits import LIMITS
 from metaros.node import Node
 from metaros.node.action.types import ENDPOINTS, id_of
 from metaros.node.call import Reply
 from metaros.node.client import RawClient
-from metaros.node.subscription import Subscription
+from metaros.node.subscription import RawSubscription, Subscription
 from metaros.wire import EndpointInfo, qos_default, qos_transient_local
+from metaros.wire.shm import intact
 
 __all__ = ["RawAction", "cancel_request", "find_ends", "goal_id_of", "goal_request", "result_request", "statuses"]
 
@@ -58,7 +63,11 @@ def statuses(array: bytes) -> dict[bytes, int]:
 
 
 class RawAction:
-    """The five endpoints of one action's client. `on_feedback` and `on_status` run on threads of their own."""
+    """The five endpoints of one action's client.
+
+    `on_feedback` runs on Zenoh's thread, on which results come, too: it has heard what was published before a result
+    by the time that is here. It must not block. `on_status` runs on a thread of its own.
+    """
 
     def __init__(
         self,
@@ -72,19 +81,14 @@ class RawAction:
         self.type_name = ends["send_goal"].type_name.removesuffix("_SendGoal")
         self.type_hash = ends["send_goal"].type_hash
         self.users = 0
-        clients = {
-            part: node.create_raw_client(end.topic, end.type_name, end.type_hash)
-            for part, end in ends.items()
-            if part in SERVICES
-        }
-        self._send, self._cancel, self._result = (clients[part] for part in SERVICES)
-        told = (("feedback", on_feedback, qos_default), ("status", on_status, qos_transient_local))
-        self._closing: list[RawClient | Subscription] = [*clients.values()]
-        for part, callback, qos in told:
-            end = ends[part]
-            self._closing.append(
-                Subscription(node, end.topic, end.type_name, end.type_hash, qos, callback, decode=bytes, dedicated=True)
-            )
+        named = {part: (end.topic, end.type_name, end.type_hash) for part, end in ends.items()}
+        clients = [node.create_raw_client(*named[part]) for part in SERVICES]
+        self._send, self._cancel, self._result = clients
+        self._closing: list[RawClient | RawSubscription | Subscription] = [
+            *clients,
+            node.create_raw_subscription(*named["feedback"], qos_default, partial(_hear, on_feedback)),
+            Subscription(node, *named["status"], qos_transient_local, on_status, decode=bytes, dedicated=True),
+        ]
 
     async def send(self, goal_id: bytes, goal: bytes, timeout_s: float) -> bytes:
         """Send a goal; CDR of X_SendGoal_Response."""
@@ -105,6 +109,14 @@ class RawAction:
         for endpoint in reversed(self._closing):
             with suppress(PeerError, UsageError):
                 endpoint.close()
+
+
+def _hear(on_feedback: Callable[[bytes], None], sample: zenoh.Sample) -> None:
+    """Feedback as it came, unless it is too large for any message or was taken back before it was copied."""
+    if len(sample.payload) <= LIMITS.sample_bytes:
+        feedback = sample.payload.to_bytes()
+        if len(feedback) < LIMITS.shared_memory_threshold_bytes or intact(sample.payload):
+            on_feedback(feedback)
 
 
 async def find_ends(

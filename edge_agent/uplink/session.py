@@ -9,6 +9,7 @@ ends all lanes and makes a new session with a higher number.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -23,7 +24,7 @@ from edge_agent.sample_trace import Tracer
 from edge_agent.uplink.budget import Budget
 from edge_agent.uplink.desk import DESK_FRAMES, Told
 from edge_agent.uplink.lane import BACKFILL, CONTROL, DATA, LANE_LOGS, LANES, Compression, LaneSender
-from edge_agent.uplink.statistics import LinkFacts, statistics
+from edge_agent.uplink.statistics import LinkFacts, statistics, steady_part
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.errors import FrameError
@@ -48,6 +49,8 @@ __all__ = [
 LOG = logging.getLogger("metaros.agent.uplink")
 PROTOCOL = 1
 STATISTICS_S = 1.0
+QUIET_STATISTICS_S = 15.0  # while they say nothing new: most robots of a large fleet stand still
+SIDE_BEATS = 4  # beats of control for one of another lane: it is enough to keep proxies' tables; TCP is asked anyway
 SILENT_BEATS = 3
 LEAST_BEAT_S, MOST_BEAT_S = 0.2, 60.0  # whatever a gateway asks
 
@@ -150,6 +153,8 @@ class AgentSession:
         self._heartbeat_s = limits.heartbeat_s
         self._next_statistics_s = self._heard_s = clock.monotonic_s()
         self._next_beat_s = dict.fromkeys(LANES, self._heard_s)
+        self._told = link_pb2.TopicStatistics()  # the last statistics, without what never stands still
+        self._told_s = -math.inf
 
     @property
     def established(self) -> bool:
@@ -279,6 +284,9 @@ class AgentSession:
             raise FrameError("a second Welcome on one lane")
         if self.store_id and welcome.store_id != self.store_id:
             raise RefusedError("other_store", f"its store is {welcome.store_id}, ours was {self.store_id}")
+        if self.gateway_id and welcome.gateway_id != self.gateway_id:
+            text = f"its lanes reached the gateways {self.gateway_id} and {welcome.gateway_id}: a load balancer between"
+            raise RefusedError("split", f"{text} needs to send all of one client's connections to one")
         self.gateway_id, self.store_id = welcome.gateway_id, welcome.store_id
         if welcome.heartbeat_s > 0:
             self._heartbeat_s = min(max(welcome.heartbeat_s, LEAST_BEAT_S), MOST_BEAT_S)
@@ -305,11 +313,13 @@ class AgentSession:
             beat = self.offset.beat()
             frame = link_pb2.Heartbeat(sent_ns=beat.sent_ns, echo_ns=beat.echo_ns, held_ns=beat.held_ns)
             sender.put(link_pb2.AgentFrame(heartbeat=frame))
-            self._next_beat_s[lane] = now_s + self._heartbeat_s
+            self._next_beat_s[lane] = now_s + self._heartbeat_s * (1 if lane == CONTROL else SIDE_BEATS)
 
     def _statistics(self, sender: LaneSender) -> None:
         now_s = self._clock.monotonic_s()
         if now_s >= self._next_statistics_s:
             told = statistics(self._queues, self._facts, self.offset, now_s=now_s, malformed=self._malformed())
-            sender.put(link_pb2.AgentFrame(statistics=told))
             self._next_statistics_s = now_s + STATISTICS_S
+            if (news := steady_part(told)) != self._told or now_s - self._told_s >= QUIET_STATISTICS_S:
+                sender.put(link_pb2.AgentFrame(statistics=told))
+                self._told, self._told_s = news, now_s

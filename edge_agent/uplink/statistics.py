@@ -1,4 +1,4 @@
-"""What the agent tells the gateway of its topics and of the link, once a second."""
+"""What the agent tells the gateway of its topics and of the link, once a second while there is news."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from metaros.link import ClockOffset
 if TYPE_CHECKING:
     from edge_agent.uplink.session import Queues
 
-__all__ = ["LinkFacts", "statistics"]
+__all__ = ["LinkFacts", "statistics", "steady_part"]
 
 MOST_NS = 2**63 - 1  # whatever clock a gateway has
 
@@ -58,6 +58,16 @@ def statistics(
         malformed=malformed,
         link=link,
     )
+
+
+def steady_part(told: link_pb2.TopicStatistics) -> link_pb2.TopicStatistics:
+    """What stays the same on a robot on which nothing happens: statistics that differ only in the rest are no news."""
+    part = link_pb2.TopicStatistics()
+    part.CopyFrom(told)
+    part.link.ClearField("sent_bytes_per_s")
+    part.link.ClearField("disk_free_bytes")
+    part.link.ClearField("clock_offset_ns")
+    return part
 
 
 def class_depth(outbox: Outbox, name: str) -> link_pb2.ClassDepth:

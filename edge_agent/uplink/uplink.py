@@ -32,6 +32,9 @@ __all__ = ["TRANSPORTS", "SessionOwner", "Uplink", "transports_with"]
 
 LOG = logging.getLogger("metaros.agent.uplink")
 OPEN_S = 5.0
+# Times OPEN_S after answers that did not come: in a fleet that returns all at once the gateway has a queue, and who
+# leaves it every five seconds begins at its end again.
+MOST_PATIENCE = 4
 REMEMBERED_LINES = 8
 CHECK_S = 0.25
 STEADY_S = 1.0  # a session that lasted so long was a good one: the next attempt comes at once
@@ -93,6 +96,8 @@ class Uplink:
         self._wakes = {lane: asyncio.Event() for lane in LANES}
         self._up_since_s: float | None = None
         self._ups = 0
+        self._patience = 1
+        self._unanswered = False
         self._said: deque[str] = deque(maxlen=REMEMBERED_LINES)
 
     def wake(self) -> None:
@@ -109,7 +114,7 @@ class Uplink:
     async def _attempt(self) -> None:
         """One gateway: find it, bring up a session, run it to its end, and conclude what comes next."""
         gateway = self._choice.gateway
-        self._up_since_s = None
+        self._up_since_s, self._unanswered = None, False
         try:
             await self._reach(gateway)
             await self._by_some_transport(gateway)
@@ -120,6 +125,7 @@ class Uplink:
             self._say(f"link down: {gateway.text}: {error}")
             if not self._was_up() and not isinstance(error, (BehindError, DiskError)):
                 self._choice.failed()
+        self._patience = min(2 * self._patience, MOST_PATIENCE) if self._unanswered else 1
         if self._was_up(for_s=STEADY_S):
             self._backoff.reset()
 
@@ -169,7 +175,7 @@ class Uplink:
     ) -> None:
         """Connect a lane, from Hello over a proof where one is asked to Welcome; the last establishes the session."""
         try:
-            async with asyncio.timeout(OPEN_S):
+            async with asyncio.timeout(OPEN_S * self._patience):
                 connection = lanes[lane] = await self._transports[transport](gateway)
                 hello = session.hello(lane)
                 await connection.write(hello.SerializeToString())
@@ -178,13 +184,14 @@ class Uplink:
                     await connection.write(session.prove(hello, frame.challenge).SerializeToString())
                     frame = await connection.read()
         except TimeoutError:
-            raise LinkError(f"no answer within {OPEN_S:g} s") from None
+            self._unanswered = True
+            raise LinkError(f"no answer within {OPEN_S * self._patience:g} s") from None
         self._take(session, lane, frame)
         if not session.established:
             return
         facts, self._ups = self._owner.facts, self._ups + 1
         facts.transport, facts.gateway, facts.reconnects = transport, gateway.text, self._ups - 1
-        self._up_since_s = self._clock.monotonic_s()
+        self._up_since_s, self._unanswered = self._clock.monotonic_s(), False
         self._choice.worked(transport)
         self._said.clear()
         self._say(f"link up: gateway {session.gateway_id} at {gateway.text} by {transport}")

@@ -10,6 +10,9 @@ from starlette.types import ASGIApp
 from gateway.api.address import Proxies
 from gateway.api.audited import Audited
 from gateway.api.authenticate import Authenticate
+from gateway.api.aws import routes as aws
+from gateway.api.aws.shaped import Shaped
+from gateway.api.aws.signed import Signed
 from gateway.api.bodies import Bodies
 from gateway.api.conditional import Conditional
 from gateway.api.express import Express
@@ -21,19 +24,29 @@ from gateway.api.problem import install_problems
 from gateway.api.rate import RateLimited
 from gateway.api.refused_sign_in import RefusedSignIn
 from gateway.api.rest import (
+    alert_checks,
+    alert_routes,
+    alerts,
     audit,
     auth,
+    backtests,
     commands,
+    dead_letters,
     docs,
     enrol,
     events,
     export,
     fleet,
+    function_calls,
+    function_code,
+    functions,
     gateway,
     goals,
     graph,
+    happenings,
     health,
     history,
+    hooks,
     keys,
     metrics,
     node_values,
@@ -42,9 +55,12 @@ from gateway.api.rest import (
     ops,
     orders,
     recordings,
+    replays,
     robots,
     rollouts,
+    rules,
     services,
+    silences,
     store,
     templates,
     tickets,
@@ -53,6 +69,7 @@ from gateway.api.rest import (
     updates,
     uplink,
     users,
+    watch,
 )
 from gateway.api.robot_rows import make_robot_rows
 from gateway.api.rosbridge import socket as rosbridge
@@ -64,6 +81,7 @@ from gateway.api.ws import link, stream, teleop
 __all__ = ["ROUTERS", "create_api", "route_paths"]
 
 ROUTERS: tuple[APIRouter, ...] = (
+    aws.router,
     health.router,
     docs.router,
     gateway.router,
@@ -87,6 +105,20 @@ ROUTERS: tuple[APIRouter, ...] = (
     history.router,
     export.router,
     recordings.router,
+    alerts.router,
+    silences.router,
+    alert_checks.router,
+    alert_routes.router,
+    watch.router,
+    backtests.router,
+    rules.router,
+    hooks.router,
+    happenings.router,
+    functions.router,
+    function_calls.router,
+    function_code.router,
+    dead_letters.router,
+    replays.router,
     store.router,
     auth.router,
     users.router,
@@ -122,8 +154,10 @@ def create_api(services: Services) -> ASGIApp:
     known = Authenticate(
         logged, services.door, anonymous=settings.anonymous_viewers, host=settings.host, rates=services.rates
     )
-    guarded = Guard(RefusedSignIn(known), hosts=settings.server_names, origins=settings.allow_origins)
-    measured = Measured(guarded, services.operations.meters, clock=services.clock)
+    folder = settings.data_dir / "functions" / "code" / "incoming"
+    signed = Signed(RefusedSignIn(known), services.accounts, services.rates, folder, clock=services.clock)
+    guarded = Guard(signed, hosts=settings.server_names, origins=settings.allow_origins)
+    measured = Measured(Shaped(guarded), services.operations.meters, clock=services.clock)
     return QueryToken(Proxies(measured, settings.proxies, only=settings.proxied_only))
 
 

@@ -20,6 +20,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from gateway.api.address import PROXIED_KEY
 from gateway.api.allow import BY_COOKIE_KEY, CREDENTIAL_KEY, PRINCIPAL_KEY, REFUSAL_KEY
 from gateway.api.guard import LOOPBACK_NAMES
+from gateway.api.hook_place import is_hook
 from gateway.api.rate import Rates, address_of
 from gateway.api.viewer_doors import TOKEN_KEY, is_door
 from gateway.domain.networks import is_loopback_address
@@ -77,7 +78,7 @@ class Authenticate:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Find out, then pass on."""
-        if scope["type"] in ("http", "websocket") and is_door(scope["path"]):
+        if scope["type"] in ("http", "websocket") and is_door(scope["path"]) and PRINCIPAL_KEY not in scope:
             scope.setdefault("state", {})
             scope[PRINCIPAL_KEY] = NOBODY
             try:
@@ -129,6 +130,8 @@ def _credential(scope: Scope) -> tuple[Credential | None, bool]:
         scheme, _, text = said[0].partition(" ")
         if len(said) > 1 or scheme.lower() != "bearer" or TOKEN_KEY in scope:
             raise CredentialsError("Authorization is Bearer and a key, once")
+        if is_hook(scope):
+            return None, False  # what it proves itself by is the hook's business
         return Credential("key", text.strip()), False
     offered = [name for name in scope.get("subprotocols", ()) if name.startswith(KEY_PROTOCOL)]
     tokens: list[str] = scope.get(TOKEN_KEY, [])

@@ -12,7 +12,9 @@ from dataclasses import dataclass, field
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from gateway.api.allow import PRINCIPAL_KEY, SAFE_METHODS
-from gateway.api.guard import UPLOADS, body_limit, drain
+from gateway.api.aws.place import is_lambda
+from gateway.api.guard import body_limit, drain, upload_limit
+from gateway.api.hook_place import is_hook
 from gateway.api.rate import PAUSE_S, address_of
 from gateway.domain.principal import NOBODY, Principal
 from gateway.errors import BodyTooLargeError, OverloadedError, RequestTimeoutError, TooManyRequestsError
@@ -62,7 +64,7 @@ class Bodies:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass on, with a body that is read when it is asked for."""
-        if scope["type"] != "http" or scope["method"] in SAFE_METHODS:
+        if scope["type"] != "http" or scope["method"] in SAFE_METHODS or is_lambda(scope["path"]):  # see aws/signed.py
             await self._app(scope, receive, send)
             return
         body = _Body(self, scope, receive, send)
@@ -75,7 +77,7 @@ class Bodies:
         """How large a body may be; nobody's is small: it holds a password, a token or a certificate's request."""
         principal: Principal = scope.get(PRINCIPAL_KEY, NOBODY)
         most = body_limit(scope)
-        return most if principal.kind != "anonymous" else min(most, self._limits.anonymous_body_bytes)
+        return most if principal.kind != "anonymous" or is_hook(scope) else min(most, self._limits.anonymous_body_bytes)
 
     @property
     def limits(self) -> Limits:
@@ -99,7 +101,7 @@ class _Body:
 
     async def receive(self) -> Message:
         """The whole body first, then what else the connection says."""
-        if self._scope["path"] == UPLOADS and self._scope["method"] == "POST":
+        if upload_limit(self._scope):
             return await self._piece()
         if self._read:
             return await self._receive()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from gateway.api.example_alerts import ALERT_OPERATIONS
+
 __all__ = ["NUMBERS", "OPERATIONS", "TEXTS"]
 
 NOON, LATER = "2026-05-04T12:00:00.000Z", "2026-05-04T12:00:01.500Z"
@@ -19,6 +21,7 @@ TEXTS: dict[str, str] = {
     **dict.fromkeys(("delivered", "end", "ended", "last", "last_seen", "newest", "running", "to", "used"), LATER),
     **dict.fromkeys(("signed_in", "uploaded", "withdrawn", "lost_from", "lost_to", "now", "expires"), LATER),
     **dict.fromkeys(("id", "command", "command_id", "recording_id", "rollout_id", "next", "before"), ULID),
+    **dict.fromkeys(("alert_id", "silence_id"), ULID),
     **dict.fromkeys(("robot", "robot_id", "robots", "subject", "hostname", "robots*", "after"), "sim_1"),
     **dict.fromkeys(("name", "user", "actor", "author", "by", "created_by", "holder", "issued_by", "made_by"), "ada"),
     **dict.fromkeys(("node", "nodes", "clients", "servers"), "camera"),
@@ -38,6 +41,7 @@ TEXTS: dict[str, str] = {
     "argv": "metaros",
     "bundle": "camera",
     "cdr": "AAEAAAUAAABoaQAA",
+    "check_id": "motor_overheats",
     "checks*": "store",
     "code": "",
     "counts*": "done",
@@ -169,4 +173,5 @@ OPERATIONS: dict[str, dict[str, Any]] = {
     "PATCH /api/v1/groups": {"request": {"labels": {"site": "berlin", "line": None}}},
     "PATCH /api/v1/robots/{robot_id}/nodes/{node}/parameters": {"request": {"parameters": {"rate_hz": 10.0}}},
     "POST /api/v1/robots/{robot_id}/recordings": {"request": {"last_s": 60.0, "topics": ["odom", "camera/**"]}},
+    **ALERT_OPERATIONS,
 }

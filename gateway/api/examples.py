@@ -35,8 +35,7 @@ def _describe(operation: dict[str, Any], written: Mapping[str, Any], parts: Mapp
             parameter.setdefault("example", value)
     body = operation.get("requestBody", {}).get("content", {}).get(JSON)
     if body is not None:
-        local = {**parts, **body["schema"].get("$defs", {})}
-        body.setdefault("example", written.get("request", example_of(body["schema"], local)))
+        body.setdefault("example", written.get("request", example_of(body["schema"], parts)))
     for status, answer in operation["responses"].items():
         for kind, content in answer.get("content", {}).items():
             if kind == PROBLEM_TYPE:

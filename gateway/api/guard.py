@@ -16,12 +16,14 @@ from typing import Any
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from gateway.api.aws.place import is_lambda
+from gateway.api.hook_place import is_hook
 from gateway.api.problem import PROBLEM_TYPE, problem_bytes
 from gateway.api.viewer_doors import TOKEN_KEY
 from gateway.errors import BodyTooLargeError, HostError, MediaTypeError, OriginError, RequestError
 from metaros.limits import LIMITS
 
-__all__ = ["PROTOCOL_KEY", "UPLOADS", "Guard", "body_limit", "drain"]
+__all__ = ["PROTOCOL_KEY", "UPLOADS", "Guard", "body_limit", "drain", "upload_limit"]
 
 PROTOCOL_KEY = "metaros.protocol"  # where a socket's scope keeps uvicorn's protocol object, see ws/cut.py
 REFUSED = 4403
@@ -30,10 +32,12 @@ MOST_DIGITS = 15  # of a Content-Length
 AGENTS_ONLY = "/api/v1/link"  # no page of anybody's has business there, ours included
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 DRAINED_BYTES, DRAIN_S = 8 * 1024 * 1024, 10.0
-UPLOADS = "/api/v1/updates/bundles"  # the one path that takes a zip file, see bodies.py
+UPLOADS = "/api/v1/updates/bundles"  # this and functions' code take zip files, see bodies.py
 UPLOAD_TYPE = "application/zip"
 BODY_LIMITS = {"application/json": LIMITS.json_bytes, "application/cdr": LIMITS.frame_bytes - 64 * 1024}
 
+_FUNCTION = re.compile(r"/api/v1/functions/[^/]{1,64}")
+_FUNCTION_CODE = re.compile(r"/api/v1/functions/[^/]{1,64}/code")
 _HOST = re.compile(rb"(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(?::([0-9]{1,5}))?")
 _HEADERS = (
     (b"x-content-type-options", b"nosniff"),
@@ -119,15 +123,30 @@ def _has_body(scope: Scope) -> bool:
 
 def body_limit(scope: Scope) -> int:
     """How large the body of a mutation may be; MediaTypeError for what a form could send."""
+    if is_lambda(scope["path"]):  # no session counts there: who signs a request has a secret that no page knows
+        return _checked_length(scope, LIMITS.lambda_request_bytes)
     types = [value.split(b";")[0].strip().lower().decode("latin-1") for value in _all(scope, b"content-type")]
     # No form and no page of another origin can send DELETE without being asked first, so it needs no body to prove it.
     if not types and scope["method"] == "DELETE" and not _has_body(scope):
         return 0
-    if types == [UPLOAD_TYPE] and scope["path"] == UPLOADS:
-        return _checked_length(scope, LIMITS.bundle_bytes)
+    if types == [UPLOAD_TYPE] and (upload := upload_limit(scope)):
+        return _checked_length(scope, upload)
+    if types == ["application/json"] and scope["method"] == "PUT" and _FUNCTION.fullmatch(scope["path"]):
+        return _checked_length(scope, LIMITS.function_deploy_bytes)
+    if types == ["application/json"] and is_hook(scope):
+        return _checked_length(scope, LIMITS.hook_bytes)
     if len(types) != 1 or types[0] not in BODY_LIMITS:
         raise MediaTypeError("a request that changes something has Content-Type application/json or application/cdr")
     return _checked_length(scope, BODY_LIMITS[types[0]])
+
+
+def upload_limit(scope: Scope) -> int:
+    """How large a file may be that comes in pieces at this path; 0 where none does."""
+    if scope["path"] == UPLOADS and scope["method"] == "POST":
+        return LIMITS.bundle_bytes
+    if scope["method"] == "PUT" and _FUNCTION_CODE.fullmatch(scope["path"]):
+        return LIMITS.function_zip_bytes
+    return 0
 
 
 def _checked_length(scope: Scope, limit: int) -> int:

@@ -42,7 +42,8 @@ class _Model(BaseModel):
 class Problem(_Model):
     """An error, RFC 9457; `code` is stable and listed in docs/reference/errors.md.
 
-    `holder` is who drives, with the code lease_taken; `retry_after_s` comes with the status 429.
+    `holder` is who drives, with the code lease_taken; `retry_after_s` comes with the status 429,
+    `path` where a part of a document is wrong, and says which.
     """
 
     type: str
@@ -52,6 +53,7 @@ class Problem(_Model):
     detail: str
     holder: str | None = None
     retry_after_s: float | None = None
+    path: str | None = None
 
 
 class Health(_Model):
@@ -141,6 +143,14 @@ class Value(_Model):
     value: float | None
 
 
+class RobotAlerts(_Model):
+    """A robot's alerts that are not resolved and not quiet; `error` and `warning` are some of the `open` ones."""
+
+    open: int
+    error: int
+    warning: int
+
+
 class Robot(_Model):
     """One robot; `latest` holds at most 64 series."""
 
@@ -157,6 +167,7 @@ class Robot(_Model):
     counts: Counts
     lease: LeaseState | None
     latest: dict[str, Value]
+    alerts: RobotAlerts
 
 
 class RobotList(_Model):

@@ -50,7 +50,7 @@ class Debug(BaseModel):
     process: dict[str, Any] = Field(examples=[{"pid": 4242, "python": "3.11.9"}])
     settings: dict[str, str] = Field(examples=[{"host": "127.0.0.1"}])
     numbers: dict[str, float] = Field(examples=[{"metaros_viewers": 2.0}])
-    robots: dict[str, int] = Field(examples=[{"known": 5, "online": 4}])
+    robots: dict[str, int] = Field(examples=[{"known": 5, "online": 3, "elsewhere": 1}])
     tasks: list[dict[str, Any]] = Field(
         examples=[[{"runs": "Crowd.run", "waits_at": "gateway/crowd.py:1", "tasks": 1}]]
     )

@@ -23,7 +23,9 @@ from gateway.errors import (
     TooManyRequestsError,
     error_row,
 )
+from gateway.rules.errors import RuleInvalidError
 from metaros.errors import MetarosError
+from metaros.rules.errors import RuleTextError
 
 __all__ = ["JsonResponse", "error_code", "install_problems", "problem", "problem_bytes", "problem_headers"]
 
@@ -70,6 +72,8 @@ def problem_bytes(error: MetarosError) -> tuple[ErrorRow, bytes]:
         document["holder"] = error.holder
     if isinstance(error, TooManyRequestsError):
         document["retry_after_s"] = error.retry_after_s
+    if isinstance(error, RuleInvalidError | RuleTextError):
+        document["path"] = error.path
     return row, orjson.dumps(document)
 
 

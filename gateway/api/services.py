@@ -8,8 +8,11 @@ from typing import Any
 
 from starlette.requests import HTTPConnection
 
+from gateway.alerts.desk import AlertDesk
+from gateway.alerts.notices.feature import Notices
 from gateway.api.attendance import Attendance
 from gateway.api.rate import Rates
+from gateway.backtest import BacktestDesk
 from gateway.domain.lease import LeaseTable
 from gateway.events.journal import EventJournal
 from gateway.fleet.desk import FleetDesk
@@ -21,6 +24,7 @@ from gateway.fleet.orders import OrderDesk
 from gateway.fleet.rollouts import RolloutDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.fleet.twin_feature import Twins
+from gateway.functions.feature import Functions
 from gateway.history.desk import HistoryDesk
 from gateway.identity.accounts import Accounts
 from gateway.identity.audit import AuditLog
@@ -32,11 +36,14 @@ from gateway.ingest.links import Links
 from gateway.ingest.registry import Registry
 from gateway.live.hub import Hub
 from gateway.operations import Operations
+from gateway.queue.desk import QueueDesk
 from gateway.recordings.desk import RecordingDesk
+from gateway.rules.feature import Rules
 from gateway.settings import Settings
 from gateway.store import Store
 from gateway.store.storage import StorageDesk
 from gateway.updates.repository import Repository
+from gateway.watch.watch import Watch
 from metaros.clock import Clock
 
 __all__ = ["Services", "services_of"]
@@ -77,6 +84,13 @@ class Services:
     rollouts: RolloutDesk
     leases: LeaseTable
     events: EventJournal
+    alerts: AlertDesk
+    watch: Watch
+    notices: Notices
+    backtests: BacktestDesk
+    queue: QueueDesk
+    functions: Functions
+    rules: Rules
     demand_of: Callable[[str], dict[str, float]]
     describe: Callable[[str], dict[str, Any]]
     checks: Callable[[], dict[str, str]]

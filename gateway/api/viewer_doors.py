@@ -25,8 +25,8 @@ _HERE = {
 
 
 def is_door(path: str) -> bool:
-    """Whether somebody has to be known at a path: the API's own, and viewers' sockets."""
-    return path.startswith("/api/") or path == "/metrics" or _is_viewer(path)
+    """Whether somebody has to be known at a path: the API's own, Lambda's, and viewers' sockets."""
+    return path.startswith(("/api/", "/lambda/")) or path in ("/metrics", "/lambda") or _is_viewer(path)
 
 
 def takes_token(path: str) -> bool:

@@ -28,6 +28,7 @@ __all__ = [
     "uplink_view",
 ]
 
+NO_ALERTS: Mapping[str, int] = {"open": 0, "error": 0, "warning": 0}
 _MAX_CLASSES = 8  # of what an agent tells
 _DEPTH_FIELDS = ("name", "fresh_bytes", "backfill_bytes", "samples", "lost", "disk_bytes", "quota_bytes")
 
@@ -37,9 +38,11 @@ def rfc3339(wall_ns: int) -> str:
     return datetime.fromtimestamp(wall_ns / 1e9, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
-def robot_view(record: RobotRecord, lease: Lease | None, *, now_s: float) -> dict[str, Any]:
-    """A robot with its link, counts and newest values."""
-    counts = record.counts
+def robot_view(
+    record: RobotRecord, lease: Lease | None, *, now_s: float, alerts: Mapping[str, int] = NO_ALERTS
+) -> dict[str, Any]:
+    """A robot with its link, counts, newest values, and how many alerts it has."""
+    counts = record.shown_counts
     latest = {name: {"stamp_ms": stamp / 1e6, "value": value} for name, (stamp, value) in record.headline().items()}
     return {
         "id": record.robot.id,
@@ -65,6 +68,7 @@ def robot_view(record: RobotRecord, lease: Lease | None, *, now_s: float) -> dic
         if lease is None
         else {"holder": lease.holder, "expires_in_s": round(lease.expires_in_s(now_s), 3)},
         "latest": latest,
+        "alerts": dict(alerts),
     }
 
 

@@ -8,6 +8,7 @@ RequestError
 ├── TwinChangedError        somebody else was faster than this edit             twin_changed
 ├── ChangedError            what If-Match names is not what there is          changed
 ├── UnknownCommandError     there is no such command                            unknown_command
+├── QueueFullError          the queue takes no more deliveries now              queue_full
 ├── IdempotencyConflictError  the key was used for another request              idempotency_conflict
 └── CommandDeliveredError   too late to take the command back                   command_delivered
 """
@@ -20,10 +21,13 @@ __all__ = [
     "ChangedError",
     "CommandDeliveredError",
     "IdempotencyConflictError",
+    "QueueFullError",
     "SelectorError",
     "TwinChangedError",
     "UnknownCommandError",
+    "UnknownDeadLetterError",
     "UnknownNodeError",
+    "UnknownReplayError",
     "UnknownRevisionError",
     "UnknownTemplateError",
 ]
@@ -86,3 +90,21 @@ class CommandDeliveredError(RequestError):
     """A command that has left for its robot, or is over, cannot be taken back."""
 
     code = "command_delivered"
+
+
+class UnknownDeadLetterError(RequestError):
+    """There is no such dead letter, as far as who asks may know."""
+
+    code = "unknown_dead_letter"
+
+
+class UnknownReplayError(RequestError):
+    """There is no such replay."""
+
+    code = "unknown_replay"
+
+
+class QueueFullError(RequestError):
+    """The queue takes no more deliveries now; nothing of what was to be put was. The message names the limit."""
+
+    code = "queue_full"

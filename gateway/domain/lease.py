@@ -1,27 +1,45 @@
-"""The teleop lease: at most one holder drives a robot, and only as long as it keeps renewing."""
+"""The teleop lease: at most one holder drives a robot, and only as long as it keeps renewing.
+
+Of several gateways the one that has the robot's link decides. The others are told who drives and the mark of the
+lease's id: by it they know the id when somebody shows it, and nobody can make the id of it.
+"""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from gateway.errors import LeaseRequiredError, LeaseTakenError
 
-__all__ = ["Lease", "LeaseTable"]
+__all__ = ["Lease", "LeaseTable", "mark_of"]
 
 
 @dataclass(frozen=True, slots=True)
 class Lease:
-    """Who may drive which robot until when (monotonic seconds)."""
+    """Who may drive which robot until when (monotonic seconds).
+
+    `lease_id` is "" where another gateway gave the lease to somebody who did not ask here; `mark` is told then.
+    """
 
     lease_id: str
     robot: str
     holder: str
     expires_s: float
+    mark: str = ""
 
     def expires_in_s(self, now_s: float) -> float:
         """Seconds left, never negative."""
         return max(0.0, self.expires_s - now_s)
+
+    def proven_by(self, lease_id: str) -> bool:
+        """Whether that is its id."""
+        return bool(lease_id) and (self.lease_id == lease_id if self.lease_id else self.mark == mark_of(lease_id))
+
+
+def mark_of(lease_id: str) -> str:
+    """What other gateways are told in place of a lease's id, which nobody can guess."""
+    return hashlib.sha256(lease_id.encode()).hexdigest()
 
 
 class LeaseTable:
@@ -31,8 +49,24 @@ class LeaseTable:
         """`listener` hears a robot, a holder, and whether they drive it from now on or do no more."""
         self._valid_s = valid_s
         self._leases: dict[str, Lease] = {}
+        self._learned: dict[str, Lease] = {}  # of robots whose link is at another gateway
         self._listener = listener
-        self.find: Callable[[str], Lease | None] = self._leases.get  # a robot's lease, perhaps run out a moment ago
+        self.changed: Callable[[], None] = lambda: None  # somebody drives a robot that is linked here, or does no more
+
+    def find(self, robot: str) -> Lease | None:
+        """A robot's lease, perhaps run out a moment ago."""
+        return self._leases.get(robot) or self._learned.get(robot)
+
+    def own(self, *, now_s: float) -> list[Lease]:
+        """The living leases of which this gateway decides."""
+        return [lease for lease in self._leases.values() if lease.expires_s > now_s]
+
+    def learn(self, robot: str, lease: Lease | None) -> None:
+        """What the gateway that has the robot's link says of its lease."""
+        if lease is None:
+            self._learned.pop(robot, None)
+        else:
+            self._learned[robot] = lease
 
     def take(self, robot: str, holder: str, *, lease_id: str, now_s: float) -> Lease:
         """Give the robot to `holder`; LeaseTakenError while another lease is alive."""
@@ -47,13 +81,13 @@ class LeaseTable:
     def renew(self, robot: str, lease_id: str, *, now_s: float) -> Lease:
         """Extend a lease from now; LeaseRequiredError when it is not alive any more."""
         lease = replace(self.check(robot, lease_id, now_s=now_s), expires_s=now_s + self._valid_s)
-        self._leases[robot] = lease
+        (self._leases if robot in self._leases else self._learned)[robot] = lease
         return lease
 
     def check(self, robot: str, lease_id: str, *, now_s: float) -> Lease:
         """The living lease of that id, or LeaseRequiredError."""
         held = self.holder_of(robot, now_s=now_s)
-        if held is None or not lease_id or held.lease_id != lease_id:
+        if held is None or not held.proven_by(lease_id):
             raise LeaseRequiredError(f"{robot} needs a valid teleop lease; take one at /api/v1/robots/{robot}/teleop")
         return held
 
@@ -67,7 +101,7 @@ class LeaseTable:
         return True
 
     def held(self, *, now_s: float) -> int:
-        """How many robots somebody drives."""
+        """How many robots that are linked here somebody drives."""
         return sum(lease.expires_s > now_s for lease in self._leases.values())
 
     def holder_of(self, robot: str, *, now_s: float) -> Lease | None:
@@ -77,13 +111,17 @@ class LeaseTable:
             del self._leases[robot]
             self._tell(held, False)
             return None
+        if held is None and (held := self._learned.get(robot)) is not None and held.expires_s <= now_s:
+            del self._learned[robot]
+            return None
         return held
 
     def expire(self, *, now_s: float) -> None:
         """End the leases that were not renewed in time, also where nobody asks for them."""
-        for robot in list(self._leases):
+        for robot in [*self._leases, *self._learned]:
             self.holder_of(robot, now_s=now_s)
 
     def _tell(self, lease: Lease, taken: bool) -> None:
         if self._listener is not None:
             self._listener(lease.robot, lease.holder, taken)
+        self.changed()

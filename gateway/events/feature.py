@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import islice
 from typing import Any
 
 import orjson
@@ -12,20 +13,23 @@ from gateway.domain.recording import STORED, Recording
 from gateway.domain.robot import Robot
 from gateway.domain.rollout import Rollout
 from gateway.domain.twin import Reported
-from gateway.events.journal import Database, EventJournal
+from gateway.events.journal import Database, EventJournal, Within
 from metaros.clock import Clock
+from metaros.twin.tables import MAX_NODES
 
 __all__ = ["Events"]
 
 TEXT_CHARS = 500
+STATE_CHARS = 32
+ABSENT = "absent"  # a node that the robot does not have
 SETTLED = {"applied": "twin.applied", "refused": "twin.refused", "reverted": "twin.reverted"}
 
 
 class Events:
     """The journal and who fills it; all methods on the event loop."""
 
-    def __init__(self, database: Database, *, clock: Clock) -> None:
-        self.journal = EventJournal(database, clock=clock)
+    def __init__(self, database: Database, *, clock: Clock, within: Within | None = None) -> None:
+        self.journal = EventJournal(database, clock=clock, within=within)
 
     async def start(self) -> None:
         """Know where the journal stands."""
@@ -79,12 +83,19 @@ class Events:
                 told |= {"code": after.code, "message": after.message[:TEXT_CHARS]}
             self.journal.emit(kind, after.robot, told)
         if before is not None and before.reported and before.reported != after.reported:
-            self._nodes(after.robot, _nodes_of(before), _nodes_of(after))
+            was, now = _nodes_of(before), _nodes_of(after)
+            if was is not None and now is not None:
+                self._nodes(after.robot, was, now)
 
     def _nodes(self, robot: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
-        for name, row in after.items():
+        for name in sorted(before.keys() - after.keys())[:MAX_NODES]:
+            self._node_state(robot, name, before[name], {"state": ABSENT})
+        for name, row in islice(after.items(), MAX_NODES):
             known = before.get(name)
-            if not isinstance(known, Mapping) or not isinstance(row, Mapping):
+            if not isinstance(row, Mapping):
+                continue
+            self._node_state(robot, name, known, row)
+            if not isinstance(known, Mapping):
                 continue
             crashes = _count(row.get("crashes"))
             told = {"node": name, "restarts": _count(row.get("restarts"))}
@@ -93,15 +104,32 @@ class Events:
             if row.get("quarantined") is True and known.get("quarantined") is not True:
                 self.journal.emit("node.quarantined", robot, told)
 
+    def _node_state(self, robot: str, node: str, before: Any, row: Mapping[str, Any]) -> None:
+        """A node is in a state; told where it was in another one."""
+        was, now = _state(before), _state(row)
+        if now and was != now:
+            told = {"node": node, "state": now, "before": was or ABSENT, "why": _why(row)}
+            self.journal.emit("node.state", robot, {**told, "restarts": _count(row.get("restarts"))})
 
-def _nodes_of(item: Reported) -> Mapping[str, Any]:
-    """The nodes that a robot reported; none where that is no JSON of the kind."""
+
+def _nodes_of(item: Reported) -> Mapping[str, Any] | None:
+    """The nodes that a robot reported; None where it left them out, or that is no JSON of the kind."""
     try:
         found = orjson.loads(item.reported)
     except orjson.JSONDecodeError:
-        return {}
+        return None
     nodes = found.get("nodes") if isinstance(found, dict) else None
-    return nodes if isinstance(nodes, dict) else {}
+    return nodes if isinstance(nodes, dict) else None
+
+
+def _state(row: Any) -> str:
+    found = row.get("state") if isinstance(row, Mapping) else None
+    return found[:STATE_CHARS] if isinstance(found, str) else ""
+
+
+def _why(row: Mapping[str, Any]) -> str:
+    """What the robot says of it; where that is nothing, how the node ended."""
+    return str(row.get("why") or row.get("last_exit") or "")[:TEXT_CHARS]
 
 
 def _count(value: Any) -> int:

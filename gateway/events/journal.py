@@ -11,6 +11,7 @@ import asyncio
 import logging
 from collections import Counter, deque
 from collections.abc import AsyncGenerator, Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import islice
 from typing import Any, Protocol, TypeVar
 
@@ -24,10 +25,11 @@ from gateway.store.events import add_events, event_bounds, newest_events, purge_
 from metaros.clock import Clock
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["Database", "EventJournal"]
+__all__ = ["Database", "EventJournal", "Within"]
 
 log = logging.getLogger(__name__)
 Result = TypeVar("Result")
+Within = Callable[[StoreEngine, Sequence[Event]], None]
 
 BATCH = 512  # events of one commit, and of one look at the store
 GATHER_S = 0.05  # for which events wait for others, so that a fleet that reconnects makes few commits
@@ -58,8 +60,12 @@ class Database(Protocol):
 class EventJournal:
     """Emit, read, watch; `run` beside it stores what is emitted."""
 
-    def __init__(self, database: Database, *, clock: Clock, limits: Limits = LIMITS) -> None:
+    def __init__(
+        self, database: Database, *, clock: Clock, limits: Limits = LIMITS, within: Within | None = None
+    ) -> None:
+        """`within` stores what follows from events in the very transaction that stores them, on the writer's thread."""
         self._database = database
+        self._within = within
         self._clock = clock
         self._limits = limits
         self._waiting: deque[Event] = deque()
@@ -189,6 +195,9 @@ class EventJournal:
 
         def job(engine: StoreEngine) -> list[Event]:
             last = add_events(engine, entries)
+            if self._within is not None:
+                first = last - len(entries) + 1
+                self._within(engine, [replace(item, seq=seq) for seq, item in enumerate(entries, start=first)])
             return read_events(engine, after=max(known, last - BATCH - len(entries)), limit=2 * BATCH + 1)
 
         found = await self._database.run(job)

@@ -37,6 +37,11 @@ class CommandDesk:
         self._clock = clock or SystemClock()
         self._pending: dict[bytes, _Pending] = {}
 
+    @property
+    def under_way(self) -> int:
+        """How many commands wait for their results."""
+        return len(self._pending)
+
     async def run(
         self, robot: str, command: link_pb2.Command, *, timeout_s: float, command_id: bytes = b"", look: bool = False
     ) -> link_pb2.CommandResult:
@@ -81,6 +86,12 @@ class CommandDesk:
             return False
         pending.done.set_result(result)
         return True
+
+    def lost(self, robot: str, command_id: bytes, why: str) -> None:
+        """Of this command no result will come; nothing happens to one that is over, or another robot's."""
+        pending = self._pending.get(command_id)
+        if pending is not None and pending.robot == robot and not pending.done.done():
+            pending.done.set_exception(RobotOfflineError(why))
 
     def on_offline(self, robot: str) -> None:
         """The robot's link is gone: its commands will have no result."""

@@ -127,6 +127,22 @@ class GoalDesk:
         """The goals of a robot that are known, the newest first."""
         return list(reversed(self._goals.get(robot_id, OrderedDict()).values()))
 
+    def told(self, robot_id: str) -> link_pb2.GoalEvents:
+        """How the robot's open goals stand, as its agent would tell it, for a gateway that has not heard it."""
+        graph, events = self._graphs.of(robot_id), link_pb2.GoalEvents()
+        for goal in self.of(robot_id):
+            info = graph.actions.get(goal.action)
+            if goal.accepted and not goal.ended and goal.reachable:
+                events.events.add(
+                    goal_id=goal.goal_id,
+                    action=goal.action,
+                    type_name=goal.type_name,
+                    type_hash=info.type_hash if info is not None and info.type_name == goal.type_name else "",
+                    status=goal.status_number,
+                    skipped=goal.skipped,
+                )
+        return events
+
     # -- the link ---------------------------------------------------------------------------------------------------
 
     def on_events(self, robot_id: str, told: link_pb2.GoalEvents) -> None:

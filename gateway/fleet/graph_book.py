@@ -46,6 +46,15 @@ class GraphBook:
         """The robots that told something."""
         return [robot_id for robot_id, told in self._told.items() if told.revision]
 
+    def knows(self, robot_id: str) -> bool:
+        """Whether something of a robot is kept; the graphs of others may have taken its room."""
+        return robot_id in self._told
+
+    def reports(self, robot_id: str) -> list[link_pb2.GraphReport]:
+        """All that is known of a robot, as its agent would tell it anew; nothing where nothing is known."""
+        told = self._told.get(robot_id)
+        return told.reports(limits=self._limits) if told is not None and told.revision else []
+
     def watch(self, callback: Callable[[str], None]) -> Callable[[], None]:
         """Call `callback(robot_id)` after each change; returns how to stop that. It must not raise or wait."""
         self._watchers.append(callback)
@@ -90,6 +99,7 @@ class _Told:
         self.nodes: dict[str, None] = {}
         self.endpoints: dict[int, link_pb2.GraphEndpoint] = {}
         self.types: dict[tuple[str, str], Catalogue] = {}
+        self.texts: dict[tuple[str, str], link_pb2.TypeText] = {}  # of those, for other gateways
         self.left_out = self._refused = self._type_bytes = 0
         self._shown = shown
 
@@ -116,6 +126,24 @@ class _Told:
     def settle(self, revision: int) -> None:
         """All of a revision is here: what was shown before is out of date."""
         self.revision, self._shown = revision, None
+
+    def reports(self, *, limits: Limits) -> list[link_pb2.GraphReport]:
+        """All of it, in pieces that can be read in one go each."""
+        first = link_pb2.GraphReport(
+            anew=True, nodes=self.nodes, endpoints=self.endpoints.values(), left_out=self.left_out
+        )
+        reports, room = [first], limits.graph_type_steps
+        for text in self.texts.values():
+            steps = steps_of(text, enough=limits.graph_type_steps)
+            if steps > room:
+                reports.append(link_pb2.GraphReport())
+                room = limits.graph_type_steps
+            reports[-1].types.append(text)
+            reports[-1].left_out = self.left_out
+            room -= steps
+        for report in reports:
+            report.revision, report.more = self.revision, report is not reports[-1]
+        return reports
 
     def graph(self) -> RobotGraph:
         """What people see."""
@@ -156,6 +184,7 @@ class _Told:
             log.warning("robot %s tells a type that cannot be (%s): %s", self.robot, error.code, error)
             return
         self.types[text.type_name, text.type_hash] = catalogue
+        self.texts[text.type_name, text.type_hash] = text
         self._type_bytes += text.ByteSize()
 
     def _build(self) -> RobotGraph:

@@ -10,6 +10,7 @@ from gateway.fleet.node_verbs import NodeVerbs
 from gateway.fleet.nodes import Holder, NodeDesk, nobody
 from gateway.fleet.orders import OrderDesk
 from gateway.fleet.robots import FindRobot
+from gateway.fleet.twin_drift import Drift, Emit
 from gateway.fleet.twin_feature import Twins
 from metaros.clock import Clock
 
@@ -29,9 +30,12 @@ class Nodes:
         *,
         clock: Clock,
         holder_of: Holder = nobody,
+        emit: Emit | None = None,
     ) -> None:
-        """`holder_of`: the robot that has the lease of a robot's migratable node."""
+        """`holder_of`: the robot that has the lease of a robot's migratable node; `emit` is told of drift."""
         self.desk = NodeDesk(twins, find, holder_of=holder_of)
         self.verbs = NodeVerbs(self.desk, twins, commands, orders, clock=clock)
         self.logs = NodeLogs(self.desk, find, commands, clock=clock)
         self.values = NodeValues(self.desk, twins, fleet, orders)
+        if emit is not None:
+            twins.book.watch(Drift(twins.book, emit, holder_of=holder_of).on_report)

@@ -114,6 +114,8 @@ class OrderDesk:
         self._watchers = Watchers(self._rows)
         self._notes: deque[Command] = deque(maxlen=NOTES)
         self._noted = asyncio.Event()
+        self.waiting: Callable[[str], None] = lambda robot: None  # a robot that is not linked here has another one
+        self.moved: Callable[[str], None] = lambda command_id: None  # one has another state
         self.delivery = Delivery(
             self._rows,
             send,
@@ -150,6 +152,8 @@ class OrderDesk:
             return stored
         if order.durable:
             self.delivery.deliver(order.robot)
+            if not self._online(order.robot):
+                self.waiting(order.robot)
             return stored
         wire.sent_ns = order.sent_ns
         return await self._carry_out(stored, wire)
@@ -245,7 +249,7 @@ class OrderDesk:
 
     def _online(self, robot: str) -> bool:
         try:
-            return self._find(robot).online
+            return self._find(robot).here
         except UnknownRobotError:  # it has only ever been at another gateway of this store
             return False
 
@@ -358,8 +362,13 @@ class OrderDesk:
             for _ in some:
                 self._notes.popleft()
 
+    def changed(self, command_id: str) -> None:
+        """Another gateway says that a command has another state."""
+        self._watchers.changed(command_id)
+
     def _changed(self, command_id: str) -> None:
         self._watchers.changed(command_id)
+        self.moved(command_id)
 
 
 def _failure(error: RobotError | RequestError) -> dict[str, Any]:

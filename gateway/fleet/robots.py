@@ -17,7 +17,8 @@ class RobotView(Protocol):
     """A robot, its link's state and what it announced."""
 
     robot: Robot
-    online: bool
+    online: bool  # at this gateway, or at another one of the same store
+    here: bool  # at this very gateway
     rtt_s: float | None
 
     def channel_of(self, topic: str) -> Channel | None:

@@ -10,6 +10,7 @@ import asyncio
 import math
 import secrets
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from gateway.domain.lease import Lease, LeaseTable
 from gateway.errors import InvalidRequestError, LeaseRequiredError, RobotError
@@ -21,7 +22,7 @@ from metaros.clock import Clock
 from metaros.idl import names
 from metaros.limits import LIMITS
 
-__all__ = ["Drive", "TeleopDesk"]
+__all__ = ["Arbiter", "Drive", "TeleopDesk"]
 
 TWIST = "geometry_msgs/msg/Twist"
 TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
@@ -46,6 +47,22 @@ class Drive:
         return self.gone.is_set()
 
 
+class Arbiter(Protocol):
+    """Decides on leases of robots that are linked to other gateways, by asking those; what they say is raised here."""
+
+    def decides(self, robot: str) -> bool:
+        """Whether the robot's link is at another gateway."""
+
+    async def take(self, robot: str, holder: str, lease_id: str) -> Lease:
+        """The lease, taken there and at the robot's agent; LeaseTakenError."""
+
+    async def renew(self, robot: str, lease_id: str) -> Lease:
+        """More time for it; LeaseRequiredError."""
+
+    async def end(self, robot: str, lease_id: str) -> None:
+        """Stop the robot and give the lease back; nothing happens to one that is over."""
+
+
 class TeleopDesk:
     """Takes, keeps and ends drives; lives on the event loop."""
 
@@ -59,13 +76,18 @@ class TeleopDesk:
         self._clock = clock
         self._types = TypeBook()
         self._drives: dict[str, Drive] = {}
+        self.arbiter: Arbiter | None = None  # where this gateway is one of several
 
-    async def take(self, robot_id: str, holder: str) -> Drive:
-        """Take the robot's lease here and at its agent; LeaseTakenError names who has it."""
+    async def take(self, robot_id: str, holder: str, *, lease_id: str = "") -> Drive:
+        """Take the robot's lease here and at its agent; LeaseTakenError names who has it.
+
+        `lease_id` is one that was made at another gateway of the robot's link here.
+        """
         if not 1 <= len(holder) <= MAX_HOLDER_CHARS:
             raise InvalidRequestError(f"holder is a name of 1 to {MAX_HOLDER_CHARS} characters")
         view = require_online(self._find(robot_id))
-        drive = Drive(robot_id, holder, secrets.token_urlsafe(16), names.resolve("cmd_vel", view.robot.namespace))
+        topic = names.resolve("cmd_vel", view.robot.namespace)
+        drive = Drive(robot_id, holder, lease_id or secrets.token_urlsafe(16), topic)
         await self._grant(drive)
         return drive
 
@@ -98,6 +120,9 @@ class TeleopDesk:
         self.stop(drive)
         if self._drives.get(drive.robot) is drive:
             del self._drives[drive.robot]
+        if (arbiter := self._elsewhere(drive.robot)) is not None:
+            await arbiter.end(drive.robot, drive.lease_id)
+            return
         if not self._leases.release(drive.robot, drive.lease_id) or drive.lost:
             return
         command = link_pb2.Command(release_lease=link_pb2.ReleaseLease(lease_id=drive.lease_id))
@@ -108,15 +133,33 @@ class TeleopDesk:
 
     async def renew(self, robot_id: str, lease_id: str) -> Lease:
         """More time for a lease, here and at the agent; LeaseRequiredError when it is not the robot's living one."""
+        if (arbiter := self._elsewhere(robot_id)) is not None:
+            return await arbiter.renew(robot_id, lease_id)
         lease = self._leases.renew(robot_id, lease_id, now_s=self._clock.monotonic_s())
         await self._tell_grant(robot_id, lease_id, lease.holder)
         return lease
 
     async def end(self, robot_id: str, lease_id: str) -> None:
         """Stop and give a lease back by its id; nothing happens to one that is over."""
+        if (arbiter := self._elsewhere(robot_id)) is not None:
+            await arbiter.end(robot_id, lease_id)
+            return
         drive = self._drives.get(robot_id)
         if drive is not None and lease_id and drive.lease_id == lease_id:
             await self.release(drive)
+
+    def relayed(self, robot_id: str, teleop: link_pb2.Teleop) -> None:
+        """A drive command that was made at another gateway, for the robot's link here; it renews the lease.
+
+        Raises:
+            LeaseRequiredError: it is not under the robot's living lease, and is not sent.
+            RobotOfflineError: the robot has no link now.
+        """
+        self._leases.renew(robot_id, teleop.lease_id, now_s=self._clock.monotonic_s())
+        drive = self._drives.get(robot_id)
+        if drive is not None and drive.lease_id == teleop.lease_id:
+            drive.seq = max(drive.seq, teleop.seq)  # a stop from here is newer
+        self._send(robot_id, link_pb2.GatewayFrame(teleop=teleop))
 
     def rtt_ms(self, robot_id: str) -> float | None:
         """The link's last measured round trip."""
@@ -130,7 +173,15 @@ class TeleopDesk:
             drive.gone.set()
             self._leases.release(robot_id, drive.lease_id)
 
+    def _elsewhere(self, robot_id: str) -> Arbiter | None:
+        """Whom to ask about a robot whose link is not here."""
+        return self.arbiter if self.arbiter is not None and self.arbiter.decides(robot_id) else None
+
     async def _grant(self, drive: Drive) -> Lease:
+        if (arbiter := self._elsewhere(drive.robot)) is not None:
+            lease = await arbiter.take(drive.robot, drive.holder, drive.lease_id)
+            self._drives[drive.robot] = drive
+            return lease
         now_s = self._clock.monotonic_s()
         lease = self._leases.take(drive.robot, drive.holder, lease_id=drive.lease_id, now_s=now_s)
         self._drives[drive.robot] = drive

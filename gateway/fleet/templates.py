@@ -187,6 +187,7 @@ class TemplateDesk:
             return await self._store.read(trial)
         item, outcomes = await self._store.run(job)
         await self._courier.refresh()
+        self._courier.edited()
         return item, outcomes
 
 

@@ -57,7 +57,9 @@ class TwinCourier:
         self._due: dict[str, None] = {}
         self._unsettled: dict[str, None] = {}
         self._stirred = asyncio.Event()
+        self._stale = False  # somebody says that the store has news
         self._failed = False
+        self.edited: Callable[[], None] = lambda: None  # for other gateways: see `look`
 
     def on_online(self, robot: str, online: bool) -> None:
         """A link is whole or ended: what was said over the one before counts no more.
@@ -109,6 +111,11 @@ class TwinCourier:
             self._unsettled.update(dict.fromkeys(unlike))
             self._stirred.set()
 
+    def look(self) -> None:
+        """Another gateway has stored something: it is learned now, and not at the next look."""
+        self._stale = True
+        self._stirred.set()
+
     async def run(self) -> None:
         """Send, settle, look at what others changed, store reports; until cancelled."""
         async with asyncio.TaskGroup() as group:
@@ -119,6 +126,10 @@ class TwinCourier:
         while True:
             await self._stirred.wait()
             self._stirred.clear()
+            if self._stale:
+                self._stale = False
+                with contextlib.suppress(StoreError):  # the next look tells of it
+                    await self.refresh()
             if self._unsettled:
                 await self._settle()
             while self._due:

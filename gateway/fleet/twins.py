@@ -221,6 +221,7 @@ class TwinDesk:
             return await self._store.read(trial)
         outcomes = await self._store.run(job)
         self._courier.tell(self._book.learn(item.after for item in outcomes))
+        self._courier.edited()
         return outcomes
 
     def _state(

@@ -26,7 +26,7 @@ from gateway.identity.signin import (
     forget_failures,
     make_link,
 )
-from gateway.identity.store_door import StoreDoor
+from gateway.identity.store_door import REMEMBERED_S, StoreDoor
 from gateway.store import Store, accounts, api_keys
 from gateway.store.engine import StoreEngine
 from gateway.store.once import made_before, remember_made
@@ -56,6 +56,7 @@ class Accounts:
         self._door = door
         self._master = master
         self._clock = clock
+        self._secrets: dict[str, tuple[tuple[Principal, str], float]] = {}  # by the key's id, and until when
 
     async def sign_in(self, name: str, password: str, *, address: str) -> SignedIn:
         """Open a session for a name and its password.
@@ -187,7 +188,7 @@ class Accounts:
 
     async def get_user(self, name: str) -> User:
         """One user; UnknownUserError."""
-        return await self._read(lambda engine: users.user_named(engine, name))
+        return await self._read(lambda engine: users.user_named(engine, name, lock=False))
 
     async def delete_user(self, name: str, *, check: Callable[[User], None] | None = None) -> User:
         """Delete a user with their sessions and keys, unless `check` of who they are now raises."""
@@ -239,9 +240,21 @@ class Accounts:
         return await self._change(lambda engine: keys.revoke_key(engine, key_id, user_id=only))
 
     async def lambda_secret(self, key_id: str) -> tuple[Principal, str] | None:
-        """Whose a key with the scope "lambda" is, and its secret, to check a signature with; None: there is none."""
+        """Whose a key with the scope "lambda" is, and its secret, to check a signature with; None: there is none.
+
+        Remembered for a moment, as the door does with what it found good.
+        """
+        known, until_s = self._secrets.get(key_id, (None, 0.0))
+        if known is not None and self._clock.monotonic_s() < until_s:
+            return known
         now_ns = self._clock.wall_ns()
-        return await self._read(lambda engine: keys.key_secret(engine, key_id, self._master, now_ns=now_ns))
+        found = await self._read(lambda engine: keys.key_secret(engine, key_id, self._master, now_ns=now_ns))
+        self._secrets.pop(key_id, None)
+        if found is not None:
+            while len(self._secrets) >= LIMITS.principals_remembered:
+                self._secrets.pop(next(iter(self._secrets)))
+            self._secrets[key_id] = found, self._clock.monotonic_s() + REMEMBERED_S
+        return found
 
     def close(self) -> None:
         """Let the threads go."""
@@ -256,6 +269,7 @@ class Accounts:
             return await self._store.run(job)
         finally:
             self._door.forget()
+            self._secrets.clear()
 
     async def _read(self, job: Callable[[StoreEngine], Result]) -> Result:
         def read(engine: StoreEngine) -> Result:

@@ -16,7 +16,7 @@ from cryptography.hazmat.primitives import serialization
 from gateway.errors import AuthorityError, DamagedError
 from gateway.identity.ca import Authority, PrivateKey, key_pem, make_intermediate, make_root, pem, supplied
 from gateway.identity.certificates import issued_by, subject_key
-from gateway.identity.master import MASTER_KEY, MasterKey
+from gateway.identity.master import MasterKey, key_file
 from gateway.identity.root_key import ROOT_KEY, has_root_key, read_root_key, write_secret
 from gateway.store import Store
 from gateway.store.engine import StoreEngine
@@ -46,14 +46,16 @@ class Authorities:
         clock: Clock,
         ca_cert: Path | None = None,
         ca_key: Path | None = None,
+        master_key: Path | None = None,
     ) -> None:
         """`ca_cert` and `ca_key` name an issuer made elsewhere; ConfigError when it cannot issue."""
         self.fleet = fleet
         self._store = store
         self._data_dir = data_dir
+        self._master_key = master_key or key_file(data_dir)
         self._clock = clock
         self._held: list[Held] = []
-        self._opened: Authority | None = None
+        self._opened: dict[str, Authority] = {}  # by their ids: with the key
         self._vouchers: list[x509.Certificate] = []
         self._issuer_keys: frozenset[str] = frozenset()
         self.renew_before_ns = 0  # robots' certificates that were issued before are to be renewed at once
@@ -93,6 +95,11 @@ class Authorities:
             return self._supplied.id
         return self._held[0][0].id if self._held else ""
 
+    @property
+    def opened(self) -> Sequence[Authority]:
+        """Who issues here, and who did until another followed and is accepted still; with their keys."""
+        return [*self._opened.values(), *([] if self._supplied is None else [self._supplied])]
+
     def recognises(self, issuer_key: str) -> bool:
         """Whether an issuer with that key is one of the fleet's, still."""
         return issuer_key in self._issuer_keys
@@ -130,13 +137,13 @@ class Authorities:
         if not self._held or self._ends_soon():
             await self._make()
         newest = self._held[0][0]
-        if self._opened is None or self._opened.id != newest.id:
+        if newest.id not in self._opened:
             await self._read()  # it may have been sealed again, by another master key
             newest, sealed = self._held[0]
             key = self._open(newest, sealed)
-            self._opened = Authority(newest.root, newest.certificate, key)
+            self._opened[newest.id] = Authority(newest.root, newest.certificate, key)
         self._check_ended(newest)
-        return self._opened
+        return self._opened[newest.id]
 
     def _check_ended(self, authority: Authority) -> None:
         if authority.not_after_ns <= self._clock.wall_ns():
@@ -190,11 +197,13 @@ class Authorities:
             (Authority(root, _certificate(one.certificate)), one.sealed_key)
             for one, (root, *_) in zip(rows, roots, strict=True)
         ]
+        held = {authority.id for authority, _ in self._held}
+        self._opened = {one: authority for one, authority in self._opened.items() if one in held}
         self._vouchers = [voucher for _, *vouchers in roots for voucher in vouchers]
         self._issuer_keys = frozenset(subject_key(authority.certificate) for authority, _ in self._held)
 
     def _master(self) -> MasterKey:
-        return MasterKey.load_or_make(self._data_dir)
+        return MasterKey.load_or_make(self._data_dir, self._master_key)
 
     def _open(self, authority: Authority, sealed: bytes) -> PrivateKey:
         if not sealed:
@@ -205,7 +214,7 @@ class Authorities:
             plain = self._master().open(PURPOSE, authority.id, sealed)
         except (DamagedError, ConfigError) as error:
             raise AuthorityError(
-                f"the key that issues certificates was sealed by another master key than {self._data_dir / MASTER_KEY}"
+                f"the key that issues certificates was sealed by another master key than {self._master_key}"
                 ": copy that file from the gateway that enrolled the first robot"
             ) from error
         key = serialization.load_pem_private_key(plain, password=None)

@@ -36,6 +36,7 @@ class IdentityChoices:
     certificate_s: float = 7 * 86_400.0
     ca_cert: Path | None = None
     ca_key: Path | None = None
+    master_key: Path | None = None  # None: the data directory's
 
 
 class IdentityDesk:
@@ -46,7 +47,13 @@ class IdentityDesk:
         self.fleet = choices.fleet or store.store_id[:FLEET_CHARS]
         self._clock = clock
         self.authorities = Authorities(
-            store, data_dir, fleet=self.fleet, clock=clock, ca_cert=choices.ca_cert, ca_key=choices.ca_key
+            store,
+            data_dir,
+            fleet=self.fleet,
+            clock=clock,
+            ca_cert=choices.ca_cert,
+            ca_key=choices.ca_key,
+            master_key=choices.master_key,
         )
         self.enrol = EnrolDesk(store, self.authorities, clock=clock, life_s=choices.certificate_s)
         self.robots = RobotIdentities(store, self.authorities, clock=clock, required=choices.required)

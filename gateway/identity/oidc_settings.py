@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import orjson
 
 from gateway.domain.principal import EVERY_ROBOT, Role, check_robots
+from gateway.private_dir import others_can_read
 from metaros.errors import ConfigError
 
 __all__ = ["OidcSettings"]
@@ -42,7 +42,7 @@ class OidcSettings:
             ConfigError: it cannot be read, others can read it, or something in it does not fit.
         """
         try:
-            if os.name == "posix" and path.stat().st_mode & 0o077:
+            if others_can_read(path):
                 raise ConfigError(f"others can read {path}, which holds a secret\nchmod 600 {path}")
             document = orjson.loads(path.read_bytes()[:FILE_BYTES])
         except OSError as error:

@@ -12,18 +12,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from gateway.errors import DamagedError
-from gateway.identity.authorities import PURPOSE as CA
-from gateway.identity.keys import PURPOSE as API_KEY
-from gateway.identity.master import MASTER_KEY, NEXT_KEY, MasterKey, make_key_file, read_key_file
+from gateway.identity.master import MasterKey, make_key_file, next_file, read_key_file
 from gateway.identity.root_key import sync_folder
+from gateway.identity.shared_key import SEALED, note_key, opened
 from gateway.store.engine import StoreEngine
 from metaros.errors import ConfigError
 
 __all__ = ["Resealed", "begin", "finish", "reseal"]
-
-# Everything in the database that a master key has sealed: purpose, table, its key, and the column.
-SEALED = ((CA, "authorities", "authority", "sealed_key"), (API_KEY, "api_keys", "id", "sealed"))
 
 
 class Resealed(NamedTuple):
@@ -33,16 +28,16 @@ class Resealed(NamedTuple):
     foreign: tuple[str, ...]
 
 
-def begin(folder: Path) -> tuple[MasterKey, MasterKey]:
+def begin(file: Path) -> tuple[MasterKey, MasterKey]:
     """The key that there is, and its successor, which is on the disk from now on. ConfigError: one of them is not."""
-    old = MasterKey(read_key_file(folder / MASTER_KEY))
+    old, successor = MasterKey(read_key_file(file)), next_file(file)
     try:
-        if not (folder / NEXT_KEY).exists():
-            make_key_file(folder / NEXT_KEY)
-            sync_folder(folder)
+        if not successor.exists():
+            make_key_file(successor)
+            sync_folder(file.parent)
     except OSError as error:
-        raise ConfigError(f"the new master key cannot be made in {folder}: {error.strerror or error}") from error
-    return old, MasterKey(read_key_file(folder / NEXT_KEY))
+        raise ConfigError(f"the new master key {successor} cannot be made: {error.strerror or error}") from error
+    return old, MasterKey(read_key_file(successor))
 
 
 def reseal(engine: StoreEngine, old: MasterKey, new: MasterKey) -> Resealed:
@@ -53,31 +48,26 @@ def reseal(engine: StoreEngine, old: MasterKey, new: MasterKey) -> Resealed:
         for secret_id, sealed in ((str(row[0]), bytes(row[1])) for row in rows):
             if not sealed:
                 continue
-            plain = _opened(purpose, secret_id, sealed, old, new)
+            plain = opened(purpose, secret_id, sealed, old, new)
             if plain is None:
                 foreign.append(f"{purpose} {secret_id}")
                 continue
             again = new.seal(purpose, secret_id, plain)
             engine.execute(f"UPDATE {table} SET {column} = ? WHERE {key} = ?", again, secret_id)
             done += 1
+    note_key(engine, new)
     return Resealed(done, tuple(foreign))
 
 
-def finish(folder: Path) -> None:
+def finish(file: Path) -> None:
     """The new key takes the old one's place; nothing where it has already."""
     try:
-        (folder / NEXT_KEY).replace(folder / MASTER_KEY)
+        next_file(file).replace(file)
     except FileNotFoundError:
         return
     except OSError as error:
-        raise ConfigError(f"the new master key cannot take its place in {folder}: {error.strerror}") from error
-    sync_folder(folder)
-
-
-def _opened(purpose: str, secret_id: str, sealed: bytes, *keys: MasterKey) -> bytes | None:
-    for key in keys:
-        try:
-            return key.open(purpose, secret_id, sealed)
-        except DamagedError:
-            continue
-    return None
+        raise ConfigError(
+            f"everything is sealed by {next_file(file)} now, which cannot take the place of {file}: {error.strerror}\n"
+            "Put it there yourself, for every gateway of this store: until then either key opens."
+        ) from error
+    sync_folder(file.parent)

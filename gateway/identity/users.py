@@ -76,9 +76,9 @@ def create_user(
     return user
 
 
-def user_named(engine: StoreEngine, name: str) -> User:
-    """The user; UnknownUserError where there is none."""
-    found = accounts.find_user(engine, name) if is_user_name(name) else None
+def user_named(engine: StoreEngine, name: str, *, lock: bool = True) -> User:
+    """The user, whom nobody else changes meanwhile unless `lock` is False; UnknownUserError where there is none."""
+    found = accounts.find_user(engine, name, lock=lock) if is_user_name(name) else None
     if found is None:
         raise UnknownUserError(f"there is no user {name[:64]!r}")
     return found

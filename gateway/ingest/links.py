@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from gateway.domain.identity import Admitted
 from gateway.errors import FencedError, ForkedError, RobotOfflineError, StoreError, UnprovenError, UnsettledError
+from gateway.ingest.attention import Attention
 from gateway.ingest.events import (
     Announced,
     Arrived,
@@ -34,6 +35,7 @@ from gateway.ingest.gate import Gate, OpenGate
 from gateway.ingest.hello import LANES, check_hello
 from gateway.ingest.hooks import LinkHooks
 from gateway.ingest.knocks import Knocks
+from gateway.ingest.lane import Lane, LiveLink
 from gateway.ingest.outbox import LaneOutbox
 from gateway.ingest.quota import Meter, Quota
 from gateway.ingest.registry import Registry, RobotRecord
@@ -52,29 +54,8 @@ OUTBOX_BYTES = 4 * LIMITS.frame_bytes
 SEEN_EVERY_S = 60.0
 FENCED_RETRY_MS = 5000
 QUOTA_SAID_S = 60.0
+BACK_MS, BACK_PER_S, BACK_MOST_MS = 200, 500, 10_000  # after a Goodbye: the first one's, how many a second, the last
 RETRY_MS = 250  # how long agents keep durable frames while the store cannot take them
-
-
-@dataclass(slots=True)
-class _Live:
-    """A robot's session and its lanes' outboxes."""
-
-    session: Session
-    record: RobotRecord
-    outboxes: dict[int, LaneOutbox] = field(default_factory=dict)
-    admitted: set[Admitted] = field(default_factory=set)
-    closed: bool = False
-    seen_s: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Lane:
-    """One open connection of a session, as its shell holds it."""
-
-    robot_id: str
-    number: int
-    outbox: LaneOutbox
-    live: _Live
 
 
 class Links:
@@ -100,7 +81,8 @@ class Links:
         self._clock = clock
         self._limits = replace(limits, window_bytes=self._quota.window_bytes(limits))
         self.knocks = Knocks(clock=clock, limits=limits)
-        self._live: dict[str, _Live] = {}
+        self._live: dict[str, LiveLink] = {}
+        self._attention = Attention()
 
     def check(self, hello: link_pb2.Hello) -> None:
         """Before anybody believes a Hello: its form. ProtocolError when that is wrong."""
@@ -140,6 +122,28 @@ class Links:
         if lane.live.outboxes.get(lane.number) is lane.outbox:
             self._apply(lane.live, lane.live.session.lane_ended())
 
+    def has(self, robot_id: str) -> bool:
+        """Whether the robot has its whole link here."""
+        live = self._live.get(robot_id)
+        return live is not None and live.session.online
+
+    def process_of(self, robot_id: str) -> bytes:
+        """The id of the agent's process that has its whole link here; b"" for none."""
+        live = self._live.get(robot_id)
+        return live.session.session_id if live is not None and live.session.online else b""
+
+    def begun_elsewhere(self, robot_id: str, session_id: bytes) -> None:
+        """A session of that process began at another gateway. Should the one before it come back, there are two."""
+        if (record := self._registry.find(robot_id)) is not None:
+            record.begun_elsewhere(session_id)
+
+    def fence(self, robot_id: str, session_number: int) -> None:
+        """A session of that number lives at another gateway: one here that is not newer ends."""
+        live = self._live.get(robot_id)
+        if live is not None and live.session.number <= session_number:
+            text = "a newer session took over at another gateway"
+            self._apply(live, live.session.close("fenced", text, retry_after_ms=FENCED_RETRY_MS))
+
     def send(self, robot_id: str, frame: link_pb2.GatewayFrame, *, lane: int = LANES[0]) -> None:
         """Put a frame on a lane of the robot's, by default control; RobotOfflineError when it has no link."""
         live = self._live.get(robot_id)
@@ -171,7 +175,7 @@ class Links:
             if live is not None:
                 self._apply(live, live.session.committed(marks))
 
-    def _went_back(self, record: RobotRecord, live: _Live | None) -> None:
+    def _went_back(self, record: RobotRecord, live: LiveLink | None) -> None:
         """The store has less than it had: it was restored meanwhile. The agent must hear of it in a Welcome."""
         log.error("robot %s: the store has lost samples that it had acknowledged", record.robot.id)
         if live is not None:
@@ -187,10 +191,11 @@ class Links:
                 self._apply(live, live.session.refuse("store_error", retry_after_ms=RETRY_MS))
 
     def tick(self) -> None:
-        """Heartbeats and dead links; call about twice a second."""
+        """Heartbeats and dead links; call several times a second."""
         now_s, wall_ns = self._clock.monotonic_s(), self._clock.wall_ns()
+        since_s = self._attention.look(now_s)
         for live in list(self._live.values()):
-            self._apply(live, live.session.tick(now_s=now_s, wall_ns=wall_ns))
+            self._apply(live, live.session.tick(now_s=now_s, wall_ns=wall_ns, since_s=since_s))
             if not live.closed and now_s - live.seen_s >= SEEN_EVERY_S:
                 live.seen_s = now_s
                 self._store.submit(RobotWrite(live.record.robot, wall_ns))
@@ -206,9 +211,12 @@ class Links:
                 self._apply(live, ending)
 
     def close(self) -> None:
-        """Say goodbye on every lane: the gateway goes down and wants its agents back soon."""
-        for live in list(self._live.values()):
-            self._apply(live, live.session.close("shutting_down", "the gateway is shutting down", retry_after_ms=200))
+        """Say goodbye on every lane: the gateway goes down and wants its agents back soon, but not all at once."""
+        for number, live in enumerate(list(self._live.values())):
+            retry_ms = BACK_MS + min(1000 * number // BACK_PER_S, BACK_MOST_MS)
+            self._apply(
+                live, live.session.close("shutting_down", "the gateway is shutting down", retry_after_ms=retry_ms)
+            )
 
     async def _streams(self, record: RobotRecord, hello: link_pb2.Hello) -> StreamTable:
         """The robot's watermarks: as we know them, or as the store does, when somebody else may write there too."""
@@ -230,7 +238,7 @@ class Links:
         record.streams.refresh(stored, writers)
         return record.streams
 
-    def _admit(self, hello: link_pb2.Hello, record: RobotRecord, streams: StreamTable) -> _Live:
+    def _admit(self, hello: link_pb2.Hello, record: RobotRecord, streams: StreamTable) -> LiveLink:
         """The session this Hello belongs to: the living one, or a new one that fences it."""
         live = self._live.get(hello.robot_id)
         if live is not None:
@@ -242,6 +250,10 @@ class Links:
                 raise FencedError(f"session {live.session.number} of {hello.robot_id} is alive and newer")
             fenced = live.session.close("fenced", "a newer session took over", retry_after_ms=FENCED_RETRY_MS)
             self._apply(live, fenced)
+        elif record.home and hello.session_number <= record.home_session:  # of no rival's making: it may be late
+            raise FencedError(
+                f"session {record.home_session} of {hello.robot_id} is alive at another gateway and newer"
+            )
         record.meter = record.meter or Meter(self._quota, limits=self._limits)
         session = Session(
             hello,
@@ -254,23 +266,23 @@ class Links:
         )
         if record.begin(session.robot, session_id=session.session_id, session_number=session.number):
             self.gate.cloned(hello.robot_id)
-        live = self._live[hello.robot_id] = _Live(session, record, seen_s=self._clock.monotonic_s())
+        live = self._live[hello.robot_id] = LiveLink(session, record, seen_s=self._clock.monotonic_s())
         self._store.submit(RobotWrite(session.robot, self._clock.wall_ns()))
         return live
 
-    def _apply(self, live: _Live, events: Sequence[Event]) -> None:
+    def _apply(self, live: LiveLink, events: Sequence[Event]) -> None:
         for event in events:
             if isinstance(event, Send):
                 self._put(live, event.lane, event.frame)
             else:
                 self._happened(live, event)
 
-    def _put(self, live: _Live, lane: int, frame: link_pb2.GatewayFrame) -> None:
+    def _put(self, live: LiveLink, lane: int, frame: link_pb2.GatewayFrame) -> None:
         outbox = live.outboxes.get(lane)
         if outbox is not None and not outbox.put(frame) and not live.closed:
             self._apply(live, live.session.close("too_slow", "the agent does not read its lane"))
 
-    def _happened(self, live: _Live, event: Event) -> None:
+    def _happened(self, live: LiveLink, event: Event) -> None:
         record, robot_id = live.record, live.record.robot.id
         wall_ns, now_s = self._clock.wall_ns(), self._clock.monotonic_s()
         if isinstance(event, Arrived):
@@ -326,7 +338,7 @@ class Links:
                 record.robot.id,
             )
 
-    def _store_run(self, live: _Live, event: Arrived) -> None:
+    def _store_run(self, live: LiveLink, event: Arrived) -> None:
         columns = event.run.columns
         write = StreamWrite(
             robot=live.record.robot.id,
@@ -338,7 +350,7 @@ class Links:
         )
         self._submit(live, write)
 
-    def _store_rows(self, live: _Live, event: RowsArrived) -> None:
+    def _store_rows(self, live: LiveLink, event: RowsArrived) -> None:
         write = StreamWrite(
             robot=live.record.robot.id,
             stream_id=event.stream_id,
@@ -349,7 +361,7 @@ class Links:
         )
         self._submit(live, write)
 
-    def _store_gap(self, live: _Live, event: GapDeclared) -> None:
+    def _store_gap(self, live: LiveLink, event: GapDeclared) -> None:
         robot_id, gap = live.record.robot.id, event.gap
         live.record.count_gap(event.stream_id, gap)
         log.warning("robot %s lost %d samples of stream %d (%s)", robot_id, gap.count, event.stream_id, gap.reason)
@@ -364,15 +376,15 @@ class Links:
         self._submit(live, write)
 
     @staticmethod
-    def _base(live: _Live, stream_id: int, epoch: int) -> int:
+    def _base(live: LiveLink, stream_id: int, epoch: int) -> int:
         return live.record.streams.base(stream_id, epoch) if live.record.streams is not None else 0
 
-    def _submit(self, live: _Live, write: StreamWrite) -> None:
+    def _submit(self, live: LiveLink, write: StreamWrite) -> None:
         if live.record.streams is not None:
             live.record.streams.submitted(write.epoch)
         self._store.submit(write)
 
-    def _closed(self, live: _Live, event: Closed) -> None:
+    def _closed(self, live: LiveLink, event: Closed) -> None:
         live.closed = True
         robot_id = live.record.robot.id
         if event.code not in ("", "shutting_down"):

@@ -49,6 +49,10 @@ class RateMeter:
         self._at_s = now_s
         return self._rate
 
+    def set(self, rate: float, now_s: float) -> None:
+        """Somebody else counts: this is the rate a second, now."""
+        self._rate, self._at_s = rate, now_s
+
 
 @dataclass(slots=True)
 class ChannelState:
@@ -86,12 +90,22 @@ class Counts:
 
 
 class RobotRecord:
-    """Everything known about one robot. `revision` grows with every visible change."""
+    """Everything known about one robot. `revision` grows with every visible change.
+
+    A robot is linked `here`, to this very gateway, or to another one of the same store, its `home`; `online` is either.
+    What is known of a robot that is linked elsewhere is what its home tells.
+    """
 
     def __init__(self, robot: Robot, *, seen_ns: int, streams: StreamTable | None = None) -> None:
         self.robot = robot
         self.streams = streams
         self.online = False
+        self.here = False
+        self.home = ""  # the gateway where it is linked; "": here, or nowhere
+        self.home_session = 0  # the number of its session there
+        self.generation = 0  # grows with each process whose channels it has
+        self.told: Counts | None = None  # what its home counted, as the newest that is known of it came from there
+        self.told_epochs = 0
         self.since_ns = seen_ns
         self.last_seen_ns = seen_ns
         self.session_number = 0
@@ -117,7 +131,14 @@ class RobotRecord:
     @property
     def epochs(self) -> int:
         """How many outboxes, or lives of one, the robot has had."""
+        if self.told is not None:
+            return self.told_epochs
         return 0 if self.streams is None else self.streams.epochs
+
+    @property
+    def shown_counts(self) -> Counts:
+        """What arrived from it at the gateway where it is, or was last; `counts` is what arrived at this one."""
+        return self.told or self.counts
 
     def begin(self, robot: Robot, *, session_id: bytes, session_number: int) -> bool:
         """A new session; a new agent process also starts its channels afresh, keeping the topics' counts.
@@ -131,13 +152,23 @@ class RobotRecord:
             if self._process not in self._displaced:
                 self._displaced.append(self._process)
             self._process = session_id
-            self._former = {(state.channel.topic, state.channel.history): state for state in self.channels.values()}
-            self.channels, self._newest = {}, {}
-            self.statistics = link_pb2.TopicStatistics()
+            self.start_channels(self.generation + 1)
         self.revision += 1
         if other:
             self.on_other()
         return back
+
+    def begun_elsewhere(self, session_id: bytes) -> None:
+        """A session began at another gateway: if that is another process, the one that was here is followed by it."""
+        if session_id != self._process and self._process not in self._displaced:
+            self._displaced.append(self._process)
+
+    def start_channels(self, generation: int) -> None:
+        """Another process announces its channels from here on; the topics keep their counts."""
+        self.generation = generation
+        self._former = {(state.channel.topic, state.channel.history): state for state in self.channels.values()}
+        self.channels, self._newest = {}, {}
+        self.statistics = link_pb2.TopicStatistics()
 
     def fenced(self, session_id: bytes, *, heard_s: float, now_s: float) -> bool:
         """A process was turned away, as a newer session lives.
@@ -153,7 +184,19 @@ class RobotRecord:
         return tries >= RIVAL_TRIES
 
     def set_online(self, online: bool, *, wall_ns: int) -> None:
-        """The link came or went."""
+        """The link to this gateway came or went. One that came is the only one."""
+        self.here = online
+        if online:
+            self.home, self.home_session, self.told = "", 0, None
+        self._moved(wall_ns)
+
+    def set_home(self, gateway: str, session_number: int, *, wall_ns: int) -> None:
+        """It is linked to another gateway, or with "" to that one no more."""
+        self.home, self.home_session = gateway, session_number
+        self._moved(wall_ns)
+
+    def _moved(self, wall_ns: int) -> None:
+        online = self.here or bool(self.home)
         if online != self.online:
             self.online = online
             self.since_ns = wall_ns

@@ -47,6 +47,7 @@ __all__ = ["Session"]
 
 CONTROL, DATA, BACKFILL = LANES
 REMEMBERED_BEATS = 4
+WHOLE_AFTER = 4  # times as long as silence: lanes may wait in a queue of thousands
 
 
 @dataclass(slots=True)
@@ -88,6 +89,7 @@ class Session:
         self._fetch_token = fetch_token
         self._lanes: dict[int, _Lane] = {}
         self._closed = False
+        self._opened_s = math.inf  # its first lane
         self._beat_s = 0.0
         self._beats: dict[int, float] = {}
         self._last_beat: tuple[int, float] | None = None
@@ -134,6 +136,7 @@ class Session:
             raise UnsettledError("what the writer before this one sent is being stored")
         writers = self._streams.written_by(hello)
         self._lanes[hello.lane] = _Lane(now_s, Reassembler(limits=self._limits), Reassembler(limits=self._limits))
+        self._opened_s = min(self._opened_s, now_s)
         lost: list[Event] = []
         self._streams.begin(hello.streams)
         if writers:
@@ -186,12 +189,17 @@ class Session:
         if lane in self._lanes:
             self._lanes[lane].heard_s = now_s
 
-    def tick(self, *, now_s: float, wall_ns: int) -> list[Event]:
-        """Heartbeats that are due, and the end of a session that went silent. Call once a second or so."""
+    def tick(self, *, now_s: float, wall_ns: int, since_s: float = -math.inf) -> list[Event]:
+        """Heartbeats that are due, and the end of a session that went silent, as far as the gateway listened.
+
+        Call once a second or so; `since_s`: before that the gateway itself was late.
+        """
         if self._closed or not self._lanes:
             return []
-        if now_s - self.heard_s >= self._limits.dead_after_s:
+        if now_s - max(self.heard_s, since_s) >= self._limits.dead_after_s:
             return self.close("dead", f"nothing heard for {self._limits.dead_after_s:g} s")
+        if not self.online and now_s - max(self._opened_s, since_s) >= WHOLE_AFTER * self._limits.dead_after_s:
+            return self.close("split", "its other lanes are not here: a load balancer sent them to another gateway?")
         if CONTROL in self._lanes and now_s - self._beat_s >= self._limits.heartbeat_s:
             return self._beat(now_s, wall_ns)
         return []

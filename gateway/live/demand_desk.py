@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from gateway.domain.channel import LIVE, Channel
-from gateway.live.demand import DemandBook
+from gateway.live.demand import DemandBook, merge_rates
 from gateway.live.hub import Hub
 from metaros._proto import link_pb2
 from metaros.clock import Clock
@@ -16,6 +16,7 @@ __all__ = ["DemandDesk"]
 RELEASE_S = 0.25  # how often it is looked whether less is wanted for long enough
 
 Send = Callable[[str, link_pb2.GatewayFrame], None]
+Others = Callable[[str], Mapping[str, float]]
 
 
 class DemandDesk:
@@ -39,6 +40,7 @@ class DemandDesk:
         self._revision = 0
         self._stale: set[str] = set()
         self._stirred = asyncio.Event()
+        self.others: Others = lambda robot: {}  # what viewers at other gateways want of a robot: topic -> rate
         hub.on_interest = self.interests_changed
 
     def told(self, robot_id: str) -> dict[str, float]:
@@ -48,6 +50,11 @@ class DemandDesk:
     def interests_changed(self) -> None:
         """Viewers want more, or less."""
         self._stale.update(self._online())
+        self._stirred.set()
+
+    def wants_changed(self, robot_id: str) -> None:
+        """Viewers at other gateways want more of a robot, or less."""
+        self._stale.add(robot_id)
         self._stirred.set()
 
     def channels_changed(self, robot_id: str) -> None:
@@ -80,7 +87,7 @@ class DemandDesk:
         if channels is None:
             return
         live, now_s = [channel for channel in channels if channel.delivery == LIVE], self._clock.monotonic_s()
-        self._book.want(robot_id, self._hub.wanted(live), now_s=now_s)
+        self._book.want(robot_id, self._wanted(robot_id, live), now_s=now_s)
         demand = self._book.due(robot_id, now_s=now_s)
         if demand is None:
             return
@@ -92,3 +99,13 @@ class DemandDesk:
         ]
         frame = link_pb2.Demand(revision=self._revision, entries=entries)
         self._send(robot_id, link_pb2.GatewayFrame(demand=frame))
+
+    def _wanted(self, robot_id: str, live: Sequence[Channel]) -> dict[str, float]:
+        """What is wanted of a robot's live channels, here and elsewhere."""
+        wanted, others = self._hub.wanted(live), self.others(robot_id)
+        for channel in live if others else ():
+            rate = others.get(channel.topic)
+            if rate is not None and channel.forward:
+                known = wanted.get(channel.topic)
+                wanted[channel.topic] = rate if known is None else merge_rates((rate, known))
+        return wanted

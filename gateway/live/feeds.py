@@ -109,6 +109,11 @@ class Feeds:
     def __len__(self) -> int:
         return len(self._items)
 
+    @property
+    def wants_values(self) -> bool:
+        """Whether one of them is of values of series."""
+        return any(isinstance(item, MetricSubscription) for item in self._items.values())
+
     def __contains__(self, number: object) -> bool:
         return number in self._items
 

@@ -55,6 +55,7 @@ class Hub:
     ) -> None:
         """`later` calls a function in so many seconds: the running loop's `call_later`, unless a test has another."""
         self.on_interest: Callable[[], None] = lambda: None  # somebody wants more, or less
+        self.on_interest_elsewhere: Callable[[], None] = lambda: None  # the same, for robots of other gateways
         self.on_written: Callable[[Run], None] = lambda run: None  # of runs with a followed sample: see traces
         self._followed: list[Run] = []
         self._dropped = 0  # by subscriptions that are over
@@ -93,6 +94,16 @@ class Hub:
     def dropped(self) -> int:
         """Samples that such viewers have lost since the start."""
         return self._dropped + sum(subscription.dropped for subscription in self._places)
+
+    @property
+    def feeding(self) -> bool:
+        """Whether somebody looks at values of series."""
+        return any(feeds.wants_values for feeds in self._feeds)
+
+    @property
+    def subscriptions(self) -> list[TopicSubscription]:
+        """What all viewers have subscribed to."""
+        return list(self._places)
 
     def join(self, sink: Sink, *, on_dropped: OnDropped | None = None) -> Viewer:
         """A connection opened: what it subscribes to goes to `sink`. Close the viewer at its end."""
@@ -204,7 +215,7 @@ class Hub:
         self._places[subscription] = []
         for identity, channel in self._channels.items():
             self._place(identity, channel, viewer, subscription)
-        self.on_interest()
+        self._interest()
 
     def removed(self, viewer: Viewer, subscription: TopicSubscription) -> None:
         """A viewer's subscription is over."""
@@ -215,11 +226,15 @@ class Hub:
                 selection.discard(viewer, subscription)
                 if not selection.groups:
                     del selections[key]
-        self.on_interest()
+        self._interest()
 
     def left(self, viewer: Viewer) -> None:
         """A connection ended."""
         self._viewers.pop(viewer, None)
+
+    def _interest(self) -> None:
+        self.on_interest()
+        self.on_interest_elsewhere()
 
     def _send(self, selection: Selection, block: Block) -> None:
         for encoding in list(selection.groups):

@@ -32,7 +32,7 @@ class FleetView:
     def __init__(self, *, most: int) -> None:
         self._most = most
         self._sums = dict.fromkeys(("samples", "bytes", "duplicates", "gaps", "lost", "over_quota", "put_off"), 0)
-        self._online = self._offline = self._backlog_bytes = 0
+        self._online = self._offline = self._elsewhere = self._backlog_bytes = 0
         self._lost = dict.fromkeys(CLASSES.values(), 0)
         self._lags: list[tuple[float, str]] = []
         self._backlogs: list[tuple[int, str]] = []
@@ -42,8 +42,7 @@ class FleetView:
         self, robot: str, online: bool, counts: Counted, lag_s: float | None, rtt_s: float | None, backlog_bytes: int
     ) -> None:
         """One robot; what it lags and holds counts while it is online, since nobody knows it otherwise."""
-        for name in self._sums:
-            self._sums[name] += getattr(counts, name)
+        self._sum(counts)
         self._backlog_bytes += backlog_bytes
         if not online:
             self._offline += 1
@@ -55,6 +54,12 @@ class FleetView:
         if rtt_s is not None:
             self._rtts.append(rtt_s)
 
+    def add_elsewhere(self, counts: Counted, *, online: bool) -> None:
+        """One that is linked to another gateway, or was there last, which says how it is. What came here counts."""
+        self._sum(counts)
+        self._elsewhere += online
+        self._offline += not online
+
     def lost(self, classes: Iterable[tuple[str, int]]) -> None:
         """What a robot's agent has given up, by class; names that are no class of ours count for nothing."""
         for name, samples in classes:
@@ -64,6 +69,7 @@ class FleetView:
     def put(self, found: Families) -> None:
         """Write the numbers."""
         found.put("metaros_robots", self._online, "online")
+        found.put("metaros_robots", self._elsewhere, "elsewhere")
         found.put("metaros_robots", self._offline, "offline")
         for name, metric in _SUMS.items():
             found.put(metric, self._sums[name])
@@ -76,6 +82,10 @@ class FleetView:
             found.put("metaros_robot_lag_seconds", lag_s, robot)
         for backlog, robot in heapq.nlargest(self._most, self._backlogs):
             found.put("metaros_robot_backlog_bytes", backlog, robot)
+
+    def _sum(self, counts: Counted) -> None:
+        for name in self._sums:
+            self._sums[name] += getattr(counts, name)
 
 
 _SUMS: Final = {

@@ -73,6 +73,8 @@ class RecordingDesk:
         self._closed = False
         self._tasks: set[asyncio.Task[None]] = set()
         self._downloads = 0
+        self.waiting: Callable[[str, str, int], None] = lambda robot, recording_id, last_ns: None  # see `ask`
+        self.deleted: Callable[[str], None] = lambda recording_id: None  # likewise: see `stop`
         # Two pools: an object store that is slow must not hold up what comes from robots.
         self._pool = ThreadPoolExecutor(max_workers=2, thread_name_prefix="gateway-recordings")
         self._slow_pool = ThreadPoolExecutor(max_workers=4, thread_name_prefix="gateway-files")
@@ -126,8 +128,19 @@ class RecordingDesk:
             live_ns=now_ns,
         )
         await self._rows.add(recording, unfinished=self._limits.recordings_unfinished)
-        self._asking.ask(recording, last_ns=0 if last_s is None else round(last_s * 1e9))
+        last_ns = 0 if last_s is None else round(last_s * 1e9)
+        self._asking.ask(recording, last_ns=last_ns)
+        if not self._robots.online(robot_id):
+            self.waiting(robot_id, recording.id, last_ns)
         return recording
+
+    def ask(self, recording_id: str, last_ns: int) -> None:
+        """Another gateway has taken a request in: if its robot is linked here it is asked now."""
+        self._spawn(self._ask_one(recording_id, last_ns))
+
+    def stop(self, recording_id: str) -> None:
+        """Another gateway has deleted a recording: what comes of it here is wanted no more."""
+        self._arrivals.stop(recording_id)
 
     def robot_now_ns(self, robot_id: str) -> int:
         """What the robot's clock says now, as far as it is known."""
@@ -167,6 +180,7 @@ class RecordingDesk:
         if removed is None:
             raise UnknownRecordingError.of(recording_id)
         self._arrivals.stop(recording_id)
+        self.deleted(recording_id)
 
     def on_online(self, robot_id: str, online: bool) -> None:
         """The robot's link came or went."""
@@ -210,6 +224,11 @@ class RecordingDesk:
         await asyncio.gather(*self._tasks, return_exceptions=True)
         for pool in (self._pool, self._slow_pool):
             pool.shutdown(wait=False, cancel_futures=True)
+
+    async def _ask_one(self, recording_id: str, last_ns: int) -> None:
+        recording = await self._rows.get(recording_id) if is_recording_id(recording_id) else None
+        if recording is not None and recording.unfinished:
+            self._asking.ask(recording, last_ns=last_ns)
 
     async def _ask_all(self, robot_id: str) -> None:
         for recording in await self._rows.unfinished(robot_id):

@@ -51,9 +51,9 @@ def add_user(engine: StoreEngine, user: User) -> bool:
     return bool(changed)
 
 
-def find_user(engine: StoreEngine, name: str) -> User | None:
-    """The user of that name; nobody else changes it until the transaction is over."""
-    return _one(engine.fetch(f"{_SELECT} WHERE name = ?{engine.for_update}", name))
+def find_user(engine: StoreEngine, name: str, *, lock: bool = True) -> User | None:
+    """The user of that name; with `lock`, in a writing transaction, nobody else changes it until that is over."""
+    return _one(engine.fetch(f"{_SELECT} WHERE name = ?{engine.for_update if lock else ''}", name))
 
 
 def get_user(engine: StoreEngine, user_id: str) -> User | None:

@@ -82,8 +82,10 @@ def orphans(engine: StoreEngine, objects: ObjectStore) -> list[BadObject]:
     """Objects that the ledger does not know; one that is in use all the same is damage of the ledger."""
     listed = {info.name: info.size_bytes for info in objects.names()}
     ledger = read_ledger(engine)  # read later: it has every object that was there then, or has seen it go
+    with engine.transaction(write=False):
+        code = {str(row[0]) for row in engine.fetch("SELECT object FROM lambda_code")}  # functions' own ledger
     found = []
-    for name in sorted(listed.keys() - ledger.keys()):
+    for name in sorted(listed.keys() - ledger.keys() - code):
         try:
             objects.read(name, size_bytes=1)
         except DamagedError:

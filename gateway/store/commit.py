@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import orjson
@@ -20,7 +20,7 @@ from gateway.domain.sample import Rows, Run
 from gateway.store.engine import StoreEngine, placeholders, signed, slices
 from gateway.store.writes import Committed, Mark, RobotWrite, StreamWrite, Write, WriterWrite
 
-__all__ = ["Committer"]
+__all__ = ["Committer", "Within"]
 
 _Key = tuple[int, int, int]  # robot, stream, epoch
 _REMEMBERED_MARKS = 1 << 18
@@ -65,10 +65,24 @@ _PUT_WRITER = """
 _PUT_META = "INSERT INTO meta VALUES (?, ?) ON CONFLICT (key) DO UPDATE SET value = excluded.value"
 
 
+class Within(Protocol):
+    """Somebody who stores what follows from samples in the very transaction that stores them; on the writer's thread.
+
+    What it raises fails the commit: it raises nothing but StoreError.
+    """
+
+    def on_writes(self, engine: StoreEngine, fresh: Sequence[StreamWrite], now_ns: int) -> None:
+        """These are stored if the transaction is."""
+
+    def on_aborted(self) -> None:
+        """The transaction was not: nothing of it happened, and it may come again."""
+
+
 @dataclass(slots=True)
 class _Group:
-    """The rows of one commit, by table."""
+    """The rows of one commit, by table, and what they are of."""
 
+    fresh: list[StreamWrite] = field(default_factory=list)
     batches: list[tuple[Any, ...]] = field(default_factory=list)
     rows: list[tuple[Any, ...]] = field(default_factory=list)
     gaps: list[tuple[Any, ...]] = field(default_factory=list)
@@ -79,6 +93,7 @@ class Committer:
     """Turns writes into rows; keeps the numbers of robots, series and channels it has seen, and the watermarks."""
 
     def __init__(self, engine: StoreEngine, *, name: str = "") -> None:
+        self.within: Within | None = None
         self._engine = engine
         self._name = f"last_commit_ns {name}"
         self._robots: dict[str, int] = {}
@@ -99,6 +114,8 @@ class Committer:
             # Numbers given inside the rolled back transaction do not exist.
             for cache in (self._robots, self._series, self._channels, self._marks):
                 cache.clear()
+            if self.within is not None:
+                self.within.on_aborted()
             raise
         if self._engine.shared or len(self._marks) > _REMEMBERED_MARKS:
             self._marks.clear()
@@ -133,11 +150,14 @@ class Committer:
             fresh = write.after(self._marks.get(key, write.base))
             if fresh is not None:
                 self._add(group, key, fresh, now_ns)
+                group.fresh.append(fresh)
                 self._marks[key] = group.marks[key] = write.seq
         self._engine.many(_PUT_BATCH, group.batches)
         self._engine.many(_PUT_ROWS, group.rows)
         self._engine.many(_PUT_GAP, group.gaps)
         self._engine.many(_PUT_MARK, [(*key, seq, now_ns) for key, seq in group.marks.items()])
+        if self.within is not None and group.fresh:
+            self.within.on_writes(self._engine, group.fresh, now_ns)
         return [
             Mark(robot, key[1], epoch, self._marks[key])
             for key, (robot, epoch) in touched.items()

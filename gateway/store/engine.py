@@ -1,9 +1,12 @@
 """What the store needs of a database: the one interface behind which SQLite and PostgreSQL are alike.
 
-An engine is one connection, used by one thread. Everything is asked inside a transaction; the statements are written
-once, with `?` for values, in the SQL that both understand. Whatever goes wrong is a StoreError, and nothing of the
-transaction is kept, with one exception that no database can avoid: when the connection breaks during a COMMIT, nobody
-knows. Therefore every commit compares its samples with the watermarks that the database has by then.
+An engine is one connection, used by one thread. Everything is asked inside a transaction, and refused outside of one:
+a job that forgot it would work on SQLite, and on PostgreSQL as long as its thread has a connection of an earlier job.
+The statements are written once, with `?` for values, in the SQL that both understand.
+
+Whatever goes wrong is a StoreError, and nothing of the transaction is kept, with one exception that no database can
+avoid: when the connection breaks during a COMMIT, nobody knows. Therefore every commit compares its samples with the
+watermarks that the database has by then.
 """
 
 from __future__ import annotations
@@ -26,7 +29,6 @@ class StoreEngine(Protocol):
 
     shared: bool  # others may write to the same database
     for_update: str  # ends a SELECT whose rows nobody else may change until the transaction is over
-    vacuum: str  # gives the space of deleted rows back; "" where the database does that itself
 
     def open(self) -> str:
         """Bring the tables up to date; the store's id, made once for the store's whole life."""
@@ -38,13 +40,18 @@ class StoreEngine(Protocol):
         """Everything inside it happens or nothing does; one that only reads sees a single moment."""
 
     def fetch(self, sql: str, *values: Any) -> Sequence[Row]:
-        """A query's rows."""
+        """A query's rows; StoreError outside of a transaction."""
 
     def execute(self, sql: str, *values: Any) -> int:
-        """One statement; how many rows it changed."""
+        """One statement; how many rows it changed. StoreError outside of a transaction."""
 
     def many(self, sql: str, rows: Sequence[Row]) -> None:
-        """One statement for each of many rows."""
+        """One statement for each of many rows; StoreError outside of a transaction."""
+
+    def vacuum(self) -> None:
+        """Give back some of the space of deleted rows, where the database does not do that itself; outside of a
+        transaction.
+        """
 
     def used_bytes(self) -> int:
         """What the stored data occupies."""

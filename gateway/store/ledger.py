@@ -17,6 +17,7 @@ from typing import Protocol, TypeVar
 from gateway.errors import StoreError
 from gateway.objects import ObjectStore
 from gateway.store.engine import StoreEngine
+from gateway.store.hold import objects_held
 from metaros.clock import Clock
 
 __all__ = [
@@ -142,8 +143,11 @@ def sweep_objects(
 def _due(engine: StoreEngine, now_ns: int, lease_ns: int, limit: int) -> list[str]:
     """The objects to delete now.
 
-    A given up upload waits for another lease: its uploader may only be slow, and the object appear after all.
+    A given up upload waits for another lease: its uploader may only be slow, and the object appear after all. None
+    goes while a backup copies them.
     """
+    if objects_held(engine, now_ns=now_ns):
+        return []
     engine.execute(
         "UPDATE objects SET state = 'doomed', since_ns = ? WHERE state = 'uploading' AND since_ns < ?",
         now_ns + lease_ns,

@@ -16,7 +16,7 @@ from gateway.store.engine import StoreEngine
 from gateway.store.ledger import Transact, announce, stored
 from metaros.clock import Clock
 
-__all__ = ["MARK", "check_mark"]
+__all__ = ["MARK", "check_mark", "find_mark"]
 
 MARK = "mark"  # the kind of these objects in the ledger
 
@@ -28,6 +28,17 @@ def check_mark(engine: StoreEngine, run: Transact, objects: ObjectStore, *, cloc
         ObjectRefusedError: this is another object store.
         StoreError, ObjectStoreError: it cannot be told now.
     """
+    if find_mark(engine, objects):
+        return
+    name, data = f"mark/{secrets.token_hex(8)}", b"objects of a metaros gateway; keep this\n"
+    sha256 = hashlib.sha256(data).hexdigest()
+    run(lambda engine: announce(engine, name, kind=MARK, now_ns=clock.wall_ns()))
+    objects.put(name, io.BytesIO(data), size_bytes=len(data), sha256=sha256)
+    run(lambda engine: stored(engine, name, size_bytes=len(data), sha256=sha256, now_ns=clock.wall_ns()))
+
+
+def find_mark(engine: StoreEngine, objects: ObjectStore) -> bool:
+    """Whether the store has a mark, which is there; ObjectRefusedError where another object store was named."""
     with engine.transaction(write=False):
         rows = engine.fetch("SELECT name FROM objects WHERE kind = ? AND state = 'stored'", MARK)
     for name in (str(row[0]) for row in rows):
@@ -37,10 +48,4 @@ def check_mark(engine: StoreEngine, run: Transact, objects: ObjectStore, *, cloc
             raise ObjectRefusedError(
                 f"{objects.where} is not the object store in which this store keeps its segments: see --objects"
             ) from None
-    if rows:
-        return
-    name, data = f"mark/{secrets.token_hex(8)}", b"objects of a metaros gateway; keep this\n"
-    sha256 = hashlib.sha256(data).hexdigest()
-    run(lambda engine: announce(engine, name, kind=MARK, now_ns=clock.wall_ns()))
-    objects.put(name, io.BytesIO(data), size_bytes=len(data), sha256=sha256)
-    run(lambda engine: stored(engine, name, size_bytes=len(data), sha256=sha256, now_ns=clock.wall_ns()))
+    return bool(rows)

@@ -60,7 +60,6 @@ class PostgresEngine:
 
     shared = True
     for_update = " FOR NO KEY UPDATE"
-    vacuum = ""
 
     def __init__(self, url: str, *, read_only: bool = False, store_id: str = "") -> None:
         self._url = url
@@ -115,20 +114,24 @@ class PostgresEngine:
     def fetch(self, sql: str, *values: Any) -> Sequence[Row]:
         """A query's rows."""
         with _store_errors():
-            return list(self._run(self._live().fetch(_numbered(sql), *values)))
+            return list(self._run(self._inside().fetch(_numbered(sql), *values)))
 
     def execute(self, sql: str, *values: Any) -> int:
         """One statement; how many rows it changed."""
         with _store_errors():
-            status: str = self._run(self._live().execute(_numbered(sql), *values))
+            status: str = self._run(self._inside().execute(_numbered(sql), *values))
         last = status.rpartition(" ")[2]
         return int(last) if last.isdigit() else 0
 
     def many(self, sql: str, rows: Sequence[Row]) -> None:
         """One statement for each of many rows, in one round trip."""
-        if rows:
-            with _store_errors():
-                self._run(self._live().executemany(_numbered(sql), rows))
+        with _store_errors():
+            connection = self._inside()
+            if rows:
+                self._run(connection.executemany(_numbered(sql), rows))
+
+    def vacuum(self) -> None:
+        """Nothing: PostgreSQL does that itself."""
 
     def used_bytes(self) -> int:
         """What the rows hold; the files are larger until they are vacuumed, and their space is used again."""
@@ -170,13 +173,16 @@ class PostgresEngine:
                 raise StoreError(f"{shown(self._url)} is store {found} now, it was {self._store_id}")
         return connection
 
-    def _live(self) -> asyncpg.Connection[asyncpg.Record]:
-        if self._connection is None:
+    def _inside(self) -> asyncpg.Connection[asyncpg.Record]:
+        if self._connection is None or not self._connection.is_in_transaction():
             raise StoreError("no transaction is open")
         return self._connection
 
     def _statements(self, text: str) -> str:
-        status: str = self._run(self._live().execute(text))
+        """Statements in one go, also those that begin and end a transaction."""
+        if self._connection is None:
+            raise StoreError("no transaction is open")
+        status: str = self._run(self._connection.execute(text))
         return status
 
     def _run(self, work: Coroutine[Any, Any, Result]) -> Result:

@@ -105,8 +105,8 @@ class Purge:
             deleted = len(going)
         else:
             deleted = self._delete_gaps()
-        if deleted and self._engine.vacuum:
-            self._engine.fetch(self._engine.vacuum)
+        if deleted:
+            self._engine.vacuum()
         return deleted
 
     def _delete_gaps(self) -> int:

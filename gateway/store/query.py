@@ -10,18 +10,20 @@ from typing import Any
 import numpy as np
 import orjson
 
-from gateway.domain.channel import Series
+from gateway.domain.channel import METRIC_STREAM, Series
 from gateway.domain.robot import Robot
 from gateway.domain.sample import Gap
 from gateway.store.chunks import decode
 from gateway.store.engine import Row, StoreEngine, unsigned
 from gateway.store.series import waiting_rows
+from metaros.link import BACKFILL_BIT
 
 __all__ = [
     "SeriesFacts",
     "StoredGap",
     "StoredRobot",
     "read_gaps",
+    "read_metric_marks",
     "read_robots",
     "read_series",
     "read_streams",
@@ -84,6 +86,13 @@ def read_streams(engine: StoreEngine, robot_id: str) -> dict[tuple[int, int], in
     """The robot's watermarks by (stream, epoch)."""
     query = "SELECT stream_id, epoch, seq FROM streams JOIN robots USING (robot) WHERE id = ?"
     return {(row[0], unsigned(row[1])): row[2] for row in _snapshot(engine, query, robot_id)}
+
+
+def read_metric_marks(engine: StoreEngine) -> dict[tuple[str, int, int], int]:
+    """The watermarks of all robots' metric rows, by (robot, stream, epoch)."""
+    query = "SELECT id, stream_id, epoch, seq FROM streams JOIN robots USING (robot) WHERE stream_id IN (?, ?)"
+    rows = _snapshot(engine, query, METRIC_STREAM, METRIC_STREAM | BACKFILL_BIT)
+    return {(row[0], row[1], unsigned(row[2])): row[3] for row in rows}
 
 
 def read_writers(engine: StoreEngine, robot_id: str) -> dict[int, str]:

@@ -10,18 +10,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gateway.store.migrations.alerts import ALERTS
 from gateway.store.migrations.audit import AUDIT
 from gateway.store.migrations.commands import COMMANDS
+from gateway.store.migrations.deliveries import DELIVERIES
 from gateway.store.migrations.events import EVENTS
+from gateway.store.migrations.functions import FUNCTIONS
+from gateway.store.migrations.invocations import INVOCATIONS
 from gateway.store.migrations.leases import LEASES
 from gateway.store.migrations.once import ONCE
 from gateway.store.migrations.recordings import RECORDINGS
 from gateway.store.migrations.robot_identity import ROBOT_IDENTITY
 from gateway.store.migrations.rollouts import ROLLOUTS
+from gateway.store.migrations.rules import RULES
 from gateway.store.migrations.segments import SEGMENTS
 from gateway.store.migrations.series import SERIES
 from gateway.store.migrations.twins import TWINS
 from gateway.store.migrations.users import USERS
+from gateway.store.migrations.watch_states import WATCH_STATES
 
 __all__ = ["CHUNK_SAMPLES", "MIGRATIONS", "ROW_BYTES", "TABLES", "Dialect", "migration"]
 
@@ -147,6 +153,12 @@ MIGRATIONS: tuple[str, ...] = (
     ROLLOUTS,
     EVENTS,
     ONCE,
+    ALERTS,
+    DELIVERIES,
+    RULES,
+    INVOCATIONS,
+    FUNCTIONS,
+    WATCH_STATES,
 )
 
 ROW_BYTES = 100  # what a row of these occupies beside them, with its index entries
@@ -155,6 +167,9 @@ TABLES: dict[str, str] = {
     "sample_batches": "length(stamps) + length(lengths) + length(payload)",
     "metric_chunks": "length(stamps) + length(vals)",
     "metric_batches": "length(series) + length(stamps) + length(vals)",
+    "deliveries": "size_bytes",
+    "happenings": "size_bytes",
+    "invocations": "length(log)",
 }
 
 

@@ -34,7 +34,6 @@ class SqliteEngine:
 
     shared = False
     for_update = ""
-    vacuum = "PRAGMA incremental_vacuum(256)"
 
     def __init__(self, data_dir: Path, *, read_only: bool = False) -> None:
         self._data_dir = data_dir
@@ -83,17 +82,23 @@ class SqliteEngine:
     def fetch(self, sql: str, *values: Any) -> Sequence[Row]:
         """A query's rows."""
         with _store_errors():
-            return self.connection.execute(sql, values).fetchall()
+            return self._inside().execute(sql, values).fetchall()
 
     def execute(self, sql: str, *values: Any) -> int:
         """One statement; how many rows it changed."""
         with _store_errors():
-            return self.connection.execute(sql, values).rowcount
+            return self._inside().execute(sql, values).rowcount
 
     def many(self, sql: str, rows: Sequence[Row]) -> None:
         """One statement for each of many rows."""
         with _store_errors():
-            self.connection.executemany(sql, rows)
+            self._inside().executemany(sql, rows)
+
+    def vacuum(self) -> None:
+        """Give some free pages back to the file system."""
+        with _store_errors():
+            # Each step frees one page, and `execute` takes one step of what has no columns.
+            self.connection.executescript("PRAGMA incremental_vacuum(256)")
 
     def used_bytes(self) -> int:
         """What the rows occupy: the file's pages without the free ones."""
@@ -107,6 +112,11 @@ class SqliteEngine:
     def close(self) -> None:
         """Let the connection go."""
         self.connection.close()
+
+    def _inside(self) -> sqlite3.Connection:
+        if not self.connection.in_transaction:
+            raise StoreError("no transaction is open")
+        return self.connection
 
 
 @contextlib.contextmanager

@@ -13,6 +13,7 @@ from typing import TypeVar
 
 from gateway.domain.sample import Gap
 from gateway.objects import ObjectStore
+from gateway.store.commit import Within
 from gateway.store.compact import CompactPace
 from gateway.store.compactor import Compactor
 from gateway.store.engine import StoreEngine
@@ -37,7 +38,7 @@ from gateway.store.writes import Committed, StreamWrite, Write
 from metaros.clock import Clock
 from metaros.errors import ConfigError
 
-__all__ = ["Store"]
+__all__ = ["Store", "lock_folder"]
 
 Result = TypeVar("Result")
 CLOSE_S = 2.0
@@ -59,7 +60,7 @@ class Store:
         compact: CompactPace | None = None,
     ) -> None:
         data_dir.mkdir(parents=True, exist_ok=True)
-        self._lock = _lock(data_dir)
+        self._lock = lock_folder(data_dir)
         self.gateway_id = _gateway_id(data_dir)
         try:
             self._engine, self.store_id = open_engine(url, data_dir)
@@ -73,11 +74,13 @@ class Store:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._listener: Callable[[Committed], None] | None = None
         self._refused_listener: Callable[[Collection[str]], None] | None = None
+        self._ahead_listener: Callable[[Sequence[Write]], None] | None = None
         self._writer = Writer(
             self._engine,
             clock=clock,
             on_commit=self._on_commit,
             on_refused=self._on_refused,
+            ahead=self._on_ahead,
             retention=retention,
             pace=pace,
             name=self.gateway_id,
@@ -124,14 +127,18 @@ class Store:
         self,
         listener: Callable[[Committed], None] | None = None,
         refused: Callable[[Collection[str]], None] | None = None,
+        ahead: Callable[[Sequence[Write]], None] | None = None,
+        within: Within | None = None,
     ) -> None:
         """Start writing; in the running event loop `listener` is told of each commit, and `refused` the robots
-        whose queued writes were given up, as they cannot be committed now.
+        whose queued writes were given up, as they cannot be committed now. `ahead` gets, on the writer's thread, what
+        the next commit will try to store; it must not raise. `within` takes part in every commit, likewise.
         """
         self._loop = asyncio.get_running_loop()
         self._listener = listener
         self._refused_listener = refused
-        self._writer.start()
+        self._ahead_listener = ahead
+        self._writer.start(within)
         if self._compactor is not None:
             self._compactor.start()
 
@@ -283,6 +290,11 @@ class Store:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._committed, done)
 
+    def _on_ahead(self, writes: Sequence[Write]) -> None:
+        """On the writer's thread."""
+        if self._ahead_listener is not None:
+            self._ahead_listener(writes)
+
     def _on_refused(self, writes: Sequence[Write]) -> None:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._refused, writes)
@@ -303,7 +315,7 @@ class Store:
             self._listener(done)
 
 
-def _lock(data_dir: Path) -> sqlite3.Connection:
+def lock_folder(data_dir: Path) -> sqlite3.Connection:
     """Hold the directory for this process; the lock goes with the process, however it ends."""
     lock = sqlite3.connect(data_dir / "gateway.lock", isolation_level=None, timeout=0.5, check_same_thread=False)
     try:

@@ -5,6 +5,7 @@ Every function runs inside a transaction of the caller's.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,10 +23,13 @@ __all__ = [
     "add_key",
     "bundle_at",
     "fetch_secret",
+    "give_duties",
     "list_bundles",
     "list_keys",
     "lock_updates",
     "newest_documents",
+    "next_version",
+    "raise_versions",
     "read_document",
     "take_duty",
     "trim_documents",
@@ -33,6 +37,7 @@ __all__ = [
 ]
 
 FETCH_SECRET = "updates_fetch_secret"
+VERSION_FLOOR = "updates_version_floor"
 _BUNDLE = (
     "path, kind, name, version, sha256, size_bytes, manifest, object, uploaded_ns, uploaded_by, withdrawn_ns, reason"
 )
@@ -97,6 +102,11 @@ def take_duty(engine: StoreEngine, duty: str, holder: str, *, now_ns: int, for_n
     return bool(taken)
 
 
+def give_duties(engine: StoreEngine, holder: str) -> None:
+    """Whatever is this holder's turn is anybody's from now on."""
+    engine.execute("UPDATE duties SET until_ns = 0 WHERE holder = ?", holder)
+
+
 def fetch_secret(engine: StoreEngine, fresh: str) -> str:
     """The store's secret behind robots' tokens: `fresh` where there was none."""
     engine.execute("INSERT INTO meta VALUES (?, ?) ON CONFLICT (key) DO NOTHING", FETCH_SECRET, fresh)
@@ -140,6 +150,22 @@ def newest_documents(engine: StoreEngine) -> dict[str, StoredDocument]:
         " (SELECT MAX(n.version) FROM update_metadata n WHERE n.role = m.role) ORDER BY m.role"
     )
     return {row[0]: _document(row) for row in rows}
+
+
+def next_version(engine: StoreEngine, newest: StoredDocument | None) -> int:
+    """The version of what the gateway signs next: above the newest one, and above what was before a restore."""
+    rows = engine.fetch("SELECT value FROM meta WHERE key = ?", VERSION_FLOOR)
+    return max(newest.version if newest is not None else 0, int(rows[0][0]) if rows else 0) + 1
+
+
+def raise_versions(engine: StoreEngine, roles: Sequence[str], *, floor: int, now_ns: int) -> None:
+    """The store was restored: robots have seen newer versions than it has, and refuse to go back.
+
+    What the gateway signs itself is due again at once, under versions above `floor`.
+    """
+    put = "INSERT INTO meta VALUES (?, ?) ON CONFLICT (key) DO UPDATE SET value = excluded.value"
+    engine.execute(put, VERSION_FLOOR, str(floor))
+    engine.many("UPDATE update_metadata SET expires_ns = ? WHERE role = ?", [(now_ns, role) for role in roles])
 
 
 def trim_documents(engine: StoreEngine, role: str, *, keep: int) -> None:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from gateway.errors import StoreError, UnstorableError
-from gateway.store.commit import Committer
+from gateway.store.commit import Committer, Within
 from gateway.store.engine import StoreEngine
 from gateway.store.merge import merge_step, waiting_batches
 from gateway.store.purge import Purge
@@ -92,6 +92,7 @@ class Writer:
         clock: Clock,
         on_commit: Callable[[Committed], None],
         on_refused: Callable[[Sequence[Write]], None] = lambda writes: None,
+        ahead: Callable[[Sequence[Write]], None] = lambda writes: None,
         retention: Retention,
         pace: Pace | None = None,
         name: str = "",
@@ -100,6 +101,7 @@ class Writer:
         self._clock = clock
         self._on_commit = on_commit
         self._on_refused = on_refused
+        self._ahead = ahead
         self._kept: list[Write] = []  # of commits that failed
         self._retention = retention
         self._pace = pace if pace is not None else Pace()
@@ -118,8 +120,9 @@ class Writer:
         """Why the last commit failed; None while commits work."""
         return self._error
 
-    def start(self) -> None:
-        """Start the thread."""
+    def start(self, within: Within | None = None) -> None:
+        """Start the thread; `within` takes part in every commit."""
+        self._committer.within = within
         self._thread.start()
 
     def submit(self, write: Write) -> None:
@@ -182,6 +185,7 @@ class Writer:
             self._housekeeping()
 
     def _finish(self, turn: _Turn) -> None:
+        self._ahead(turn.writes)
         writes, self._kept = [*self._kept, *turn.writes], []
         if (writes or self._error is not None) and not self._commit(writes):
             self._give_up(writes)

@@ -24,6 +24,7 @@ from gateway.store.updates import (
     list_keys,
     lock_updates,
     newest_documents,
+    next_version,
     read_document,
     trim_documents,
 )
@@ -255,7 +256,7 @@ def _sign_snapshot(engine: StoreEngine, root: Metadata[Root], seal: Seal, *, now
         for role, one in found.items()
         if role == Targets.type or role.startswith(GROUP_PREFIX)
     }
-    version = found[Snapshot.type].version + 1 if Snapshot.type in found else 1
+    version = next_version(engine, found.get(Snapshot.type))
     snapshot = Snapshot(version=version, expires=expiry(Snapshot.type, now_ns), meta=meta)
     _sign(engine, root, Snapshot.type, Metadata(snapshot), seal, now_ns=now_ns)
     _sign_timestamp(engine, root, seal, now_ns=now_ns)
@@ -263,7 +264,7 @@ def _sign_snapshot(engine: StoreEngine, root: Metadata[Root], seal: Seal, *, now
 
 def _sign_timestamp(engine: StoreEngine, root: Metadata[Root], seal: Seal, *, now_ns: int) -> None:
     found = newest_documents(engine)
-    version = found[Timestamp.type].version + 1 if Timestamp.type in found else 1
+    version = next_version(engine, found.get(Timestamp.type))
     ends = expiry(Timestamp.type, now_ns)
     timestamp = Timestamp(version=version, expires=ends, snapshot_meta=_meta_file(found[Snapshot.type]))
     _sign(engine, root, Timestamp.type, Metadata(timestamp), seal, now_ns=now_ns)

@@ -34,6 +34,7 @@ HOMES = {
     "peers": Home(requirements=("cyclonedds==11.0.1", "pyzmq==27.3.0")),
     # This name and version on PyPI are the earlier work; setuptools is what its setup.py is built with.
     "metaros1": Home(requirements=("metaros==1.1.5", "pyzmq==27.3.0", "numpy==2.4.6", "setuptools==84.2.1")),
+    "river": Home(requirements=("river==0.26.1",)),  # for load_tests/anomaly
     "rospy": Home(
         module="rospy", missing="not installed (Debian: python3-rospy python3-rosmaster python3-sensor-msgs)"
     ),

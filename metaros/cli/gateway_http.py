@@ -179,6 +179,8 @@ def events(answer: Answer) -> Iterator[tuple[str, Any]]:
                 name = value
             elif key == "data":
                 yield name, json.loads(value)
+            elif not line:  # the event's end, and its name's
+                name = ""
 
 
 def open_gateway(url: str) -> GatewayClient:

@@ -110,6 +110,10 @@ class StateFile:
         draft.write_text(json.dumps(asdict(instance)))
         draft.replace(self._path)
 
+    def withdraw(self) -> None:
+        """Claim nothing for now, before something else is claimed."""
+        self._path.unlink(missing_ok=True)
+
     def close(self) -> None:
         """Give the claim up."""
         if sys.platform == "win32":  # where an open file cannot be removed

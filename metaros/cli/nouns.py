@@ -69,8 +69,18 @@ NOUNS = (
     Noun("twin", "", ROBOTS, "show, set, patch, diff, history, revert, template: what robots are to be", "gateway"),
     Noun("update", "", ROBOTS, "init-root, add, sign, publish, list, withdraw: signed versions for robots", "gateway"),
     Noun("rollout", "", ROBOTS, "start, show, pause, resume, abort: a version for many robots, in waves", "gateway"),
+    Noun("alert", "", ROBOTS, "list, show, ack, silence, normal, backtest …: what is wrong, and why", "gateway"),
+    Noun(
+        "function",
+        "",
+        ROBOTS,
+        "init, test, deploy, invoke, logs …: programs that run when something happens",
+        "gateway",
+    ),
+    Noun("rule", "", ROBOTS, "put, list, dry-run, hook, events …: what is done when something happens", "gateway"),
     Noun("recording", "", ROBOTS, "list, save, get, delete: the last minutes of a robot, in full", "gateway"),
     Noun("history", "", ROBOTS, "topics, messages, export: what a gateway has stored", "gateway"),
+    Noun("anomaly", "", ROBOTS, "score: what is unusual in a file of samples", "gateway"),
     Noun("seal", "metaros.cli.seal", ROBOTS, "key, open: sealed topics, which the gateway cannot read"),
     Noun("driver", "metaros.cli.driver", ROBOTS, "list, run: cameras and other devices", "drivers"),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from socket import gethostname
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -9,6 +10,7 @@ import typer
 from metaros.cli.options import DEFAULT_ZENOH_PORT, CredentialsFolder, ProfileOption, StatusFile, ZenohProfile
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
     from threading import Event
 
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["open_or_join", "register"]
 
+OTHER_PORT = "metaros router --port PORT"
 STANDBY_STEP_S = 0.5
 STANDBY_STEPS = 3  # so often in a row must the port be free: a router that is only restarted comes back to it
 
@@ -36,20 +39,29 @@ def router(
     standby: Annotated[
         bool, typer.Option("--standby", help="Wait until the port is free, then host: a router's understudy.")
     ] = False,
+    connect: Annotated[
+        list[str] | None,
+        typer.Option("--connect", metavar="tcp/HOST:PORT", help="Another router to be one network with; repeat it."),
+    ] = None,
     zenoh_profile: ProfileOption = ZenohProfile.OPEN,
     zenoh_credentials: CredentialsFolder = None,
     status_file: StatusFile = "",
 ) -> None:
     """Host a Zenoh router until Ctrl-C. Where one runs already there is nothing to do, and it says so."""
     from metaros.cli import running
+    from metaros.errors import UsageError
     from metaros.wire.profile import default_folder
+    from metaros.wire.router import other_routers
 
+    if connect and zenoh_profile is ZenohProfile.PROTECTED:
+        raise UsageError("--connect is of the open profile: protected routers let no other router in")
+    others = other_routers(connect or (), own_host=gethostname(), port=port)
     folder = (zenoh_credentials or default_folder()) if zenoh_profile is ZenohProfile.PROTECTED else None
 
     with running.stop_on_signals() as stop:
         if standby:
-            hosted = _await_port(port, host, stop, folder)
-        elif (hosted := open_or_join(port, host, "metaros router --port PORT", protected=folder)) is None:
+            hosted = _await_port(port, host, stop, folder, others)
+        elif (hosted := open_or_join(port, host, OTHER_PORT, protected=folder, connect=others)) is None:
             typer.echo(f"a Zenoh router runs already on tcp/{host}:{port}; nodes on this machine use it")
             return
         if hosted is not None:
@@ -62,7 +74,9 @@ def router(
     typer.echo("stopped")
 
 
-def open_or_join(port: int, host: str, other: str, *, protected: Path | None = None) -> Router | None:
+def open_or_join(
+    port: int, host: str, other: str, *, protected: Path | None = None, connect: Sequence[str] = ()
+) -> Router | None:
     """A router of our own, or None where there is one already; ConfigError where the port is another program's, or
     where a router is to be `protected` and one that is not has the port: `other` is the command for another port.
     """
@@ -75,10 +89,10 @@ def open_or_join(port: int, host: str, other: str, *, protected: Path | None = N
         raise ConfigError(f"port {port} is in use by {port_owner(port)}\nchoose another: {other}")
     if state == "zenoh" and protected is not None:
         raise ConfigError(f"an open Zenoh router has port {port} already: end it, or choose another: {other}")
-    return None if state == "zenoh" else open_router(port, host=host, protected=protected)
+    return None if state == "zenoh" else open_router(port, host=host, protected=protected, connect=connect)
 
 
-def _await_port(port: int, host: str, stop: Event, protected: Path | None) -> Router | None:
+def _await_port(port: int, host: str, stop: Event, protected: Path | None, connect: Sequence[str]) -> Router | None:
     """Wait for the port; None when asked to stop. Of several understudies one gets it, the others wait on."""
     from metaros.cli.up_ports import port_free
     from metaros.errors import ConfigError
@@ -90,7 +104,7 @@ def _await_port(port: int, host: str, stop: Event, protected: Path | None) -> Ro
         free = free + 1 if port_free(port, host=host) else 0
         if free >= STANDBY_STEPS:
             try:
-                return open_router(port, host=host, protected=protected)
+                return open_router(port, host=host, protected=protected, connect=connect)
             except ConfigError:  # another understudy was faster
                 free = 0
     return None

@@ -60,6 +60,19 @@ ThisHost = Annotated[bool, typer.Option("--this-host/--no-host", help="This mach
 Camera = Annotated[
     str, typer.Option("--camera", metavar="SOURCE", help="A camera of this machine: 0, a file, rtsp://…, test.")
 ]
+Replicas = Annotated[
+    int, typer.Option("--replicas", min=1, max=5, metavar="N", help="Gateways beside each other, on one --database.")
+]
+Database = Annotated[
+    str,
+    typer.Option(
+        "--database",
+        metavar="URL",
+        envvar="METAROS_STORE",
+        show_envvar=False,
+        help="postgresql://user@host/database instead of a file.",
+    ),
+]
 
 
 def register(app: typer.Typer) -> None:
@@ -79,6 +92,8 @@ def up(
     allow_host: AllowHost = None,
     anonymous: Anonymous = True,
     data_dir: DataDir = None,
+    replicas: Replicas = 1,
+    database: Database = "",
     seed: Seed = 1,
     this_host: ThisHost = True,
     camera: Camera = "",
@@ -119,6 +134,8 @@ def up(
         tls_key=tls_key.resolve() if tls_key else None,
         allow_hosts=tuple(allow_host or ()),
         anonymous=anonymous,
+        replicas=replicas,
+        database=database,
         protected=(zenoh_credentials or default_folder()) if zenoh_profile is ZenohProfile.PROTECTED else None,
     )
     asyncio.run(run(options, screen, clock=clock, rng=system_rng()))

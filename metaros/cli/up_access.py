@@ -35,7 +35,8 @@ def local_key(plan: Plan) -> str:
 def begin_access(plan: Plan) -> str:
     """Let the command line find the key; what went wrong with that, or ""."""
     try:
-        save_key(plan.url, _file(plan), ca=plan.root_file)
+        for url, file in _files(plan):
+            save_key(url, file, ca=plan.root_file)
     except ConfigError as error:
         return str(error)
     return ""
@@ -43,8 +44,9 @@ def begin_access(plan: Plan) -> str:
 
 def end_access(plan: Plan) -> None:
     """The gateway is gone: whoever has its port next is not to be shown a key."""
-    with contextlib.suppress(ConfigError):
-        forget_key(plan.url, _file(plan))
+    for url, file in _files(plan):
+        with contextlib.suppress(ConfigError):
+            forget_key(url, file)
 
 
 def sign_in_link(plan: Plan) -> str:
@@ -72,6 +74,13 @@ def make_secret(url: str, path: str, name: str, *, key: str, ca: Path | None = N
         return ""
     finally:
         connection.close()
+
+
+def _files(plan: Plan) -> list[tuple[str, Path]]:
+    """Each gateway's URL, and the file with its key."""
+    folders = [replica.name.replace(" ", "-") for replica in plan.replicas]
+    further = [plan.data_dir.resolve() / folder / "local.key" for folder in folders]
+    return [(plan.url, _file(plan)), *zip(plan.replica_urls, further, strict=True)]
 
 
 def _file(plan: Plan) -> Path:

@@ -5,24 +5,28 @@ from __future__ import annotations
 import ipaddress
 import os
 import socket
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from metaros.cli.instance import DataDir, Instance, running_instances
 from metaros.cli.options import DEFAULT_ZENOH_PORT
-from metaros.cli.up_plan import Plan, first_free_robot, host_robot_name
-from metaros.cli.up_ports import PortChoice, choose_port, port_owner
+from metaros.cli.up_plan import Plan, Replica, first_free_robot, host_robot_name
+from metaros.cli.up_ports import PortChoice, choose_port, port_free, port_owner
 from metaros.clock import Clock
 from metaros.errors import ConfigError, UnavailableError
 
 if TYPE_CHECKING:
     from metaros.cli.up_screen import Screen
 
-__all__ = ["UpOptions", "claim", "decide"]
+__all__ = ["UpOptions", "claim", "decide", "lost_ports"]
 
 HTTP_PORT, GRPC_PORT = 8080, 8081
-KNOWN_PORTS = (HTTP_PORT, GRPC_PORT, DEFAULT_ZENOH_PORT, 8765, 9090)  # who has to move takes none of these
+CLUSTER_PORT = 7457
+MOST_REPLICAS = 5
+# Who has to move takes none of these: gateways open the last three by themselves, maybe a moment after we looked.
+KNOWN_PORTS = (HTTP_PORT, GRPC_PORT, DEFAULT_ZENOH_PORT, 8082, 8765, 9090)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,6 +49,8 @@ class UpOptions:
     tls_key: Path | None = None
     allow_hosts: tuple[str, ...] = ()
     anonymous: bool = True
+    replicas: int = 1
+    database: str = field(default="", repr=False)
 
     @property
     def tls_on(self) -> bool:
@@ -60,24 +66,30 @@ class UpOptions:
         return (*files, *names, *(() if self.anonymous else ("--no-anonymous",)))
 
 
-def decide(options: UpOptions, data: DataDir, screen: Screen) -> Plan:
-    """Choose ports and robot numbers that nobody has; called under the claim lock."""
+def decide(options: UpOptions, data: DataDir, screen: Screen, *, lost: Sequence[int] = ()) -> Plan:
+    """Choose ports and robot numbers that nobody has; called under the claim lock. Who moves takes none that was lost
+    at an earlier start.
+    """
     if options.tls not in ("auto", "on", "off"):
         raise ConfigError(f"--tls {options.tls}: it is auto, on or off")
+    _check_replicas(options)
     others = running_instances()
     taken = [port for other in others for port in (other.http_port, other.grpc_port)]
-    http = choose_port("dashboard", options.port, HTTP_PORT, host=options.host, taken=taken, avoid=KNOWN_PORTS)
+    avoid = (*KNOWN_PORTS, *lost, *filter(None, (options.port, options.grpc_port, options.zenoh_port)))
+    http = choose_port("dashboard", options.port, HTTP_PORT, host=options.host, taken=taken, avoid=avoid)
     for option, number in (("--grpc-port", options.grpc_port), ("--zenoh-port", options.zenoh_port)):
         if number == http.port:
             raise ConfigError(f"{option} and the dashboard's port are both {number}")
     grpc = choose_port(
-        "agents' link", options.grpc_port, GRPC_PORT, host=options.host, taken=[*taken, http.port], avoid=KNOWN_PORTS
+        "agents' link", options.grpc_port, GRPC_PORT, host=options.host, taken=[*taken, http.port], avoid=avoid
     )
     if grpc.wanted == http.port:
         grpc = replace(grpc, owner="the dashboard")
     for what, choice in (("the dashboard", http), ("the agents' link", grpc)):
         _say_moved(screen, what, choice)
-    zenoh_port, own_router = _router(options, others, screen)
+    zenoh_port, own_router = _router(options, others, screen, avoid=avoid)
+    claimed = [*taken, http.port, grpc.port, zenoh_port]
+    replicas, cluster_port = _replicas(options, claimed, avoid=avoid)
     names = [name for other in others if other.zenoh_port == zenoh_port for name in other.robots]
     graph = [] if own_router else _graph_names(zenoh_port, options.domain)
     simulated = first_free_robot([*names, *graph])
@@ -100,7 +112,55 @@ def decide(options: UpOptions, data: DataDir, screen: Screen) -> Plan:
         protected=options.protected,
         tls=options.tls_on,
         doors=options.doors,
+        database=options.database,
+        replicas=replicas,
+        cluster_port=cluster_port,
     )
+
+
+def _check_replicas(options: UpOptions) -> None:
+    if not 1 <= options.replicas <= MOST_REPLICAS:
+        raise ConfigError(f"--replicas is 1 to {MOST_REPLICAS}, not {options.replicas}")
+    if options.replicas == 1:
+        return
+    if not options.database:
+        raise ConfigError("--replicas needs --database postgresql://…: gateways of one fleet share their store")
+    if options.tls_on or not _is_loopback(options.host):
+        raise ConfigError(
+            "--replicas is for this machine alone: leave --host and --tls out, or see docs/howto/replicas.md"
+        )
+
+
+def _replicas(options: UpOptions, claimed: Sequence[int], *, avoid: Sequence[int]) -> tuple[tuple[Replica, ...], int]:
+    """Ports of the further gateways, and of the router between them all."""
+    found: list[Replica] = []
+    used = list(claimed)
+
+    def take(what: str, default: int) -> int:
+        used.append(choose_port(what, None, default, taken=used, avoid=avoid).port)
+        return used[-1]
+
+    for number in range(2, options.replicas + 1):
+        base = HTTP_PORT + 100 * (number - 1)
+        found.append(Replica(number, take(f"gateway {number}", base), take(f"links of gateway {number}", base + 1)))
+    return tuple(found), take("the replicas' router", CLUSTER_PORT) if found else 0
+
+
+def lost_ports(options: UpOptions, plan: Plan, name: str, said: Sequence[str]) -> list[int]:
+    """Ports that we chose for a process which did not get them: its last words name them, or somebody has them now.
+
+    Its words count because who had a port for a moment, as an outgoing connection does, may be gone by now.
+    """
+    gateway, router = options.host, "127.0.0.1"
+    chosen = {
+        "gateway": ((options.port, plan.http_port, gateway), (options.grpc_port, plan.grpc_port, gateway)),
+        "router": ((options.zenoh_port, plan.zenoh_port, router),),
+        "cluster router": ((None, plan.cluster_port, router),),
+        **{one.name: ((None, one.http_port, router), (None, one.grpc_port, router)) for one in plan.replicas},
+    }
+    ours = [(port, host) for named, port, host in chosen.get(name, ()) if named is None]
+    words = "\n".join(said)
+    return [port for port, host in ours if f"port {port} " in words or not port_free(port, host=host)]
 
 
 def _is_loopback(host: str) -> bool:
@@ -115,7 +175,7 @@ def _say_moved(screen: Screen, what: str, choice: PortChoice) -> None:
         screen.note(f"port {choice.wanted} is in use by {choice.owner}: {what} moves to {choice.port}")
 
 
-def _router(options: UpOptions, others: list[Instance], screen: Screen) -> tuple[int, bool]:
+def _router(options: UpOptions, others: list[Instance], screen: Screen, *, avoid: Sequence[int]) -> tuple[int, bool]:
     """The Zenoh port, and whether we host the router there: a router that exists is joined, never doubled."""
     from metaros.wire.router import probe
 
@@ -132,7 +192,7 @@ def _router(options: UpOptions, others: list[Instance], screen: Screen) -> tuple
     owner = port_owner(wanted)
     if options.zenoh_port is not None:
         raise ConfigError(f"port {wanted} (Zenoh) is in use by {owner}, which is no Zenoh router")
-    choice = choose_port("Zenoh", None, wanted, taken=[other.zenoh_port for other in others])
+    choice = choose_port("Zenoh", None, wanted, taken=[other.zenoh_port for other in others], avoid=avoid)
     screen.note(f"port {wanted} is in use by {owner}, no Zenoh router: ours moves to {choice.port}")
     return choice.port, True
 

@@ -5,15 +5,29 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from metaros.supervise import Launch
 
-__all__ = ["Plan", "first_free_robot", "host_robot_name", "launches"]
+__all__ = ["Plan", "Replica", "first_free_robot", "host_robot_name", "launches"]
 
 ROUTER, GATEWAY, SIMULATOR, AGENTS = range(4)  # stages; they stop in falling order: agents first, router last
 _SIM = re.compile(r"^sim_(\d+)$")
+
+
+@dataclass(frozen=True, slots=True)
+class Replica:
+    """A further gateway of the same store, by its number from 2."""
+
+    number: int
+    http_port: int
+    grpc_port: int
+
+    @property
+    def name(self) -> str:
+        """Of its process, and of its folder with a dash."""
+        return f"gateway {self.number}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +49,9 @@ class Plan:
     protected: Path | None = None  # the folder of Zenoh's protected profile; None: open
     tls: bool = False
     doors: tuple[str, ...] = ()  # further options of the gateway: who may come in, and by which names
+    database: str = field(default="", repr=False)  # PostgreSQL; "": a file
+    replicas: tuple[Replica, ...] = ()  # beside the first gateway
+    cluster_port: int = 0  # of the router between them
 
     @property
     def root_file(self) -> Path | None:
@@ -66,6 +83,17 @@ class Plan:
         return f"grpcs://{place}" if self.tls else place
 
     @property
+    def replica_urls(self) -> tuple[str, ...]:
+        """Where the further gateways serve; they are on this machine alone, without TLS."""
+        return tuple(f"http://127.0.0.1:{replica.http_port}" for replica in self.replicas)
+
+    def links_of(self, position: int) -> str:
+        """Where a robot connects, each beginning with another gateway so that they spread; `position` counts robots."""
+        links = [self.link, *(f"127.0.0.1:{replica.grpc_port}" for replica in self.replicas)]
+        first = position % len(links)
+        return ",".join(links[first:] + links[:first])
+
+    @property
     def log_dir(self) -> Path:
         """Where each process has its log file."""
         return self.data_dir / "logs"
@@ -82,10 +110,14 @@ class Plan:
 
 def launches(plan: Plan) -> tuple[Launch, ...]:
     """The table, in the order of start."""
-    rows = [_router(plan) if plan.own_router else _understudy(plan), _gateway(plan)]
+    rows = [_router(plan) if plan.own_router else _understudy(plan)]
+    if plan.replicas:
+        rows.append(_row(plan, "cluster router", ROUTER, "router", "--port", str(plan.cluster_port)))
+    rows.append(_gateway(plan))
+    rows.extend(_replica(plan, replica) for replica in plan.replicas)
     if plan.robots:
         rows.append(_simulator(plan))
-    rows.extend(_agent(plan, name) for name in plan.simulated)
+    rows.extend(_agent(plan, name, position) for position, name in enumerate(plan.simulated))
     if plan.host_robot:
         rows.append(_host_agent(plan))
         if plan.camera:
@@ -111,7 +143,12 @@ def _row(plan: Plan, name: str, stage: int, *arguments: str) -> Launch:
         argv=(sys.executable, "-m", "metaros", *arguments),
         log_path=plan.log_dir / f"{name.replace(' ', '-')}.log",
         stage=stage,
-        env={"ROS_DOMAIN_ID": str(plan.domain), "PYTHONUNBUFFERED": "1", **_session(plan, stage)},
+        env={
+            "ROS_DOMAIN_ID": str(plan.domain),
+            "PYTHONUNBUFFERED": "1",
+            **_session(plan, stage),
+            **_store(plan, stage),
+        },
     )
 
 
@@ -120,6 +157,20 @@ def _session(plan: Plan, stage: int) -> dict[str, str]:
     if plan.protected is None or stage != SIMULATOR:
         return {}
     return {"ZENOH_SESSION_CONFIG_URI": str(plan.protected / "node.json5")}
+
+
+def _store(plan: Plan, stage: int) -> dict[str, str]:
+    """Which database gateways use: a URL may hold a password, which is nothing for the list of processes."""
+    return {"METAROS_STORE": plan.database} if plan.database and stage == GATEWAY else {}
+
+
+def _shared(plan: Plan) -> tuple[str, ...]:
+    """What gateways need that are replicas of one another."""
+    if not plan.replicas:
+        return ()
+    folder = plan.data_dir.resolve()
+    objects, key = (folder / "objects").as_uri(), folder / "gateway" / "master.key"
+    return ("--cluster", f"tcp/127.0.0.1:{plan.cluster_port}", "--objects", objects, "--master-key", str(key))
 
 
 def _profile(plan: Plan) -> tuple[str, ...]:
@@ -147,7 +198,14 @@ def _gateway(plan: Plan) -> Launch:
     ports = ("--host", plan.host, "--port", str(plan.http_port), "--grpc-port", str(plan.grpc_port))
     places = ("--data-dir", str(plan.data_dir / "gateway"), "--status-file", str(plan.status_file("gateway")))
     tls = ("--tls", "on" if plan.tls else "off")
-    return _row(plan, "gateway", GATEWAY, "gateway", *ports, *places, *tls, *plan.doors)
+    return _row(plan, "gateway", GATEWAY, "gateway", *ports, *places, *tls, *plan.doors, *_shared(plan))
+
+
+def _replica(plan: Plan, replica: Replica) -> Launch:
+    folder = replica.name.replace(" ", "-")
+    ports = ("--port", str(replica.http_port), "--grpc-port", str(replica.grpc_port))
+    places = ("--data-dir", str(plan.data_dir / folder), "--status-file", str(plan.status_file(folder)))
+    return _row(plan, replica.name, GATEWAY, "gateway", *ports, *places, "--tls", "off", *plan.doors, *_shared(plan))
 
 
 def _simulator(plan: Plan) -> Launch:
@@ -156,14 +214,14 @@ def _simulator(plan: Plan) -> Launch:
     return _row(plan, "sim", SIMULATOR, "sim", *numbers, *_zenoh(plan), *status)
 
 
-def _agent(plan: Plan, name: str) -> Launch:
-    link = ("--gateway", plan.link, *_zenoh(plan))
+def _agent(plan: Plan, name: str, position: int) -> Launch:
+    link = ("--gateway", plan.links_of(position), *_zenoh(plan))
     who = ("--name", name, "--namespace", f"/{name}", *_state_dir(plan, name))
     return _row(plan, f"agent {name}", AGENTS, "agent", *who, *link, *_profile(plan), "--no-host-metrics")
 
 
 def _host_agent(plan: Plan) -> Launch:
-    link = ("--gateway", plan.link, *_zenoh(plan), "--exclude", "/sim_*/**")
+    link = ("--gateway", plan.links_of(plan.robots), *_zenoh(plan), "--exclude", "/sim_*/**")
     name = plan.host_robot
     who = ("--name", name, "--namespace", "/", *_state_dir(plan, name))
     return _row(plan, f"agent {name}", AGENTS, "agent", *who, *link, *_profile(plan), "--host-metrics")

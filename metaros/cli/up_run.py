@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import asyncio
 from collections import Counter
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from metaros.cli import instance, up_access, up_ready
 from metaros.cli.instance import Instance, StateFile
-from metaros.cli.up_decide import UpOptions, claim, decide
+from metaros.cli.up_decide import UpOptions, claim, decide, lost_ports
 from metaros.cli.up_enrol import enrol_robots
 from metaros.cli.up_plan import GATEWAY, Plan, launches
 from metaros.cli.viewer_links import foxglove_page, make_ticket, viewer_ports
@@ -30,8 +31,10 @@ if TYPE_CHECKING:
 
 __all__ = ["run"]
 
+STARTS = 3  # a port that was free may be somebody else's by the time that our process opens it
 START_TIMEOUT_S = 60.0
 STOP_GRACE_S = 4.4  # all is over within 5 s
+REPLICAS_GRACE_S = 15.0  # several gateways hand over what they have, at once and on one machine
 WRONG = Exit(code=2).reason  # what a program says that was started wrongly: the next start would be as wrong
 GIVE_UP_AFTER = 3  # a process that dies so often before all is ready will not get there
 
@@ -42,6 +45,17 @@ class StopAskedError(PeerError):
     code = "stopped"
 
 
+class PortLostError(PeerError):
+    """A port that we chose was taken before our process had it: others will do."""
+
+    code = "port_lost"
+
+    def __init__(self, ports: list[int]) -> None:
+        taken = " and ".join(f"port {port}" for port in ports)
+        super().__init__(f"{taken} was taken meanwhile: starting again with others")
+        self.ports = ports
+
+
 async def run(options: UpOptions, screen: Screen, *, clock: Clock, rng: Random) -> None:
     """Start everything, stay until asked to stop, leave nothing behind."""
     data = instance.open_data_dir(options.data_dir)
@@ -49,11 +63,18 @@ async def run(options: UpOptions, screen: Screen, *, clock: Clock, rng: Random) 
         screen.note(data.note)
     state = StateFile()
     try:
-        with instance.claim_lock():
-            plan = decide(options, data, screen)
-            claimed = claim(plan, clock)
-            state.write(claimed)
-        await _Up(plan, claimed, state, screen, clock=clock, rng=rng).run()
+        lost: list[int] = []
+        for starts_left in reversed(range(STARTS)):
+            with instance.claim_lock():
+                state.withdraw()
+                plan = decide(options, data, screen, lost=lost)
+                claimed = claim(plan, clock)
+                state.write(claimed)
+            look = partial(lost_ports, options, plan) if starts_left else None
+            again = await _Up(plan, claimed, state, screen, clock=clock, rng=rng, lost=look).run()
+            if not again:
+                break
+            lost += again
     finally:
         state.close()
         data.lock.close()
@@ -63,13 +84,25 @@ class _Up:
     """One run: its supervisor, what it has told the screen, and what went wrong."""
 
     def __init__(
-        self, plan: Plan, claim: Instance, state: StateFile, screen: Screen, *, clock: Clock, rng: Random
+        self,
+        plan: Plan,
+        claim: Instance,
+        state: StateFile,
+        screen: Screen,
+        *,
+        clock: Clock,
+        rng: Random,
+        lost: Callable[[str, Sequence[str]], list[int]] | None,
     ) -> None:
+        """`lost` says which ports a process, by its last words, did not get although we chose them; None: that is an
+        error as any other.
+        """
         self._plan = plan
         self._claim = claim
         self._state = state
         self._screen = screen
         self._clock = clock
+        self._lost = lost
         self._rows = launches(plan)
         self._stop = asyncio.Event()
         self._broken = asyncio.Event()
@@ -78,10 +111,10 @@ class _Up:
         self._deaths: Counter[str] = Counter()
         self._supervisor = Supervisor(clock=clock, rng=rng, on_event=self._on_event)
 
-    async def run(self) -> None:
-        """The whole life."""
+    async def run(self) -> list[int]:
+        """The whole life; the ports that were lost before all was ready, where it is to start again with others."""
         on_stop(asyncio.get_running_loop(), self._ask_stop, hangup=True)
-        began = self._clock.monotonic_s()
+        began, lost = self._clock.monotonic_s(), list[int]()
         try:
             await self._start()
             self._ready = True
@@ -94,8 +127,12 @@ class _Up:
             await self._stop.wait()
         except StopAskedError:
             pass
+        except PortLostError as error:
+            self._screen.note(str(error))
+            lost = error.ports
         finally:
-            await self._end()
+            await self._end(again=bool(lost))
+        return [] if self._stop.is_set() else lost
 
     def _viewer_page(self, port: int) -> str:
         """The link that opens Foxglove here; "" where it has no port."""
@@ -109,13 +146,15 @@ class _Up:
             self._supervisor.kill()
         self._stop.set()
 
-    async def _end(self) -> None:
+    async def _end(self, *, again: bool) -> None:
         self._ready = False
-        self._save("stopping")
-        self._screen.stopping()
-        await self._supervisor.stop(grace_s=STOP_GRACE_S)
+        if not again:
+            self._save("stopping")
+            self._screen.stopping()
+        await self._supervisor.stop(grace_s=REPLICAS_GRACE_S if self._plan.replicas else STOP_GRACE_S)
         up_access.end_access(self._plan)
-        self._screen.stopped()
+        if not again or self._stop.is_set():
+            self._screen.stopped()
 
     async def _start(self) -> None:
         plan = self._plan
@@ -139,8 +178,8 @@ class _Up:
             await self._step("robots", self._all_online)
 
     def _gateway_ready(self) -> bool:
-        status, _ = up_ready.get_json(self._plan.url, "/readyz", ca=self._plan.root_file)
-        return status == 200
+        urls = (self._plan.url, *self._plan.replica_urls)
+        return all(up_ready.get_json(url, "/readyz", ca=self._plan.root_file)[0] == 200 for url in urls)
 
     def _all_online(self) -> bool:
         key = up_access.local_key(self._plan)
@@ -171,7 +210,10 @@ class _Up:
         if self._stop.is_set():
             raise StopAskedError("asked to stop")
         if self._broken.is_set():
-            tail = "\n".join(f"  {line}" for line in self._supervisor.tail(self._broken_name)[-8:])
+            said = self._supervisor.tail(self._broken_name)[-8:]
+            if self._lost is not None and (lost := self._lost(self._broken_name, said)):
+                raise PortLostError(lost)
+            tail = "\n".join(f"  {line}" for line in said)
             raise UnavailableError(f"{self._broken_name} does not stay up\n{tail}\n{self._log_hint()}")
         tasks[0].result()
 

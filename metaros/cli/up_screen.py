@@ -44,7 +44,8 @@ class Screen:
         self._print(f"  [yellow]![/yellow] {_escape(text)}")
 
     def begin(self, what: str) -> None:
-        """A step begins."""
+        """A step begins; one that was not finished is over."""
+        self._end_status()
         self._step_s = self._clock.monotonic_s()
         if self._console.is_terminal:
             self._status = self._console.status(f" {LABELS[what]}", spinner="dots", spinner_style="cyan")
@@ -68,6 +69,7 @@ class Screen:
         names = "  ".join(plan.robot_names) or "none"
         rows = (
             ("Dashboard", f"[bold cyan underline]{plan.url}[/]"),
+            *([("Replicas", "  ".join(f"[cyan]{url}[/]" for url in plan.replica_urls))] if plan.replicas else []),
             *([("Sign in", f"[cyan]{link}[/]  [dim]once, within 15 min[/]")] if link else []),
             ("Robots", f"[bold]{names}[/]  [dim]all online[/]" if plan.robot_names else "[dim]none[/]"),
             ("Zenoh", f"tcp/127.0.0.1:{plan.zenoh_port}  [dim]router {router} · ROS domain {plan.domain}[/]"),

@@ -15,11 +15,16 @@
 from __future__ import annotations
 
 from metaros.client.aio import AsyncClient
+from metaros.client.alert_results import Alert, AlertChange, AlertFinding, AlertRemark
 from metaros.client.goal import AsyncGoal, Goal
 from metaros.client.results import Command, Event, GoalUpdate, Robot, Sample, Series, Values
 from metaros.client.sync import Client
 
 __all__ = [
+    "Alert",
+    "AlertChange",
+    "AlertFinding",
+    "AlertRemark",
     "AsyncClient",
     "AsyncGoal",
     "Client",

@@ -14,9 +14,10 @@ from typing import Any, Self, TypeVar
 import grpc
 import grpc.aio
 
-from metaros._proto import events_pb2_grpc, fleet_pb2_grpc, telemetry_pb2, telemetry_pb2_grpc
+from metaros._proto import alerts_pb2_grpc, events_pb2_grpc, fleet_pb2_grpc, telemetry_pb2, telemetry_pb2_grpc
 from metaros.client import asks, rpc
 from metaros.client.access import find_access
+from metaros.client.alerts_aio import AsyncAlerts
 from metaros.client.drive import AsyncDrive
 from metaros.client.goal import AsyncGoal
 from metaros.client.http import AsyncHttp
@@ -63,6 +64,7 @@ class AsyncClient:
         self._http = AsyncHttp(self.access, timeout_s=timeout_s, retries=self._retries)
         self._target, self._timeout_s, self._rng = grpc_target, timeout_s, system_rng()
         self._channel: grpc.aio.Channel | None = None
+        self.alerts = AsyncAlerts(self._http, self._follow_alerts)
 
     async def __aenter__(self) -> Self:
         return self
@@ -313,6 +315,14 @@ class AsyncClient:
 
     async def _telemetry(self) -> Any:
         return telemetry_pb2_grpc.TelemetryServiceStub(await self._opened())
+
+    async def _follow_alerts(self, request: Any) -> AsyncGenerator[Any, None]:
+        async with aclosing(self._again(self._watch_alerts, lambda: request)) as replies:
+            async for reply, _ in replies:
+                yield reply
+
+    async def _watch_alerts(self) -> Any:
+        return alerts_pb2_grpc.AlertServiceStub(await self._opened()).WatchAlerts
 
     async def _watch_events(self) -> Any:
         return events_pb2_grpc.EventServiceStub(await self._opened()).WatchEvents

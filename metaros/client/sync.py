@@ -11,9 +11,10 @@ from typing import Any, Self, TypeVar
 
 import grpc
 
-from metaros._proto import events_pb2_grpc, fleet_pb2_grpc, telemetry_pb2, telemetry_pb2_grpc
+from metaros._proto import alerts_pb2_grpc, events_pb2_grpc, fleet_pb2_grpc, telemetry_pb2, telemetry_pb2_grpc
 from metaros.client import asks, rpc
 from metaros.client.access import find_access
+from metaros.client.alerts_sync import Alerts
 from metaros.client.drive import Drive
 from metaros.client.goal import Goal
 from metaros.client.http import Http
@@ -60,6 +61,7 @@ class Client:
         self._http = Http(self.access, timeout_s=timeout_s, retries=self._retries)
         self._target, self._timeout_s, self._rng = grpc_target, timeout_s, system_rng()
         self._channel: grpc.Channel | None = None
+        self.alerts = Alerts(self._http, self._follow_alerts)
 
     def __enter__(self) -> Self:
         return self
@@ -298,6 +300,12 @@ class Client:
 
     def _telemetry(self) -> Any:
         return telemetry_pb2_grpc.TelemetryServiceStub(self._opened())
+
+    def _follow_alerts(self, request: Any) -> Iterator[Any]:
+        return (reply for reply, _ in self._again(self._watch_alerts, lambda: request))
+
+    def _watch_alerts(self) -> Any:
+        return alerts_pb2_grpc.AlertServiceStub(self._opened()).WatchAlerts
 
     def _watch_events(self) -> Any:
         return events_pb2_grpc.EventServiceStub(self._opened()).WatchEvents

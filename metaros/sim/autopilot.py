@@ -7,6 +7,7 @@ the generator it is given, so that a seed fixes every trip.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +54,7 @@ class Autopilot:
         self._patience_s = 3.0
         self._creep_until = -math.inf
         self._turned_back_at: tuple[float, float] | None = None
+        self.onward: Callable[[list[int]], int | None] = lambda nodes: None  # where somebody wants it to go
 
     def forget_route(self) -> None:
         """Somebody else drove: plan anew from wherever the robot is."""
@@ -116,7 +118,8 @@ class Autopilot:
             if along < length - _TURN_OFF_M:
                 return leg
         onward = [node for node in NEIGHBOURS[leg.to] if node != leg.back_to]
-        chosen = onward[int(self._rng.integers(len(onward)))]
+        wanted = self.onward(onward)
+        chosen = onward[int(self._rng.integers(len(onward)))] if wanted is None else wanted
         return _Leg(to_x, to_y, chosen, leg.to, _LANE_M)
 
     def _bearing(self, leg: _Leg, body: Body) -> float:

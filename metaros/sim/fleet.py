@@ -15,6 +15,7 @@ import numpy as np
 
 from metaros.errors import ConfigError
 from metaros.sim.autopilot import Autopilot
+from metaros.sim.dock import Dock, Docking
 from metaros.sim.faults import CLEAR, FAULTS, ScheduledFault
 from metaros.sim.gate import CommandGate, Mode
 from metaros.sim.robot import DRIVE, Body
@@ -62,6 +63,8 @@ class SimRobot:
         self.body = Body(WAREHOUSE, x=place[0], y=place[1], heading_rad=heading, charge=charge)
         self.gate = CommandGate(resume_after_s=resume_after_s)
         self.autopilot = Autopilot(WAREHOUSE, motion)
+        self.dock = Dock()
+        self.autopilot.onward = self.dock.onward
         self.odometry = Odometry(self.body, senses)
         self.lidar = Lidar(senses)
         self.imu = Imu(self.body, senses)
@@ -81,10 +84,22 @@ class SimRobot:
     def command(self, linear_m_s: float, angular_rad_s: float, *, now_s: float) -> None:
         """A `cmd_vel` arrived."""
         self._say("warn", self.gate.command(linear_m_s, angular_rad_s, now_s=now_s))
+        self._say("warn", self.dock.leave())
+
+    def seek_dock(self) -> tuple[bool, str]:
+        """`~/dock` was called."""
+        if self.gate.mode is Mode.COMMANDED:
+            return False, "cmd_vel is driving the robot; stop sending commands first"
+        if self.gate.mode is Mode.STANDING:
+            self.resume()
+        line = self.dock.seek(self.body)
+        self._say("info", line)
+        return True, line
 
     def resume(self) -> tuple[bool, str]:
         """`~/resume` was called."""
         before = self.gate.mode
+        self._say("info", self.dock.leave())
         done, why = self.gate.resume()
         if before is not self.gate.mode:
             self._back_to_autonomy(why)
@@ -110,6 +125,8 @@ class SimRobot:
         else:
             self._say("warn", line)
         target = self.gate.target()
+        if target is None and self.dock.docking is Docking.CHARGING:
+            target = (0.0, 0.0)
         if target is None:
             target = self.autopilot.steer(self.body, self.lidar.points, sight=self.lidar.sight, now_s=tick * STEP_S)
         linear, angular = target
@@ -122,6 +139,7 @@ class SimRobot:
             extra_heat_c=60.0 if "hot_motor" in self.faults else 0.0,
         )
         self.odometry.step(self.body, dt_s=STEP_S)
+        self._say("info", self.dock.step(self.body, dt_s=STEP_S))
         self._watch_battery()
         scan_hz = min(LIDAR.slow_hz, self.scan_rate_hz) if "lidar_slow" in self.faults else self.scan_rate_hz
         self.scanned = due(scan_hz, tick) and self.lidar.scan(self.body, others, dropout="lidar_dropout" in self.faults)
@@ -137,6 +155,8 @@ class SimRobot:
         if battery.charge < _LOW_CHARGE and not self._low:
             self._low = True
             self._say("warn", f"battery low: {battery.charge:.0%}")
+        elif battery.charge > 2 * _LOW_CHARGE:
+            self._low = False
         if battery.charge > 0.0:
             return
         if self._empty_s == 0.0:

@@ -106,7 +106,9 @@ def battery_message(robot: SimRobot, *, stamp_ns: int) -> BatteryState:
         capacity=_UNKNOWN,
         design_capacity=battery.capacity_ah,
         percentage=battery.charge,
-        power_supply_status=BatteryState.POWER_SUPPLY_STATUS_DISCHARGING,
+        power_supply_status=BatteryState.POWER_SUPPLY_STATUS_CHARGING
+        if battery.current_a < 0.0
+        else BatteryState.POWER_SUPPLY_STATUS_DISCHARGING,
         power_supply_health=BatteryState.POWER_SUPPLY_HEALTH_GOOD
         if battery.charge > 0.0
         else BatteryState.POWER_SUPPLY_HEALTH_DEAD,

@@ -66,7 +66,7 @@ PARAMETERS = (
 
 
 class RobotNode:
-    """Publishes what its robot senses after each step, and hands it commands, faults and `~/resume`.
+    """Publishes what its robot senses after each step, and hands it commands, faults, `~/resume` and `~/dock`.
 
     Everything runs on the thread that spins the executor and steps the fleet, so nothing here is locked.
     """
@@ -85,6 +85,7 @@ class RobotNode:
         node.create_subscription(Twist, "cmd_vel", self._on_command, 10)
         node.create_subscription(String, "~/fault", self._on_fault, 10)
         node.create_service(Trigger, "~/resume", self._on_resume)
+        node.create_service(Trigger, "~/dock", self._on_dock)
         for parameter in PARAMETERS:
             self._declare(parameter)
 
@@ -142,4 +143,8 @@ class RobotNode:
 
     def _on_resume(self, _request: Any, response: Any) -> Any:
         response.success, response.message = self._robot.resume()
+        return response
+
+    def _on_dock(self, _request: Any, response: Any) -> Any:
+        response.success, response.message = self._robot.seek_dock()
         return response

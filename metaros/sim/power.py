@@ -40,6 +40,11 @@ class Battery:
         heat_c = self.current_a**2 * self.resistance_ohm * 3.0
         self.temperature_c += (AMBIENT_C + 2.0 + heat_c - self.temperature_c) * dt_s / 240.0
 
+    def feed(self, part_per_s: float, *, dt_s: float) -> None:
+        """Take in that part of its charge a second, beside what the robot draws."""
+        self.current_a -= part_per_s * self.capacity_ah * 3600.0
+        self.charge = min(1.0, self.charge + part_per_s * dt_s)
+
     def drain(self, part: float) -> None:
         """Lose a part of the charge at once, as a failing cell does."""
         self.charge = max(0.0, self.charge - part)

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import socket
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final, Literal
 
@@ -19,7 +20,7 @@ from metaros.errors import ConfigError
 from metaros.wire.profile import make_profile
 from metaros.wire.session import DEFAULT_PORT, insert_setting
 
-__all__ = ["PortState", "Router", "open_router", "probe"]
+__all__ = ["PortState", "Router", "open_router", "other_routers", "probe"]
 
 PortState = Literal["free", "zenoh", "foreign"]
 _SETTINGS: Final[Mapping[str, object]] = {
@@ -31,6 +32,7 @@ _SETTINGS: Final[Mapping[str, object]] = {
     "queries_default_timeout": 600_000,
 }
 _CONNECT_S: Final = 0.3
+_ROUTER: Final = re.compile(r"(?:tcp|tls)/(?P<host>[A-Za-z0-9._-]+|\[[0-9a-fA-F:.]+\]):(?P<port>[0-9]{1,5})")
 
 
 class Router:
@@ -65,10 +67,12 @@ def open_router(
     host: str = "127.0.0.1",
     environ: Mapping[str, str] | None = None,
     protected: Path | None = None,
+    connect: Sequence[str] = (),
 ) -> Router:
     """Start a router in this process; ConfigError when the port is taken. `ZENOH_ROUTER_CONFIG_URI` is honoured.
 
-    `protected` is the folder of the protected profile (`metaros.wire.profile`), made where it is missing.
+    `protected` is the folder of the protected profile (`metaros.wire.profile`), made where it is missing. `connect` are
+    other routers, which may come later and come back: it keeps trying.
 
     A router forwards what may block, so it keeps Zenoh's own larger thread pools: open it before any session.
     """
@@ -79,10 +83,32 @@ def open_router(
         uri = str(make_profile(protected, endpoint))
     try:
         config = zenoh.Config.from_file(uri.removeprefix("file://")) if uri else _default_config(endpoint)
+        if connect:
+            insert_setting(config, "connect/endpoints", json.dumps(list(connect)), "connect")
         session = zenoh.open(config)
     except zenoh.ZError as error:
         raise ConfigError(f"no router on {endpoint}: {error}") from None
     return Router(session, endpoint=endpoint, port=port)
+
+
+def other_routers(endpoints: Sequence[str], *, own_host: str, port: int) -> list[str]:
+    """Those of a list that are not this machine's own, so that all routers of a group can be given the same list.
+
+    One is our own when its port is ours and its host, or the first part of that, is `own_host`.
+
+    Raises:
+        ConfigError: one is not like tcp/HOST:7447.
+    """
+    others = []
+    for endpoint in endpoints:
+        found = _ROUTER.fullmatch(endpoint)
+        if found is None or not 0 < int(found["port"]) < 65536:
+            raise ConfigError(f"--connect {endpoint[:80]}: a router is tcp/HOST:PORT, as tcp/far:{DEFAULT_PORT}")
+        host = found["host"].lower()
+        own = own_host.lower() in (host, host.partition(".")[0])
+        if not (own and int(found["port"]) == port):
+            others.append(endpoint)
+    return others
 
 
 def _default_config(endpoint: str) -> zenoh.Config:

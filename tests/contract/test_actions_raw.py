@@ -109,7 +109,7 @@ def start_server(node: metaros.Node, peer: RawPeer, execute: Any) -> None:
 
 def patient(goal: ServerGoal) -> Any:
     goal.publish_feedback(Fibonacci.Feedback(sequence=[0, 1]))
-    if goal.pause(30) and goal.is_cancel_requested:
+    if goal.pause(60) and goal.is_cancel_requested:
         goal.canceled(Fibonacci.Result(sequence=[0, 1]))
     return None
 
@@ -178,7 +178,7 @@ def test_a_raw_client_cancels_by_id_and_all(node, peer):
     assert replies.empty()
     assert cancel.ask(CDR + GOAL_ID + stamp(0)) == CDR + bytes([0, 0, 0, 0]) + struct.pack("<I", 1) + info
     expected = CDR + bytes([CANCELED, 0, 0, 0]) + ints(0, 1)
-    assert result.check(seq, replies.get(timeout=30)) == expected
+    assert result.check(seq, replies.get(timeout=60)) == expected
     assert cancel.ask(CDR + GOAL_ID + stamp(0)) == CDR + bytes([3, 0, 0, 0]) + bytes(4)  # it has ended
     second = bytes(reversed(GOAL_ID))
     info = second + send.ask(CDR + second + struct.pack("<i", 5))[8:16]
@@ -245,7 +245,7 @@ class RawServer:
 def test_our_client_drives_a_raw_server(node, peer):
     server = RawServer(peer)
     client = node.create_action_client(Fibonacci, "fibonacci")
-    assert client.wait_for_server(30)
+    assert client.wait_for_server(60)
     wait_until(lambda: len([token for token in peer.tokens() if "/ours/%fibonacci%" in token]) == 5)
     ours = [token.split("/", 5)[5] for token in peer.tokens() if "/ours/%fibonacci%" in token]
     expected = [

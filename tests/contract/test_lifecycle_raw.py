@@ -90,7 +90,7 @@ class RawClient:
                 self.key,
                 target=zenoh.QueryTarget.ALL_COMPLETE,
                 consolidation=zenoh.ConsolidationMode.NONE,
-                timeout=5.0,
+                timeout=60.0,
                 payload=payload,
                 attachment=struct.pack("<qqB", seq, 1_700_000_000_000_000_000, 16) + self.gid,
             )

@@ -120,9 +120,9 @@ class Asker:
             consolidation=zenoh.ConsolidationMode.NONE,
             payload=b"\0\1\0\0" + body,
             attachment=struct.pack("<qqB", self.seq, 1, 16) + GID,
-            timeout=10.0,
+            timeout=60.0,
         )
-        reply = replies.get(timeout=30).ok
+        reply = replies.get(timeout=60).ok
         assert reply is not None
         assert str(reply.key_expr) == key
         assert reply.attachment is not None

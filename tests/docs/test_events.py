@@ -11,6 +11,6 @@ REST = Path(__file__).parents[2] / "docs" / "reference" / "rest.md"
 
 
 def test_every_kind_of_event_is_documented_with_its_data() -> None:
-    rows = re.findall(r"^\| `metaros\.([a-z.]+)` \| [^|]+ \| ([^|]*)\|$", REST.read_text(), re.MULTILINE)
+    rows = re.findall(r"^\| `metaros\.([a-z_.]+)` \| [^|]+ \| ([^|]*)\|$", REST.read_text(), re.MULTILINE)
     told = {name: tuple(re.findall(r"`(\w+)`", data)) for name, data in rows}
     assert told == {row.name: row.data for row in EVENT_KINDS}

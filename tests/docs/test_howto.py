@@ -19,7 +19,17 @@ RUN = [page for page in PAGES if page.name not in PERFORMED and commands_of(page
 ALONE = {"run_a_fleet.md"}  # it starts its own robots
 NOUNS = "topic|node|service|action|graph|history|top|doctor|launch status|status"
 LOOKS = re.compile(rf"metaros ({NOUNS})\b(?! (pub|call|send_goal))")
-SLOW = {"launch_a_robot.md", "look_around.md", "run_a_fleet.md", "services_and_actions.md", "topics.md"}
+SLOW = {
+    "alerts.md",
+    "functions.md",
+    "launch_a_robot.md",
+    "look_around.md",
+    "rules.md",
+    "run_a_fleet.md",
+    "schedules_and_hooks.md",
+    "services_and_actions.md",
+    "topics.md",
+}
 
 
 @pytest.fixture

@@ -20,9 +20,12 @@ from fastapi.responses import FileResponse, JSONResponse, Response
 from gateway.api.views_identity import account_view
 from gateway.domain.principal import EVERY_ROBOT, Principal, Role
 from metaros.clock import SystemClock
+from tests.e2e.fake_alerts import FakeAlerts
+from tests.e2e.fake_functions import FakeFunctions
 from tests.e2e.fake_graph import FakeGraph
 from tests.e2e.fake_history import FakeHistory
 from tests.e2e.fake_recordings import FakeRecordings
+from tests.e2e.fake_rules import FakeRules
 from tests.e2e.fake_world import TOPICS, FakeRobot, FakeTopic
 
 __all__ = ["STATIC", "FakeGateway", "account"]
@@ -50,7 +53,10 @@ class FakeGateway:
         self._clock = SystemClock()
         self.history = FakeHistory(robots, self.seconds)
         self.recordings = FakeRecordings(self.seconds)
+        self.alerts = FakeAlerts(robots, self.recordings, self.seconds)
         self.graph = FakeGraph(robots)
+        self.functions = FakeFunctions(self.seconds)
+        self.rules = FakeRules(self.seconds)
         self._server: uvicorn.Server | None = None
         self._thread: threading.Thread | None = None
 
@@ -78,7 +84,7 @@ class FakeGateway:
             return
         self._server.should_exit = True
         self._server.force_exit = True
-        self._thread.join(30)
+        self._thread.join(60)
         self._server = self._thread = None
 
     def seconds(self) -> float:
@@ -105,7 +111,10 @@ class FakeGateway:
         app.add_api_route("/api/v1/robots/{robot_id}/uplink", self._uplink, methods=["PUT"])
         self.history.add_routes(app)
         self.recordings.add_routes(app)
+        self.alerts.add_routes(app)
         self.graph.add_routes(app)
+        self.functions.add_routes(app)
+        self.rules.add_routes(app)
         app.add_api_websocket_route("/api/v1/stream", self._stream)
         app.add_api_websocket_route("/api/v1/robots/{robot_id}/teleop", self._drive)
         app.add_api_route("/{path:path}", self._static)

@@ -60,6 +60,8 @@ class FakeRobot:
     waiting_bytes: int = 0
     budget_bytes_per_s: int | None = None
     gaps: int = 0
+    hot_from_s: float | None = None
+    alerts: dict[str, int] = field(default_factory=lambda: {"open": 0, "error": 0, "warning": 0})
     driven: list[dict[str, Any]] = field(default_factory=list)
 
     def topic(self, name: str) -> str:
@@ -82,12 +84,18 @@ class FakeRobot:
             "imu.angular_velocity.z": math.sin(at_s),
             "imu.linear_acceleration.x": 0.4 * math.cos(2 * at_s),
             "odom.twist.twist.linear.x": 0.6 + 0.2 * math.sin(at_s),
-            "motor_temperature.temperature": 41.0 + math.sin(at_s / 9),
+            "motor_temperature.temperature": 41.0 + math.sin(at_s / 9) + self.heat(at_s),
             "host.cpu.percent": 35.0 + 25.0 * math.sin(at_s / 3 + self.phase),
             "host.memory.percent": 48.0 + math.sin(at_s / 20),
             "host.network.rx_bytes_per_s": 52_000 + 9_000 * math.sin(at_s / 4),
             "host.network.tx_bytes_per_s": 131_000 + 20_000 * math.cos(at_s / 5),
         }
+
+    def heat(self, at_s: float) -> float:
+        """How much hotter its motor is than it should be: up to 56 °C, where one has been getting hot."""
+        if self.hot_from_s is None or at_s < self.hot_from_s:
+            return 0.0
+        return 56.0 * (1 - math.exp((self.hot_from_s - at_s) / 40))
 
     def encode(self, topic: FakeTopic, at_s: float) -> bytes:
         """The CDR bytes of a topic's message at an instant."""
@@ -156,6 +164,7 @@ class FakeRobot:
             "counts": {"samples": 1, "bytes": 1, "duplicates": 0, "gaps": 0, "lost": 0},
             "lease": None,
             "latest": {},
+            "alerts": self.alerts,
         }
 
     def describe_link(self) -> dict[str, Any]:

@@ -69,20 +69,59 @@ def test_what_operators_do_comes_to_operators_alone(gateway: FakeGateway, open_p
     expect(page.locator(".pad")).to_be_visible()
     (pad,) = (size for name, size in fetched.items() if name.startswith("teleop-"))
     assert sum(fetched.values()) - pad <= BUDGET_BYTES, fetched
-    others = ("admin", "commands", "config", "link", "nodes", "past", "recordings", "rollouts", "sign_in")
+    others = ("admin", "alerts", "commands", "config", "functions", "link", "nodes", "past", "recordings", "rollouts")
+    others += ("rules", "sign_in")
     assert not [name for name in fetched if name.startswith(others)]
 
 
 @pytest.mark.parametrize(
-    "path", ["/signin", "/graph", "/recordings", "/rollouts", "/rollouts/versions", "/robots/sim_1?tab=commands"]
+    "path",
+    [
+        "/signin",
+        "/graph",
+        "/alerts",
+        "/functions",
+        "/functions?show=runtime",
+        "/functions/dock_when_low",
+        "/functions/dock_when_low?tab=code",
+        "/recordings",
+        "/rollouts",
+        "/rollouts/versions",
+        "/rules",
+        "/rules?show=hooks",
+        "/robots/sim_1?tab=commands",
+    ],
 )
 def test_other_pages_are_within_the_budget(gateway: FakeGateway, open_page: OpenPage, path: str) -> None:
     gateway.account = account_view(anonymous_viewer(), has_password=False)
+    gateway.functions.world()
+    gateway.rules.world()
     page = open_page("about:blank")
     fetched = watch(page)
     page.goto(gateway.url + path)
     expect(page.locator("h1").first).to_be_visible()
     assert 20_000 < sum(fetched.values()) <= BUDGET_BYTES, fetched
+
+
+def test_an_alert_with_its_plot_is_within_the_budget_of_code(gateway: FakeGateway, open_page: OpenPage) -> None:
+    gateway.account = account(Role.VIEWER)
+    hot = gateway.alerts.heat(gateway.robots[0])
+    page = open_page("about:blank")
+    fetched = watch(page)
+    page.goto(f"{gateway.url}/alerts/{hot['id']}")
+    expect(page.locator("[data-card=band] canvas")).to_be_visible()
+    assert 40_000 < sum(code(fetched).values()) <= BUDGET_BYTES, fetched
+
+
+def test_the_editor_of_rules_is_within_the_budget(gateway: FakeGateway, open_page: OpenPage) -> None:
+    gateway.account = account(Role.ADMIN)
+    gateway.rules.world()
+    page = open_page("about:blank")
+    fetched = watch(page)
+    page.goto(f"{gateway.url}/rules/battery_low")
+    expect(page.get_by_label("The rule as JSON")).to_be_visible()
+    page.wait_for_load_state("networkidle")
+    assert 40_000 < sum(fetched.values()) <= BUDGET_BYTES, fetched
 
 
 @pytest.mark.parametrize("tab", ["topics", "graph", "nodes", "config"])

@@ -45,7 +45,7 @@ def robot(zenoh_router: str) -> Iterator[Robot]:
             yield Robot(context, node)
         finally:
             executor.shutdown()
-            thread.join(30)
+            thread.join(60)
 
 
 @dataclass

@@ -65,14 +65,15 @@ async def test_every_sample_of_a_live_topic_that_nobody_watched_is_in_the_record
     latched = robot.node.create_publisher(String, "map", metaros.qos_transient_local)
     latched.publish(String(data="the map"))
     publisher = robot.node.create_publisher(String, "chat", metaros.qos_reliable_all)
-    channel = await agent.wait_channel("/sim_1/chat")
+    chat, kept = await agent.wait_channel("/sim_1/chat"), await agent.wait_channel("/sim_1/map")
+    await wait_until_async(lambda: publisher.events.matched)
     await asyncio.to_thread(lambda: [publisher.publish(String(data=str(i))) for i in range(3000)])
 
-    def seen() -> bool:
+    def seen(channel: link_pb2.Channel, count: int) -> bool:
         rates = [t for s in agent.half.statistics for t in s.topics if t.channel_id == channel.channel_id]
-        return any(rate.messages == 3000 for rate in rates)
+        return any(rate.messages == count for rate in rates)
 
-    await wait_until_async(seen)
+    await wait_until_async(lambda: seen(chat, 3000) and seen(kept, 1))
     result = await agent.result(save(agent))
     assert (result.ok, result.code) == (True, "")
     path = await pulled(agent.gateway, tmp_path)

@@ -102,7 +102,7 @@ def test_a_running_agent_answers(zenoh_router: str, tmp_path: Path) -> None:
     with start(*options, "--status-file", str(ready), "--state-dir", str(state)) as agent:
         wait_until(lambda: ready.exists() or agent.poll() is not None, timeout_s=60)
         found = []
-        wait_until(lambda: found.append(status("-o", "json", port=port)) or found[-1][0] == 0, timeout_s=30)
+        wait_until(lambda: found.append(status("-o", "json", port=port)) or found[-1][0] == 0, timeout_s=60)
         (report,) = json.loads(found[-1][1])
         assert (report["name"], report["pid"], report["linked"]) == ("r1", agent.pid, False)
         assert [row["name"] for row in report["classes"]] == ["event", "metric", "bulk", "live"]

@@ -80,13 +80,14 @@ async def test_what_was_gathered_is_flushed_at_the_end(
     rig = Rig(gateway)
     try:
         channel = await rig.wait_channel("/sim_1/log")
+        await wait_until_async(lambda: publisher.events.matched)
         await asyncio.to_thread(lambda: [publisher.publish(String(data=str(number))) for number in range(50)])
 
         def seen() -> bool:
             told = rig.half.statistics[-1].topics if rig.half.statistics else ()
             return any(rate.channel_id == channel.channel_id and rate.messages == 50 for rate in told)
 
-        await wait_until_async(seen, timeout_s=30)
+        await wait_until_async(seen)
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)

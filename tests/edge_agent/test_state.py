@@ -49,7 +49,7 @@ async def test_it_waits_for_a_disk_that_works_and_says_so_once(
                 await asyncio.sleep(0.01)
             assert not opening.done()
             (tmp_path / "place").unlink()
-            state = await asyncio.wait_for(opening, 20)
+            state = await asyncio.wait_for(opening, 60)
         finally:
             opening.cancel()
         assert state.outbox.writer

@@ -54,7 +54,7 @@ def test_another_process_is_named_and_its_death_frees_the_directory(tmp_path: Pa
         with pytest.raises(ConfigError, match=rf"process {holder.pid}\)"), locked(tmp_path):
             pass
         holder.send_signal(signal.SIGTERM if os.name == "nt" else signal.SIGKILL)
-        holder.wait(20)
+        holder.wait(60)
         with locked(tmp_path):
             assert (tmp_path / "lock").read_text() == str(os.getpid())
     finally:

@@ -32,6 +32,7 @@ async def test_bulk_arrives_complete_in_order_and_unchanged(agent: Rig, robot: R
     channel = await agent.wait_channel("/sim_1/log")
     assert getattr(channel, "class") == link_pb2.DELIVERY_CLASS_BULK
     assert channel.schema_name == "std_msgs/msg/String"
+    await wait_until_async(lambda: publisher.events.matched)
     await asyncio.to_thread(lambda: [publisher.publish(String(data=str(i))) for i in range(2000)])
     await wait_until_async(lambda: len(agent.half.all_rows(channel.channel_id)) == 2000)
     rows = agent.half.all_rows(channel.channel_id)
@@ -72,7 +73,7 @@ async def test_series_are_read_from_cdr(agent: Rig, robot: Robot) -> None:
             publisher.publish(BatteryState(percentage=0.25, voltage=24.5))
             await asyncio.sleep(0.05)
 
-    await asyncio.wait_for(until_there(), 30)
+    await asyncio.wait_for(until_there(), 60)
     names = {series.series_id: series.name for series in agent.half.series.values()}
     values = {names[row[0]]: row[2] for row in agent.half.all_rows(0) if isinstance(row, tuple)}
     assert values["battery_state.percentage"] == 0.25
@@ -144,6 +145,7 @@ async def test_latched_messages_from_before_the_agent_arrive(
 async def test_samples_without_a_valid_attachment_are_counted(agent: Rig, robot: Robot, zenoh_router: str) -> None:
     publisher = robot.node.create_publisher(String, "log", metaros.qos_reliable_all)
     channel = await agent.wait_channel("/sim_1/log")
+    await wait_until_async(lambda: publisher.events.matched)
     publisher.publish(String(data="good"))
     await wait_until_async(lambda: agent.half.all_rows(channel.channel_id))
     config = zenoh.Config()
@@ -199,6 +201,7 @@ async def test_it_finds_a_router_that_starts_later_and_one_that_restarts(gateway
                 node = metaros.Node("late", namespace="/sim_1", context=context)
                 publisher = node.create_publisher(String, topic, metaros.qos_reliable_all)
                 channel = await rig.wait_channel(f"/sim_1/{topic}")
+                await wait_until_async(lambda p=publisher: p.events.matched)  # type: ignore[misc]
                 publisher.publish(String(data=topic))
                 await wait_until_async(lambda c=channel: rig.half.all_rows(c.channel_id))  # type: ignore[misc]
     finally:

@@ -15,7 +15,7 @@ def test_parameters_example_obeys_and_refuses(zenoh_router: str, tmp_path: Path)
     with running(["examples/parameters.py"], zenoh_router.rsplit(":", 1)[1], log):
         with metaros.Context(connect=zenoh_router) as context, metaros.Node("asker", context=context) as node:
             client = node.create_parameter_client("/cruise")
-            assert client.wait(30)
+            assert client.wait(60)
             wait_until(lambda: "gains" in client.list())
             assert client.set({"speed": 0.8})["speed"]
             wait_until(lambda: "speed is 0.8 now" in log.read_text())

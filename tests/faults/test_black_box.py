@@ -60,7 +60,7 @@ class Publisher:
             finally:
                 self.stop.set()
                 for thread in threads:
-                    thread.join(30)
+                    thread.join(60)
 
     def between(self, topic: str, start_ns: int, end_ns: int) -> list[int]:
         """The numbers of the messages that left then."""
@@ -249,7 +249,7 @@ def test_deaths_of_both_sides_on_the_way_change_nothing(world: World) -> None:
     wait_until(world.online)
     wait_until(lambda: received(before["received_bytes"] + 1))
     os.kill(world.agent.process.pid, signal.SIGKILL)
-    world.agent.process.wait(10)
+    world.agent.process.wait(60)
     world.agent = world.stack.restart(world.agent)
     recording = world.stored(asked)
     check_full(world, world.file(recording), start_ns, end_ns)

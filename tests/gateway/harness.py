@@ -19,7 +19,9 @@ from gateway.identity.door import Door
 from gateway.main import Ready, serve
 from gateway.settings import Settings
 from metaros._proto import link_pb2, link_pb2_grpc
+from metaros.clock import SystemClock
 from metaros.idl import schema_text, type_hash
+from metaros.limits import LIMITS
 from metaros.link import pack_batch, pack_metrics
 from tests.support.key_ring import KeyRing, bearer
 
@@ -50,7 +52,7 @@ async def running_gateway(folder: Path, *, door: Door | None = None, **settings:
         yield up.result() if up.done() else task.result()
     finally:
         stop.set()
-        await asyncio.wait_for(task, 30)
+        await asyncio.wait_for(task, 60)
 
 
 def client(ready: Ready, *, key: str = OPERATOR_KEY, **headers: str) -> httpx.AsyncClient:
@@ -128,6 +130,7 @@ class ScriptedAgent:
             lane: asyncio.Queue() for lane in (CONTROL, DATA, BACKFILL)
         }
         self.welcomes: dict[int, link_pb2.Welcome] = {}
+        self._writing = {lane: asyncio.Lock() for lane in (CONTROL, DATA, BACKFILL)}
         self._readers: list[asyncio.Task[None]] = []
 
     async def __aenter__(self) -> ScriptedAgent:
@@ -173,9 +176,33 @@ class ScriptedAgent:
                 if frame.WhichOneof("frame") == kind:
                     return frame
 
+    @asynccontextmanager
+    async def beating(self) -> AsyncIterator[None]:
+        """It says on the control lane that it lives, as agents do: for tests that may last longer than a gateway waits
+        for a word.
+        """
+
+        async def beat() -> None:
+            while True:
+                await self.send(CONTROL, heartbeat=link_pb2.Heartbeat(sent_ns=SystemClock().wall_ns()))
+                await asyncio.sleep(LIMITS.dead_after_s / 10)
+
+        task = asyncio.create_task(beat())
+        try:
+            yield
+        finally:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+
     async def send(self, lane: int = DATA, **frame: Any) -> None:
-        """Write one frame."""
-        await self.lanes[lane].write(link_pb2.AgentFrame(**frame))
+        """Write one frame, one after the other on each lane."""
+        async with self._writing[lane]:
+            writing = asyncio.ensure_future(self.lanes[lane].write(link_pb2.AgentFrame(**frame)))
+            try:
+                await asyncio.shield(writing)
+            except asyncio.CancelledError:  # gRPC takes no other one before this has left
+                await asyncio.wait({writing})
+                raise
 
     async def announce(self, *channels: link_pb2.Channel, series: Sequence[link_pb2.Series] = ()) -> None:
         """Declare channels and series on all lanes, as agents do."""

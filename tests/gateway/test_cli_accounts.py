@@ -110,7 +110,8 @@ async def test_what_is_done_in_the_data_directory_is_in_the_audit_log(tmp_path: 
     await metaros(tmp_path, "user", "add", "ada", "--role", "admin", *here)  # refused: it changes nothing
     engine, _ = open_engine("", tmp_path / "data")
     try:
-        rows = engine.fetch("SELECT action, target, actor FROM audit ORDER BY number")
+        with engine.transaction(write=False):
+            rows = engine.fetch("SELECT action, target, actor FROM audit ORDER BY number")
     finally:
         engine.close()
     assert [tuple(row) for row in rows] == [("users.manage", "ada", "local"), ("keys.manage", "ci", "local")]

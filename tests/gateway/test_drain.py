@@ -100,6 +100,24 @@ async def test_robots_hear_goodbye_sockets_1001_and_a_request_under_way_is_answe
         await asyncio.wait_for(task, 60)
 
 
+async def test_a_command_under_way_gets_its_result_before_its_robot_is_sent_away(tmp_path: Path) -> None:
+    async with ending_gateway(tmp_path, drain_s=60.0) as (ready, stop, task):
+        async with ScriptedAgent(ready) as agent, client(ready) as http:
+            order = {"kind": "set_uplink", "request": {"bytes_per_s": 5000}}
+            running = asyncio.ensure_future(http.post("/api/v1/robots/sim_1/commands", json=order))
+            command = (await agent.next("command", CONTROL)).command
+            stop.set()
+
+            async def draining() -> bool:
+                return (await http.get("/readyz")).status_code == 503
+
+            await until(draining)
+            await agent.answer(command)
+            assert (await running).json()["state"] == "done"
+            assert (await agent.next("goodbye", CONTROL)).goodbye.code == "shutting_down"
+        await asyncio.wait_for(task, 60)
+
+
 async def busy(http: Any) -> bool:
     """Whether another connection than the stream's and ours is there: its request has begun."""
     return "metaros_connections 3.0" in (await http.get("/metrics")).text

@@ -1,24 +1,34 @@
-"""A socket that is refused, or whose other end has gone, is no failure of the server: it fills nobody's log."""
+"""A socket that is refused, or whose other end goes, is no failure of the server, and nobody waits for it any more."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Sequence
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import pytest
+import uvicorn
+from starlette.websockets import WebSocket, WebSocketDisconnect
+from uvicorn.server import ServerState
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 from websockets.typing import Origin
 
+from gateway.api.guard import PROTOCOL_KEY
+from gateway.api.ws.pipe import BINARY, Pipe, frame
+from gateway.crowd import Crowd
 from gateway.domain.principal import Principal, Role
-from gateway.main import Ready
+from gateway.http_server import protocols
+from metaros.clock import SystemClock
 from tests.gateway.harness import client, running_gateway
 from tests.support.key_ring import KeyRing, bearer
 from tests.support.waiting import wait_until_async
 
 STREAM = "/api/v1/stream"
+GO_AWAY = b"\x88\x82" + bytes(4) + (1001).to_bytes(2, "big")  # a client's close frame, under a mask of zeros
 
 
 class SlowRing(KeyRing):
@@ -41,11 +51,11 @@ def complaints(records: Sequence[logging.LogRecord]) -> list[str]:
     return [f"{record.name}: {record.getMessage()}" for record in records if record.levelno >= logging.WARNING]
 
 
-def head(ready: Ready, *more: str) -> bytes:
+def head(port: int, *more: str) -> bytes:
     """The request of a socket."""
     lines = [
         f"GET {STREAM} HTTP/1.1",
-        f"Host: 127.0.0.1:{ready.http_port}",
+        f"Host: 127.0.0.1:{port}",
         "Connection: Upgrade",
         "Upgrade: websocket",
         "Sec-WebSocket-Version: 13",
@@ -88,7 +98,7 @@ async def test_who_leaves_in_the_middle_of_a_handshake_says_nothing_either(
     key = ring.add(role=Role.VIEWER) if good else "mrk_1_2"
     async with running_gateway(tmp_path, door=ring) as ready, client(ready, key="") as http:
         _, writer = await asyncio.open_connection("127.0.0.1", ready.http_port)
-        writer.write(head(ready, f"Authorization: Bearer {key}"))
+        writer.write(head(ready.http_port, f"Authorization: Bearer {key}"))
         await wait_until_async(lambda: ring.asked == 1)
         writer.transport.abort()
         for _ in range(3):  # the server has seen that by then
@@ -96,3 +106,73 @@ async def test_who_leaves_in_the_middle_of_a_handshake_says_nothing_either(
         ring.go.set()
         assert (await http.get("/healthz")).status_code == 200
     assert complaints(caplog.records) == []
+
+
+class Flood:
+    """An application that sends for as long as its one client takes something."""
+
+    def __init__(self, *, piped: bool) -> None:
+        self.protocol: Any = None
+        self.over = asyncio.Event()
+        self._piped = piped
+
+    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        """ASGI."""
+        if scope["type"] != "websocket":
+            return
+        self.protocol = scope[PROTOCOL_KEY]
+        socket = WebSocket(scope, receive, send)
+        await socket.accept()
+        await (self._through_pipe(socket) if self._piped else self._through_asgi(socket))
+        self.over.set()
+
+    async def _through_asgi(self, socket: WebSocket) -> None:
+        with suppress(WebSocketDisconnect):
+            while True:
+                await socket.send_bytes(bytes(1 << 16))
+
+    async def _through_pipe(self, socket: WebSocket) -> None:
+        pipe = Pipe(socket, clock=SystemClock(), stall_s=600)
+        while pipe.ready():
+            pipe.write(frame(BINARY, bytes(1 << 16)))
+            await pipe.room()
+        pipe.close()
+
+    @property
+    def waits(self) -> bool:
+        """Whether its client takes nothing."""
+        return self.protocol is not None and not self.protocol.writable.is_set()
+
+
+@asynccontextmanager
+async def served(app: Flood) -> AsyncIterator[int]:
+    """The port of an application behind the gateway's protocols, without anybody who cuts the late."""
+    http, ws = protocols(Crowd(clock=SystemClock()), clock=SystemClock())
+    config = uvicorn.Config(app, http=http, ws=ws, lifespan="off", log_config=None)
+    config.load()
+    state = ServerState()
+
+    def connection() -> Any:
+        return config.http_protocol_class(config=config, server_state=state, app_state={})
+
+    server = await asyncio.get_running_loop().create_server(connection, "127.0.0.1", 0)
+    async with server:
+        yield server.sockets[0].getsockname()[1]
+        for protocol in list(state.connections):
+            protocol.transport.abort()
+        await wait_until_async(lambda: not state.connections and not state.tasks)
+
+
+@pytest.mark.parametrize("piped", [False, True], ids=["asgi", "pipe"])
+async def test_who_sends_to_a_client_that_takes_nothing_is_told_when_it_closes(piped: bool) -> None:
+    app = Flood(piped=piped)
+    async with served(app) as port, asyncio.timeout(60):
+        _, writer = await asyncio.open_connection("127.0.0.1", port, limit=1024)
+        try:
+            writer.write(head(port))
+            await wait_until_async(lambda: app.waits)
+            assert not app.over.is_set()
+            writer.write(GO_AWAY)
+            await app.over.wait()
+        finally:
+            writer.transport.abort()

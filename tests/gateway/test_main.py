@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from gateway.choices import function_choices
 from gateway.ports import listen
 from gateway.settings import Settings
 from metaros.errors import ConfigError
@@ -79,6 +80,20 @@ def test_settings_refuse_what_cannot_be() -> None:
         assert Settings(host=host).host == host
     with pytest.raises(ConfigError):
         Settings(retention_days=0)
+    for egress, allowed in (("any", True), ("none", False), ("*.example:443", True), ("*.other", False)):
+        bound = function_choices(Settings(function_egress=egress)).egress
+        assert (bound is None or bound.check("api.example", 443) is not None) == allowed
+    for egress, here in (("any", True), ("public", False), ("public, 127.0.0.1:8080", True)):
+        bound = function_choices(Settings(function_egress=egress)).egress
+        reach = bound.check("127.0.0.1", 8080) if bound is not None else lambda address: True
+        assert (reach is not None and reach("127.0.0.1")) == here
+    public = function_choices(Settings()).egress
+    assert public is not None
+    reach = public.check("db.example", 5432)
+    assert reach is not None
+    assert (reach("93.184.216.34"), reach("10.0.0.7"), reach("169.254.169.254")) == (True, False, False)
+    with pytest.raises(ConfigError, match="--function-egress: 'https://a' is no pattern"):
+        Settings(function_egress="any.example, https://a")
 
 
 def test_an_asked_port_is_had_or_names_its_owner(free_port: int) -> None:

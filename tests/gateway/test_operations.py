@@ -21,7 +21,7 @@ FLEET = 2000
 def record(number: int) -> RobotRecord:
     """A robot that is online; its clock is a second behind the gateway's."""
     made = RobotRecord(Robot(f"r{number}", "/", "host", "1", {}), seen_ns=1)
-    made.online, made.lag_ns = True, number * 10**6 + 10**9
+    made.here, made.lag_ns = True, number * 10**6 + 10**9
     link = link_pb2.LinkStatistics(clock_offset_ns=10**9, classes=[link_pb2.ClassDepth(name="live", lost=1)])
     made.statistics = link_pb2.TopicStatistics(outbox_bytes=number, link=link)
     return made

@@ -40,7 +40,7 @@ async def open_all(agent: ScriptedAgent, last_seq: int) -> int:
 
 async def acked(agent: ScriptedAgent) -> int:
     """What the next Ack says."""
-    ack = (await agent.next("ack", DATA, timeout_s=30)).ack
+    ack = (await agent.next("ack", DATA, timeout_s=60)).ack
     return int(ack.watermarks[0].seq)
 
 
@@ -73,12 +73,12 @@ async def test_the_store_goes_away_and_the_link_stays(tmp_path: Path, postgres: 
                 assert await acked(agent) == 1
                 await asyncio.to_thread(server.kill)
                 await agent.samples(7, 2, [b"b"])
-                later = (await agent.next("retry_later", DATA, timeout_s=30)).retry_later
+                later = (await agent.next("retry_later", DATA, timeout_s=60)).retry_later
                 assert later.reason == "store_error"
                 assert (await http.get("/readyz")).status_code == 503
                 await agent.samples(7, 3, [b"c"])  # dropped, as it has not been resumed
                 await asyncio.to_thread(server.start)
-                async with asyncio.timeout(30):
+                async with asyncio.timeout(60):
                     while (await http.get("/readyz")).status_code != 200:
                         continue
                 await agent.send(DATA, resumed=link_pb2.Resumed(token=later.token))

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from gateway.settings import Settings
 from metaros._proto import link_pb2
+from metaros.errors import ConfigError
 from tests.gateway.harness import DATA, EPOCH, ScriptedAgent, channel, running_gateway
 from tests.support.postgres import PostgresServer
 
@@ -39,3 +41,23 @@ async def test_an_agent_that_was_elsewhere_meanwhile_is_told_what_the_store_has(
         await third.__aexit__()
         if not ended:
             await first.__aexit__()
+
+
+async def test_a_gateway_with_another_master_key_does_not_join_a_cluster(
+    tmp_path: Path, postgres: PostgresServer
+) -> None:
+    shared = {"store_url": postgres.schema(), "cluster": ("tcp/127.0.0.1:1",)}  # no router: that is no matter here
+    async with running_gateway(tmp_path / "one", **shared):
+        with pytest.raises(ConfigError, match="--master-key"):
+            async with running_gateway(tmp_path / "two", **shared):
+                pass
+        async with running_gateway(tmp_path / "three", master_key=tmp_path / "one" / "data" / "master.key", **shared):
+            pass
+
+
+def test_a_cluster_is_of_one_database() -> None:
+    with pytest.raises(ConfigError, match="postgresql://"):
+        Settings(cluster=("tcp/127.0.0.1:7447",))
+    for endpoint in ("7447", "tcp/host", "tcp/host:0", "tcp/host:99999", "http://host:1", "udp/host:1"):
+        with pytest.raises(ConfigError, match="tcp/host:7447"):
+            Settings(store_url="postgresql://x@h/d", cluster=(endpoint,))

@@ -22,10 +22,21 @@ def second_look() -> ModuleType:
     return module
 
 
+TESTS = """
+import pytest
+
+def test_good(): pass
+def test_bad(): assert False
+
+@pytest.mark.parametrize("number", range(9))
+def test_many(number): pass
+"""
+
+
 def project(root: Path, failed: list[str]) -> Path:
-    """A folder with three tests, whose last run ended as `failed` says."""
+    """A folder with a few tests, whose last run ended as `failed` says."""
     (root / "pyproject.toml").write_text("[tool.pytest.ini_options]\n")
-    (root / "test_it.py").write_text("def test_good(): pass\ndef test_bad(): assert False\ndef test_fine(): pass\n")
+    (root / "test_it.py").write_text(TESTS)
     cache = root / ".pytest_cache" / "v" / "cache"
     cache.mkdir(parents=True)
     (cache / "lastfailed").write_text(json.dumps(dict.fromkeys(failed, True)))
@@ -35,9 +46,9 @@ def project(root: Path, failed: list[str]) -> Path:
 @pytest.mark.parametrize(
     ("failed", "code"),
     [
-        (["test_it.py::test_good", "test_it.py::test_fine"], 0),
+        ([f"test_it.py::test_many[{number}]" for number in range(8)], 0),
         (["test_it.py::test_good", "test_it.py::test_bad"], 1),
-        (["test_it.py::test_good"] * 1 + [f"test_it.py::test_{number}" for number in range(3)], 1),
+        ([f"test_it.py::test_many[{number}]" for number in range(9)], 1),
         (["test_it.py"], 1),
         ([], 1),
     ],

@@ -38,7 +38,7 @@ def test_each_signal_stops(loop_class: type[asyncio.AbstractEventLoop], name: st
         stop = asyncio.Event()
         on_stop(asyncio.get_running_loop(), stop.set, hangup=True)
         os.kill(os.getpid(), getattr(signal, name))
-        await asyncio.wait_for(stop.wait(), 30)
+        await asyncio.wait_for(stop.wait(), 60)
 
     with asyncio.Runner(loop_factory=loop_class) as runner:
         runner.run(main())
@@ -76,7 +76,7 @@ def test_a_handler_may_set_a_stop_event_at_any_moment(method: str) -> None:
 
 def test_a_stop_event_wakes_all_who_wait() -> None:
     stop, answers = StopEvent(), list[bool]()
-    threads = [threading.Thread(target=lambda: answers.append(stop.wait(30))) for _ in range(4)]
+    threads = [threading.Thread(target=lambda: answers.append(stop.wait(60))) for _ in range(4)]
     for thread in threads:
         thread.start()
     assert not stop.wait(0)

@@ -180,7 +180,7 @@ async def foxglove_publish(world: World, speed: float, lease: str, sent_ns: int)
         await viewer.say("advertise", channels=[channel])
         await viewer.socket.send(struct.pack("<BI", 1, 1) + json.dumps({"linear": {"x": speed}}).encode())
         with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(10.0):  # the protocol says nothing of what goes through
+            async with asyncio.timeout(60.0):  # the protocol says nothing of what goes through
                 while speed not in world.heard:
                     with contextlib.suppress(TimeoutError):
                         said = await asyncio.wait_for(viewer.socket.recv(), 0.02)

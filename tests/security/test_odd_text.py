@@ -40,7 +40,7 @@ RAW += ["null", "[]", "{}", '["\\u0000"]', '["\\ud800"]', "true", '""']
 
 def filled(path: str, word: str, *, robot: str = "sim_1") -> str:
     """A path with an odd word in the place of everything but the robot."""
-    for name in ("recording_id", "key_id", "token_id", "name"):
+    for name in ("recording_id", "alert_id", "silence_id", "check_id", "key_id", "token_id", "name"):
         path = path.replace(f"{{{name}}}", quote(word, safe=""))
     return path.replace("{robot_id}", quote(robot, safe=""))
 

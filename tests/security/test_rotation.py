@@ -308,6 +308,7 @@ def fleet(zenoh_router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)  # some forty programs, one after the other
 def test_the_page_is_performed_and_keeps_its_promises(fleet: Fleet) -> None:
     reached = set()
     for title, commands in sections().items():

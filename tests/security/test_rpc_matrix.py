@@ -25,7 +25,7 @@ from gateway.identity.ca import key_pem
 from gateway.identity.permissions import permission
 from gateway.ingest.link_service import LinkService
 from gateway.main import Ready
-from metaros._proto import events_pb2, fleet_pb2, fleet_pb2_grpc, link_pb2, link_pb2_grpc, telemetry_pb2
+from metaros._proto import alerts_pb2, events_pb2, fleet_pb2, fleet_pb2_grpc, link_pb2, link_pb2_grpc, telemetry_pb2
 from tests.gateway.harness import ScriptedAgent, client, running_gateway
 from tests.gateway.identity.desks import Held
 from tests.gateway.test_robot_links import (
@@ -52,9 +52,13 @@ KEYS = {
 }
 
 
-PROTOS = (fleet_pb2.DESCRIPTOR, telemetry_pb2.DESCRIPTOR, events_pb2.DESCRIPTOR)
+PROTOS = (fleet_pb2.DESCRIPTOR, telemetry_pb2.DESCRIPTOR, events_pb2.DESCRIPTOR, alerts_pb2.DESCRIPTOR)
 PROGRAMS = tuple(service.full_name for file in PROTOS for service in file.services_by_name.values())
-FLEET_WIDE = ("ListRobots", "ListEvents", "WatchEvents", "Subscribe")  # who is to see nothing gets nothing
+LISTS = ("ListRobots", "ListEvents", "WatchEvents", "Subscribe", "ListAlerts", "CountAlerts", "WatchAlerts")
+FLEET_WIDE = (*LISTS, "ListSilences", "ListChecks", "ListRoutes")  # who is to see nothing gets nothing
+WHOLE_FLEET = ("AddSilence", "SetCheck", "ResetCheck", "TestRoute")  # as they are asked here: for every robot
+LEAST = {"viewer": Role.VIEWER, "operator": Role.OPERATOR, "admin": Role.ADMIN, "other scope": Role.ADMIN}
+UNSEEN = ("unknown_robot", "unknown_command", "unknown_alert", "unknown_silence")
 FLEET_SERVICE = "/metaros.v1.FleetService/"
 
 
@@ -163,7 +167,7 @@ async def knock(channel: grpc.aio.Channel, path: str, key: str) -> tuple[grpc.St
     description = descriptions[service].methods_by_name[method]
     request = GetMessageClass(description.input_type)()
     fields = {field.name: field for field in description.input_type.fields}
-    for name, value in (("robot", "sim_1"), ("kind", "set_uplink"), ("topic", "x"), ("holder", "h")):
+    for name, value in (("robot", "sim_1"), ("kind", "set_uplink"), ("topic", "x"), ("holder", "h"), ("text", "x")):
         if name in fields and not fields[name].is_repeated:
             setattr(request, name, value)
     metadata = tuple((name.lower(), value) for name, value in bearer(key).items())
@@ -200,10 +204,10 @@ async def test_everybody_at_every_method_of_the_fleet(tmp_path: Path, anonymous:
                         expected = code == "bad_credentials" and status is grpc.StatusCode.UNAUTHENTICATED
                     elif who == "anonymous" and (row.mutates or not anonymous):
                         expected = code == "sign_in" and status is grpc.StatusCode.UNAUTHENTICATED
-                    elif who == "viewer" and row.least > Role.VIEWER:
+                    elif row.least > LEAST.get(who, Role.VIEWER) or (method in WHOLE_FLEET and who != "admin"):
                         expected = code == "forbidden" and status is grpc.StatusCode.PERMISSION_DENIED
                     elif who == "other scope" and method not in FLEET_WIDE:
-                        expected = code in ("unknown_robot", "unknown_command")
+                        expected = code in UNSEEN
                     elif method in ("GetCommand", "WatchCommand"):
                         expected = code == "unknown_command"
                     else:

@@ -24,18 +24,23 @@ from metaros.limits import LIMITS
 from tests.gateway.harness import DATA, channel, client, running_gateway
 from tests.gateway.recordings.robot import RecordingRobot, content
 
-SERIES = [link_pb2.Series(series_id=1, name="battery.x", topic="/battery", field="x")]
+SERIES = [
+    link_pb2.Series(series_id=1, name="battery.x", topic="/battery", field="x"),
+    link_pb2.Series(series_id=2, name="motors.left_motor.temperature", topic="/motors", field="left_motor.temperature"),
+]
+HOT_S, HOT_C = 15, 85.0  # long and hot enough for a warning, for which no clip is asked
 BLOB = content(3000)
 
 
 @dataclass
 class BusyGateway:
-    """The gateway, a key that nobody can revoke, its robots, and the stored recording of each."""
+    """The gateway, a key that nobody can revoke, its robots, and the stored recording and the alert of each."""
 
     ready: Ready
     admin: str
     robots: dict[str, RecordingRobot] = field(default_factory=dict)
     recordings: dict[str, str] = field(default_factory=dict)
+    alerts: dict[str, str] = field(default_factory=dict)
 
     async def key(self, role: Role, *robots: str) -> str:
         """A new key of the store."""
@@ -81,11 +86,12 @@ async def busy_gateway(folder: Path, *names: str, **settings: Any) -> AsyncItera
 
 
 async def _fill(made: BusyGateway, robot: RecordingRobot) -> None:
-    """Stored messages, rows of metrics, and one stored recording."""
+    """Stored messages, rows of metrics, one stored recording, and a motor that is too hot."""
     await robot.announce(channel(1, f"/{robot.robot}/chatter", "std_msgs/msg/String"), series=SERIES)
     now_ns, text = SystemClock().wall_ns(), codec(String)
     await robot.samples(1, 1, [text.encode(String(data=f"{robot.robot} {n}")) for n in range(20)], stamp_ns=now_ns)
-    await robot.rows(1, [(1, now_ns, 1.0)])
+    heat = [(2, now_ns - second * 10**9, HOT_C) for second in range(HOT_S, 0, -1)]
+    await robot.rows(1, [*heat, (1, now_ns, 1.0)])
     await robot.next("ack", DATA)
     async with client(made.ready, key=made.admin) as http:
         answer = await http.post(f"/api/v1/robots/{robot.robot}/recordings", json={"last_s": 5})
@@ -94,6 +100,17 @@ async def _fill(made: BusyGateway, robot: RecordingRobot) -> None:
     await robot.offer(recording, BLOB)
     assert (await robot.deliver(recording, BLOB)).stored
     made.recordings[robot.robot] = recording
+    made.alerts[robot.robot] = await _alert_of(made, robot.robot)
+
+
+async def _alert_of(made: BusyGateway, robot: str) -> str:
+    """The alert of the motor, once it is there."""
+    async with client(made.ready, key=made.admin) as http, asyncio.timeout(60):
+        while True:
+            found = (await http.get("/api/v1/alerts", params={"robot": robot, "cause": "heat"})).json()["alerts"]
+            if found:
+                return str(found[0]["id"])
+            await asyncio.sleep(0.05)
 
 
 async def _ended(task: asyncio.Task[None]) -> None:

@@ -53,7 +53,7 @@ class CuttingProxy:
         with self._lock:
             self._break()
         for thread in list(self._threads):
-            thread.join(10)
+            thread.join(60)
 
     def _accept(self) -> None:
         while not self._ended:

@@ -199,7 +199,7 @@ class World:
         supervisor = running_pid(self.folder / robot)
         if supervisor:
             os.kill(supervisor, signal.SIGKILL)
-        self.processes[robot].wait(10)
+        self.processes[robot].wait(60)
         wait_until(lambda: running_pid(self.folder / robot) is None)
 
     def stays(self, robot: str, seconds: float) -> None:
@@ -235,7 +235,7 @@ def running_world(folder: Path, faketime: str) -> Iterator[World]:
                 with contextlib.suppress(ProcessLookupError):
                     process.send_signal(signal.SIGCONT)
                 process.kill()
-                process.wait(10)
+                process.wait(60)
             for robot in ROBOTS:
                 if supervisor := running_pid(folder / robot):
                     os.kill(supervisor, signal.SIGKILL)
@@ -278,7 +278,7 @@ def story(world: World) -> dict[str, float]:
     def both() -> None:
         world.processes["gateway"].kill()
         world.lose("near")
-        world.processes["gateway"].wait(10)
+        world.processes["gateway"].wait(60)
         world.gateway()
 
     at_ns = now_ns()

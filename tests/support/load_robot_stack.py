@@ -112,18 +112,18 @@ class LoadStack:
                 self.kill(name)
                 self.start(name)
 
-    def wait_online(self, timeout_s: float = 30.0) -> None:
+    def wait_online(self, timeout_s: float = 60.0) -> None:
         """Until the robot's link is up."""
         wait_until(lambda: self.counters["online"] == 1, timeout_s=timeout_s)
 
-    def wait_ack(self, since_ns: int, timeout_s: float = 30.0) -> float:
+    def wait_ack(self, since_ns: int, timeout_s: float = 60.0) -> float:
         """Until something was acknowledged after that moment; how many seconds after it."""
         wait_until(lambda: self.counters["ack_ns"] > since_ns, timeout_s=timeout_s)
         return (self.counters["ack_ns"] - since_ns) / 1e9
 
     def end(self, timeout_s: float = 90.0) -> None:
         """The robot stops feeding and drains; then both end well."""
-        wait_until(self._online, timeout_s=30.0)
+        wait_until(self._online, timeout_s=60)
         for name in ("robot", "gateway"):
             self.signal(name, signal.SIGTERM)
             process = self.processes[name]

@@ -101,13 +101,13 @@ class Nginx:
         with (self.folder / "error.log").open("ab") as log:
             command = [nginx_program(), "-p", self.folder, "-e", self.folder / "error.log", "-c", "nginx.conf"]
             self.process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
-        wait_until(self._answers, timeout_s=20)
+        wait_until(self._answers, timeout_s=60)
 
     def stop(self) -> None:
         """Cut every connection and stop listening."""
         if self.process is not None:
             self.process.send_signal(signal.SIGTERM)
-            self.process.wait(20)
+            self.process.wait(60)
             self.process = None
 
     @property

@@ -68,7 +68,7 @@ class PostgresServer:
         """The server's default database."""
         return f"postgresql://{USER}@127.0.0.1:{self.port}/postgres"
 
-    def start(self, *, timeout_s: float = 30.0) -> None:
+    def start(self, *, timeout_s: float = 60.0) -> None:
         """Start, and wait until it answers."""
         clock = SystemClock()
         end_s = clock.monotonic_s() + timeout_s
@@ -107,7 +107,7 @@ class PostgresServer:
         """A statement as the superuser; on a thread, as the caller may be inside an event loop."""
 
         async def ask() -> list[asyncpg.Record]:
-            connection = await asyncpg.connect(self.url, timeout=10, command_timeout=20)
+            connection = await asyncpg.connect(self.url, timeout=60, command_timeout=60)
             try:
                 return list(await connection.fetch(sql, *values))
             finally:
@@ -165,7 +165,7 @@ class PostgresServer:
         if process is not None:
             process.send_signal(number)
             try:
-                process.wait(timeout=20)
+                process.wait(timeout=60)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()

@@ -135,7 +135,7 @@ class RawClient:
             zenoh.handlers.Callback(replies.put, ended.set, indirect=False),
             target=zenoh.QueryTarget.ALL_COMPLETE,
             consolidation=zenoh.ConsolidationMode.NONE,
-            timeout=30.0,
+            timeout=timeout_s,
             payload=payload,
             attachment=pack_attachment(seq, STAMP_NS, self.gid),
         )
@@ -144,7 +144,7 @@ class RawClient:
     def ask(self, payload: bytes) -> bytes:
         """The payload of the one reply, whose key and attachment are checked."""
         seq, replies, ended = self.start(payload)
-        assert ended.wait(30)
+        assert ended.wait(60)
         assert replies.qsize() == 1
         return self.check(seq, replies.get())
 

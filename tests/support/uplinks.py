@@ -6,6 +6,7 @@ import asyncio
 import random  # noqa: TID251 - seeded
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from typing import Any
 
 from edge_agent.batch import Linger
@@ -33,7 +34,8 @@ TABLE = TopicTable([TopicRule(match="**", delivery="bulk")])
 class Owner:
     """Queues and sessions of a test."""
 
-    def __init__(self, *, store_id: str = "", compression: Compression = "none") -> None:
+    def __init__(self, *, store_id: str = "", compression: Compression = "none", robot: str = "r") -> None:
+        self.who = replace(WHO, robot_id=robot)
         self.clock = SystemClock()
         self.outbox = make_outbox(clock=self.clock)
         channels = Channels(TABLE, self.outbox.ids, namespace="/")
@@ -60,7 +62,7 @@ class Owner:
         """The next session."""
         self.number += 1
         return AgentSession(
-            WHO,
+            self.who,
             self.number,
             self.queues,
             clock=self.clock,
@@ -109,6 +111,6 @@ def feed(owner: Owner, uplink: Uplink, payloads: list[bytes]) -> None:
     uplink.wake()
 
 
-async def wait(condition: Callable[[], object], *, timeout_s: float = 30.0) -> None:
+async def wait(condition: Callable[[], object], *, timeout_s: float = 60.0) -> None:
     """Until it is so, also on a machine that does many other things."""
     await wait_until_async(condition, timeout_s=timeout_s)

@@ -60,7 +60,7 @@ class Numbers:
         """Stop and leave."""
         self._stop.set()
         if self._thread.ident is not None:
-            self._thread.join(10)
+            self._thread.join(60)
         self.node.close()
         self.context.close()
 
@@ -107,7 +107,7 @@ def link(stack: Stack) -> dict[str, Any]:
 def grow(counter: Numbers, more: int = 300) -> None:
     """Let it count on."""
     target = counter.count + more
-    wait_until(lambda: counter.count >= target, timeout_s=30)
+    wait_until(lambda: counter.count >= target, timeout_s=60)
 
 
 def stored_numbers(database: Path) -> Counter[int]:
@@ -133,31 +133,32 @@ def test_nothing_is_lost_over_restarts_of_the_proxy_and_a_kill_of_the_gateway(tm
         with Nginx(tmp_path / "nginx", stack.http_port) as nginx, numbers(stack.zenoh_port) as counter:
             enrol(stack, nginx.url)
             agent = start_agent(stack, nginx.url)
-            wait_until(lambda: link(stack).get("transport") == "websocket", timeout_s=30)
+            wait_until(lambda: link(stack).get("transport") == "websocket", timeout_s=60)
             assert link(stack)["gateway"] == nginx.url
 
             def heard() -> bool:
                 counter.hello()
                 return "/sim_1/numbers" in stack.topics("sim_1")
 
-            wait_until(heard, timeout_s=30, every_s=0.1)
+            wait_until(heard, timeout_s=60, every_s=0.1)
+            wait_until(lambda: counter.publisher.events.matched)
             counter.start()
             grow(counter)
 
             nginx.stop()
             grow(counter)
             nginx.start()
-            wait_until(lambda: link(stack).get("reconnects", 0) >= 1, timeout_s=30)
+            wait_until(lambda: link(stack).get("reconnects", 0) >= 1, timeout_s=60)
             grow(counter)
 
             gateway.kill()
             grow(counter)
             gateway = stack.restart(gateway)
-            wait_until(lambda: link(stack).get("reconnects", 0) >= 2, timeout_s=30)
+            wait_until(lambda: link(stack).get("reconnects", 0) >= 2, timeout_s=60)
             grow(counter)
 
             count = counter.count
-            wait_until(lambda: stored_numbers(tmp_path / "data" / "gateway.sqlite")[count] == 1, timeout_s=30)
+            wait_until(lambda: stored_numbers(tmp_path / "data" / "gateway.sqlite")[count] == 1, timeout_s=60)
         assert "by websocket" in agent.output
     # Everybody is gone: the store is what it will be.
     found = stored_numbers(tmp_path / "data" / "gateway.sqlite")
@@ -178,7 +179,7 @@ def test_https_and_a_path_on_a_shared_proxy(tmp_path: Path, monkeypatch: pytest.
             stack.gateway()
             enrol(stack, nginx.url)
             start_agent(stack, nginx.url)
-            wait_until(lambda s=stack: link(s).get("transport") == "websocket", timeout_s=30)  # type: ignore[misc]
+            wait_until(lambda s=stack: link(s).get("transport") == "websocket", timeout_s=60)  # type: ignore[misc]
 
 
 @pytest.mark.slow
@@ -188,5 +189,5 @@ def test_a_proxy_with_an_untrusted_certificate_gets_nothing(tmp_path: Path) -> N
         stack.router()
         stack.gateway()
         agent = start_agent(stack, nginx.url)
-        wait_until(lambda: "certificate" in agent.output.lower(), timeout_s=30)
+        wait_until(lambda: "certificate" in agent.output.lower(), timeout_s=60)
         assert "link up" not in agent.output

@@ -98,6 +98,7 @@ async def carried_out(world: BridgedRobot) -> None:
     goal = await sender.send_goal(FIBONACCI.Goal(order=4), feedback=heard.append, timeout_s=60)
     done = await goal.result(60)
     assert (done.status.name, list(done.result.sequence)) == ("SUCCEEDED", [4])
+    await wait_until_async(lambda: heard)  # feedback comes by another way than the result
     assert list(heard[0].sequence) == [1]
     long = await sender.send_goal(FIBONACCI.Goal(order=1000), timeout_s=60)
     assert await long.cancel(60)

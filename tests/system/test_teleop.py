@@ -50,7 +50,7 @@ class Speedometer:
 
     def close(self) -> None:
         self.executor.shutdown()
-        self.thread.join(30)
+        self.thread.join(60)
         self.node.close()
         self.context.close()
 
@@ -63,7 +63,7 @@ class Driver:
         connection = open_socket(stack.url, "/api/v1/robots/sim_1/teleop", key=stack.key)
         self.socket: ClientConnection = self.opened.enter_context(connection)
         self.socket.send(json.dumps({"op": "take", "holder": "test"}))
-        self.granted = json.loads(self.socket.recv(timeout=30))
+        self.granted = json.loads(self.socket.recv(timeout=60))
         self.seq = 0
         self.held = threading.Event()
         self.ended = threading.Event()
@@ -88,7 +88,7 @@ class Driver:
 
     def close(self) -> None:
         self.ended.set()
-        self.thread.join(30)
+        self.thread.join(60)
         self.opened.close()
 
 

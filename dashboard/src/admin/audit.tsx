@@ -27,6 +27,8 @@ const ACTIONS: readonly [string, string][] = [
   ["robots.configure", "byte budgets"],
   ["recordings.save", "recordings saved"],
   ["recordings.delete", "recordings deleted"],
+  ["alerts.handle", "alerts handled"],
+  ["alerts.manage", "checks, silences of the fleet"],
   ["audit.read", "reading this log, refused"],
 ];
 

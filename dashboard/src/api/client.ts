@@ -84,6 +84,8 @@ export const robotPath = (id: string) => `/robots/${encodeURIComponent(id)}`;
 export const api = {
   topics: async (id: string) => (await request<AnswerOf<"GET /robots/{robot_id}/topics">>(`${robotPath(id)}/topics`)).topics,
   metrics: async (id: string) => (await request<AnswerOf<"GET /robots/{robot_id}/metrics">>(`${robotPath(id)}/metrics`)).series,
+  /** Whether the robot ever had an alert that is remembered. */
+  hadAlerts: async (id: string) => (await request<AnswerOf<"GET /alerts">>(`/alerts?${new URLSearchParams({ robot: id, limit: "1" })}`)).alerts.length > 0,
   range: (id: string, names: string[], start: string, points: number) => {
     const query = new URLSearchParams([...names.map((name) => ["name", name]), ["start", start], ["end", "now"], ["points", String(points)]]);
     return request<AnswerOf<"GET /robots/{robot_id}/metrics/range">>(`${robotPath(id)}/metrics/range?${query}`);

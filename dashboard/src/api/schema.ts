@@ -27,6 +27,194 @@ export interface ActionList {
   next: string | null;
 }
 
+/**
+ * What is wrong with a robot; one is not resolved for each robot and `cause`. Robot "" is the fleet itself.
+ *
+ * `reason`, `series`, `detector`, `score` (0 to 1), `value` and the expected band `low` to `high` are of its worst
+ * finding. `first` is the robot's stamp where it began, and `path` the robot's page at that time; the other times are
+ * the gateway's. `clearing` is since when nothing is wrong any more, before it is resolved. `quiet`: nobody is told of
+ * it, because of the alert `inhibited_by` that explains it, or a `silence`. `clip` is the recording of its evidence.
+ */
+export interface Alert {
+  id: string;
+  robot: string;
+  cause: string;
+  state: "open" | "acknowledged" | "resolved";
+  severity: "info" | "warning" | "error";
+  title: string;
+  reason: string;
+  series: string;
+  detector: string;
+  score: number;
+  value: number | null;
+  low: number | null;
+  high: number | null;
+  opened: string;
+  first: string;
+  changed: string;
+  seen: string;
+  clearing: string | null;
+  resolved: string | null;
+  resolved_by: string;
+  acknowledged: string | null;
+  acknowledged_by: string;
+  assignee: string;
+  times: number;
+  clip: string;
+  inhibited_by: string;
+  silence: string;
+  quiet: boolean;
+  gateway: string;
+  revision: number;
+  path: string;
+}
+
+/**
+ * A check as it is now; `low` and `high` are null where it has no such bound.
+ *
+ * `changed` names the fields that are not as they come, `changed_by` who made the last change.
+ */
+export interface AlertCheck {
+  id: string;
+  title: string;
+  unit: string;
+  enabled: boolean;
+  low: number | null;
+  high: number | null;
+  for_s: number;
+  clear_s: number;
+  severity: "info" | "warning" | "error";
+  changed: string[];
+  changed_by: string;
+  changed_at: string | null;
+}
+
+/** The table of checks, in its order. */
+export interface AlertCheckList {
+  checks: AlertCheck[];
+  next: string | null;
+}
+
+/** Alerts that are not resolved, of robots in one's scope; `quiet` ones, of which nobody is told, count beside. */
+export interface AlertCounts {
+  open: number;
+  acknowledged: number;
+  error: number;
+  warning: number;
+  info: number;
+  quiet: number;
+}
+
+/** With its findings, the worst first, and its remarks, the oldest first. */
+export interface AlertDetail {
+  id: string;
+  robot: string;
+  cause: string;
+  state: "open" | "acknowledged" | "resolved";
+  severity: "info" | "warning" | "error";
+  title: string;
+  reason: string;
+  series: string;
+  detector: string;
+  score: number;
+  value: number | null;
+  low: number | null;
+  high: number | null;
+  opened: string;
+  first: string;
+  changed: string;
+  seen: string;
+  clearing: string | null;
+  resolved: string | null;
+  resolved_by: string;
+  acknowledged: string | null;
+  acknowledged_by: string;
+  assignee: string;
+  times: number;
+  clip: string;
+  inhibited_by: string;
+  silence: string;
+  quiet: boolean;
+  gateway: string;
+  revision: number;
+  path: string;
+  findings: AlertFinding[];
+  remarks: AlertRemark[];
+}
+
+/** One thing that is wrong at one place; `series` is a metric, topic, node or stream, "" the whole robot. */
+export interface AlertFinding {
+  detector: string;
+  series: string;
+  severity: "info" | "warning" | "error";
+  score: number;
+  value: number | null;
+  low: number | null;
+  high: number | null;
+  reason: string;
+  at: string;
+  active: boolean;
+}
+
+/** The newest first; `next` is the `before` of the next page, null at the end. */
+export interface AlertList {
+  alerts: Alert[];
+  next: string | null;
+}
+
+/** The alert, and what was taught. */
+export interface AlertNormal {
+  alert: Alert;
+  taught: string[];
+}
+
+/** What somebody said or did; `by` is empty where the gateway did it. */
+export interface AlertRemark {
+  number: number;
+  at: string;
+  by: string;
+  kind: string;
+  text: string;
+}
+
+/** Where notices go: `target` is a URL or HOST:PORT without what is secret; `last_error` of the newest failure. */
+export interface AlertRoute {
+  name: string;
+  kind: "webhook" | "smtp";
+  target: string;
+  severity: "info" | "warning" | "error";
+  robots: string[];
+  causes: string[];
+  sent: number;
+  failed: number;
+  waiting: number;
+  last: string | null;
+  last_error: string;
+}
+
+/** The routes of `--notify`, in the file's order. */
+export interface AlertRouteList {
+  routes: AlertRoute[];
+  next: string | null;
+}
+
+/** Whether the notice came; `status` is the answer's of a webhook, 0 where there was none, `error` what failed. */
+export interface AlertRouteTest {
+  ok: boolean;
+  status: number;
+  error: string;
+  took_s: number;
+}
+
+/** A name for a version; `weights` are the shares of other versions. */
+export interface Alias {
+  name: string;
+  version: string;
+  description: string;
+  weights: Record<string, number>;
+  canary: Canary | null;
+}
+
 /** A key without its secret; `user` is "" for a key of nobody's. `used` is exact to five minutes. */
 export interface ApiKey {
   id: string;
@@ -93,6 +281,64 @@ export interface AuditRow {
   hash: string;
 }
 
+/** What would have fired. `cut`: there were more rows than are judged at once; this is of the first of them. */
+export interface Backtest {
+  robot: string;
+  span: BacktestSpan;
+  samples: number;
+  findings: BacktestFinding[];
+  alerts: BacktestAlert[];
+  series: BacktestSeries[];
+  cut: boolean;
+  took_s: number;
+}
+
+/** What would have been told. */
+export interface BacktestAlert {
+  cause: string;
+  severity: "info" | "warning" | "error";
+  title: string;
+  reason: string;
+  first: string;
+  last: string | null;
+  findings: number;
+}
+
+/** What would have been found, from `at` to `until` (null: at the end still). */
+export interface BacktestFinding {
+  detector: string;
+  series: string;
+  cause: string;
+  severity: "info" | "warning" | "error";
+  score: number;
+  value: number | null;
+  low: number | null;
+  high: number | null;
+  reason: string;
+  at: string;
+  until: string | null;
+}
+
+/** How many samples it has, and so many points of it as a plot needs, each as a band's. */
+export interface BacktestSeries {
+  series: string;
+  samples: number;
+  points: ([number, number | null, number | null, number | null, number])[];
+}
+
+/** From when to when. */
+export interface BacktestSpan {
+  from: string;
+  to: string;
+}
+
+/** A series as far as the gateway remembers what it expected: [stamp_ms, value, low, high, score], oldest first. */
+export interface Band {
+  robot: string;
+  series: string;
+  points: ([number, number | null, number | null, number | null, number])[];
+}
+
 /** What the robot still has of its last minutes, by its clock; `lost` messages did not reach its disk. */
 export interface BlackBox {
   from: string | null;
@@ -130,6 +376,23 @@ export interface Bundle {
 /** The service's response. */
 export interface CallResult {
   response: Record<string, unknown>;
+}
+
+/** A new version that an alias leads to now and then: see `PUT …/canary`. Counts are of its present step. */
+export interface Canary {
+  version: string;
+  stable: string;
+  weight: number;
+  error_rate: number;
+  least_invocations: number;
+  for_s: number;
+  step: number;
+  state: "running" | "promoted" | "rolled_back" | "cancelled";
+  reason: string;
+  began: string;
+  changed: string;
+  invocations: number;
+  errors: number;
 }
 
 /** Whether the server will stop the goal; its end is told like any other. */
@@ -178,6 +441,26 @@ export interface CloudEvent {
   data: Record<string, unknown>;
 }
 
+/** The files of a version's code, by path; of very many the first. */
+export interface Code {
+  version: string;
+  files: CodeFile[];
+  truncated: boolean;
+}
+
+/** A file of the code. */
+export interface CodeFile {
+  path: string;
+  size_bytes: number;
+}
+
+/** A file's text; what is no text is shown as far as it is one. */
+export interface CodeText {
+  path: string;
+  text: string;
+  truncated: boolean;
+}
+
 /** A command and how far it is. Times are null until they came. */
 export interface Command {
   id: string;
@@ -203,6 +486,12 @@ export interface Command {
 export interface CommandList {
   commands: Command[];
   next: string | null;
+}
+
+/** `reserved`: at most so many calls run at a time, null: no bound of its own. `warm`: workers that are kept. */
+export interface Concurrency {
+  reserved: number | null;
+  warm: number;
 }
 
 /**
@@ -248,6 +537,31 @@ export interface DamageAccount {
   what: string;
 }
 
+/** What could not be delivered. `payload` is what its target would have got, as text, cut at 16 KiB. */
+export interface DeadLetter {
+  id: string;
+  kind: string;
+  target: string;
+  happening: string;
+  robot: string;
+  code: string;
+  message: string;
+  attempts: number;
+  tries: number;
+  redrives: number;
+  born: string;
+  ended: string;
+  payload: string | null;
+  truncated: boolean;
+}
+
+/** The newest first; `next` is the `before` of the next page, null at the end. `total` is of all that there are. */
+export interface DeadLetterList {
+  dead_letters: DeadLetter[];
+  total: number;
+  next: string | null;
+}
+
 /** A report for people; its parts may change. */
 export interface Debug {
   gateway: string;
@@ -283,6 +597,39 @@ export interface Difference {
   desired: unknown;
   reported: unknown;
   why: string;
+}
+
+/** How many are gone for good. */
+export interface Dropped {
+  dropped: number;
+}
+
+/** The rule would have fired. */
+export interface DryFiring {
+  at: string;
+  happening: string;
+  type: string;
+  robot: string;
+  group: string;
+  targets: DryPayload[];
+}
+
+/** What a target would have got. */
+export interface DryPayload {
+  id: string;
+  kind: string;
+  payload: unknown;
+}
+
+/** `truncated`: there was more to look at, or to tell, than a dry run may; counts are then of what was looked at. */
+export interface DryRunResult {
+  scanned: number;
+  matched: number;
+  fired: number;
+  errors: number;
+  error: string;
+  truncated: boolean;
+  firings: DryFiring[];
 }
 
 /** A publisher, a subscription, a service's server or client. */
@@ -349,6 +696,32 @@ export interface EventList {
   lost: number;
 }
 
+/** How events for it are tried; the last three are ARNs, or empty. */
+export interface EventSettings {
+  most_retries: number;
+  most_age_s: number;
+  on_success: string;
+  on_failure: string;
+  dead_letter: string;
+}
+
+/** An event source mapping: topics of robots that call it in batches. */
+export interface EventSource {
+  uuid: string;
+  source: string;
+  qualifier: string;
+  enabled: boolean;
+  batch_size: number;
+  window_s: number;
+  most_retries: number;
+  most_age_s: number;
+  bisect: boolean;
+  report_failures: boolean;
+  parallel: number;
+  on_failure: string;
+  result: string;
+}
+
 /** One command for each robot that was named, or why that robot got none. */
 export interface FleetCommands {
   commands: Command[];
@@ -361,6 +734,87 @@ export interface FleetRoots {
   fleet: string;
   roots: string;
   pins: string[];
+}
+
+/** A function, as `$LATEST` is. `runtime` is what was asked for, `interpreter` what it runs on here. */
+export interface Function {
+  name: string;
+  arn: string;
+  description: string;
+  runtime: string;
+  interpreter: string;
+  handler: string;
+  state: string;
+  reason: string;
+  timeout_s: number;
+  memory_mb: number;
+  disk_mb: number;
+  code_sha256: string;
+  code_bytes: number;
+  modified: string;
+  versions: number;
+  aliases: Alias[];
+  triggers: Trigger[];
+  concurrency: Concurrency;
+  stats: Stats;
+}
+
+/** With what belongs to it. Values of `environment` are shown to who may change functions, and empty for others. */
+export interface FunctionDetail {
+  name: string;
+  arn: string;
+  description: string;
+  runtime: string;
+  interpreter: string;
+  handler: string;
+  state: string;
+  reason: string;
+  timeout_s: number;
+  memory_mb: number;
+  disk_mb: number;
+  code_sha256: string;
+  code_bytes: number;
+  modified: string;
+  versions: number;
+  aliases: Alias[];
+  triggers: Trigger[];
+  concurrency: Concurrency;
+  stats: Stats;
+  environment: Record<string, string>;
+  layers: string[];
+  published: PublishedVersion[];
+  event_invoke: EventSettings;
+  mappings: EventSource[];
+}
+
+/** By name; `next` is the `after` of the next page, null at the end. */
+export interface FunctionList {
+  functions: Function[];
+  next: string | null;
+}
+
+/** One line; `request_id` is empty for what was written between two calls. */
+export interface FunctionLogLine {
+  cursor: number;
+  at: string;
+  request_id: string;
+  version: string;
+  text: string;
+}
+
+/** Lines that the gateway has in memory, the oldest first; `next` is the `before` of the page before it. */
+export interface FunctionLogPage {
+  lines: FunctionLogLine[];
+  next: number | null;
+}
+
+/** One minute of a function. */
+export interface FunctionMinute {
+  at: string;
+  invocations: number;
+  errors: number;
+  throttles: number;
+  p95_ms: number | null;
 }
 
 /** The newest declared losses, newest first. */
@@ -452,6 +906,24 @@ export interface GroupList {
   next: string | null;
 }
 
+/** A CloudEvents 1.0 document. */
+export interface Happening {
+  specversion: string;
+  id: string;
+  source: string;
+  type: string;
+  time: string;
+  datacontenttype: string;
+  subject?: string | null;
+  data: unknown;
+}
+
+/** The oldest first; `next` is the `after` of the next page, null at the end. */
+export interface HappeningList {
+  happenings: Happening[];
+  next: string | null;
+}
+
 /** The process answers. */
 export interface Health {
   status: "ok";
@@ -463,6 +935,50 @@ export interface History {
   series: number;
   first: string | null;
   last: string | null;
+}
+
+/** A hook without its secret; `path` is where its webhooks go, `source` and `type` are those of its happenings. */
+export interface Hook {
+  name: string;
+  description: string;
+  auth: "signature" | "bearer";
+  robot: string;
+  path: string;
+  source: string;
+  type: string;
+  made: string;
+  made_by: string;
+  last_used: string | null;
+  accepted: number;
+  refused: number;
+}
+
+/** By name; `next` is the `after` of the next page, null at the end. */
+export interface HookList {
+  hooks: Hook[];
+  next: string | null;
+}
+
+/** With its secret, which nobody is shown again. */
+export interface HookMade {
+  name: string;
+  description: string;
+  auth: "signature" | "bearer";
+  robot: string;
+  path: string;
+  source: string;
+  type: string;
+  made: string;
+  made_by: string;
+  last_used: string | null;
+  accepted: number;
+  refused: number;
+  secret: string;
+}
+
+/** A secret, shown this once. */
+export interface HookSecret {
+  secret: string;
 }
 
 /** By robot. */
@@ -477,6 +993,44 @@ export interface InstantMessages {
   messages: StoredMessage[];
   missing: MissingTopic[];
   gaps: Loss[];
+}
+
+/** A call that is over; `log` is its last 4 KiB, where one may see them. */
+export interface Invocation {
+  id: string;
+  request_id: string;
+  function: string;
+  version: string;
+  qualifier: string;
+  kind: "request" | "event" | "mapping" | "test" | "robot";
+  robot: string;
+  status: "ok" | "error" | "timeout" | "throttled";
+  error_type: string;
+  error_message: string;
+  began: string;
+  duration_ms: number;
+  init_ms: number;
+  max_memory_mb: number;
+  log: string;
+}
+
+/** The newest first; `next` is the `before` of the next page, null at the end. */
+export interface InvocationList {
+  invocations: Invocation[];
+  next: string | null;
+}
+
+/** What came of a call. `payload` is JSON where it is some, else text. An event has its `request_id` alone. */
+export interface Invoked {
+  request_id: string;
+  version?: string;
+  status: "ok" | "error" | "timeout" | "accepted" | "dry";
+  payload?: unknown;
+  error_type?: string;
+  duration_ms?: number;
+  init_ms?: number;
+  max_memory_mb?: number;
+  log?: string;
 }
 
 /** Who drives. */
@@ -751,10 +1305,27 @@ export interface PlanItem {
   newest: string;
 }
 
+/** The workers of one version. */
+export interface Pool {
+  function: string;
+  version: string;
+  entry: string;
+  workers: number;
+  busy: number;
+  starting: number;
+  waiting: number;
+  calls: number;
+  cold_starts: number;
+  failures: number;
+  memory_mb: number;
+  init_error: string;
+}
+
 /**
  * An error, RFC 9457; `code` is stable and listed in docs/reference/errors.md.
  *
- * `holder` is who drives, with the code lease_taken; `retry_after_s` comes with the status 429.
+ * `holder` is who drives, with the code lease_taken; `retry_after_s` comes with the status 429,
+ * `path` where a part of a document is wrong, and says which.
  */
 export interface Problem {
   type: string;
@@ -764,6 +1335,7 @@ export interface Problem {
   detail: string;
   holder?: string | null;
   retry_after_s?: number | null;
+  path?: string | null;
 }
 
 /** What the sign-in page offers; nulls where there is no provider. */
@@ -777,11 +1349,25 @@ export interface Published {
   roles: Record<string, number>;
 }
 
+/** One that never changes. */
+export interface PublishedVersion {
+  version: string;
+  description: string;
+  code_sha256: string;
+  modified: string;
+}
+
 /** Whether the gateway can do its work, check by check: "ok" or what is wrong. */
 export interface Ready {
   status: "ready" | "not ready";
   checks: Record<string, string>;
   notes: Record<string, string>;
+}
+
+/** It is stored; `duplicate`: it had come before, and does nothing again. */
+export interface Received {
+  id: string;
+  duplicate: boolean;
 }
 
 /** A clip of a robot's black box. `start` to `end` was asked, `first` to `last` is what the robot had of it. */
@@ -808,6 +1394,28 @@ export interface Recording {
 export interface RecordingList {
   recordings: Recording[];
   next: string | null;
+}
+
+/** How many are delivered again. */
+export interface Redriven {
+  redriven: number;
+}
+
+/** How far a replay is: `seen` happenings were looked at, and `put` of them given to the function. */
+export interface Replay {
+  id: string;
+  function: string;
+  state: "running" | "done" | "stopped" | "failed";
+  start: string;
+  until: string;
+  seen: number;
+  put: number;
+  message: string;
+}
+
+/** Those under way first, then the newest. */
+export interface ReplayList {
+  replays: Replay[];
 }
 
 /** What the robot says of a node. `safe_stop`: of a critical one that died, how the robot's stop went. */
@@ -861,12 +1469,20 @@ export interface Robot {
   counts: Counts;
   lease: LeaseState | null;
   latest: Record<string, Value>;
+  alerts: RobotAlerts;
 }
 
 /** What one robot takes. */
 export interface RobotAccount {
   robot: string;
   bytes: number;
+}
+
+/** A robot's alerts that are not resolved and not quiet; `error` and `warning` are some of the `open` ones. */
+export interface RobotAlerts {
+  open: number;
+  error: number;
+  warning: number;
 }
 
 /** One certificate of a robot. */
@@ -985,6 +1601,119 @@ export interface RolloutRobot {
   reason: string;
 }
 
+/** A rule as it is stored; URLs of webhooks are whole for who may change rules only. */
+export interface Rule {
+  name: string;
+  description?: string;
+  enabled?: boolean;
+  pattern?: Record<string, unknown> | null;
+  until?: Record<string, unknown> | null;
+  topic?: Record<string, unknown> | null;
+  metric?: Record<string, unknown> | null;
+  schedule?: Record<string, unknown> | null;
+  when?: Record<string, unknown> | null;
+  event_format?: string;
+  targets?: (Record<string, unknown>)[];
+  revision: number;
+  changed: string;
+  maker: RuleMaker;
+  stats: RuleStats;
+  next_fire: string | null;
+}
+
+/** One change; `what` is created, changed, enabled, disabled or deleted. */
+export interface RuleChange {
+  revision: number;
+  what: string;
+  by: string;
+  at: string;
+  document: Record<string, unknown>;
+}
+
+/** Whether a document can be a rule. */
+export interface RuleChecked {
+  ok: boolean;
+  faults: RuleFault[];
+}
+
+/** What is wrong, and where, like "targets[0].url". */
+export interface RuleFault {
+  path: string;
+  message: string;
+}
+
+/** The newest first; `next` is the `before` of the next page, null at the end. */
+export interface RuleHistory {
+  entries: RuleChange[];
+  next: number | null;
+}
+
+/** By name; `next` is the `after` of the next page, null at the end. */
+export interface RuleList {
+  rules: Rule[];
+  next: string | null;
+}
+
+/** Who made it, with the role and robots of that time: more the rule may not do, or know. */
+export interface RuleMaker {
+  name: string;
+  role: string;
+  robots: string[];
+}
+
+/** What it did since it was made, at all gateways. `groups` are those that it remembers something of. */
+export interface RuleStats {
+  matched: number;
+  fired: number;
+  errors: number;
+  last_fired: string | null;
+  last_error: string;
+  last_error_at: string | null;
+  groups: number;
+}
+
+/**
+ * Where functions run here. `level` is the sandbox, `reasons` say of each level "ok" or why it is not to be had;
+ * both are found out at the first call. `trouble` is why no function runs.
+ */
+export interface Runtime {
+  on: boolean;
+  started: boolean;
+  trouble: string;
+  level: string;
+  require: string;
+  reasons: Record<string, string>;
+  entry: string;
+  interpreter: string;
+  runtimes: string[];
+  workers: number;
+  most_workers: number;
+  memory_mb: number;
+  pools: Pool[];
+}
+
+/** When a rule fires by itself. */
+export interface Schedule {
+  rule: string;
+  expression: string;
+  timezone: string;
+  misfire: "skip" | "once" | "all";
+  enabled: boolean;
+  next: string | null;
+  last: string | null;
+}
+
+/** By rule; `next` is the `after` of the next page, null at the end. */
+export interface ScheduleList {
+  schedules: Schedule[];
+  next: string | null;
+}
+
+/** Its next times. */
+export interface ScheduleTimes {
+  times: string[];
+}
+
 /** The robot's series by name. */
 export interface SeriesList {
   series: SeriesState[];
@@ -1010,6 +1739,16 @@ export interface SeriesState {
   latest: Value | null;
 }
 
+/** A series: it is learned while `seen` is below `of` samples; the newest score, and what is expected now. */
+export interface SeriesWatch {
+  series: string;
+  seen: number;
+  of: number;
+  score: number;
+  low: number | null;
+  high: number | null;
+}
+
 /** The services of a robot, by name. */
 export interface ServiceList {
   services: GraphService[];
@@ -1032,6 +1771,28 @@ export interface SignedRole {
   online: boolean;
 }
 
+/**
+ * Nobody is told of alerts that match; empty `robots` and `causes` (patterns) match all.
+ *
+ * `up_to` is the highest severity that it silences: "warning" lets errors through.
+ */
+export interface Silence {
+  id: string;
+  robots: string[];
+  causes: string[];
+  up_to: "info" | "warning" | "error";
+  from: string;
+  until: string;
+  by: string;
+  reason: string;
+}
+
+/** Those that are not over, the newest first. */
+export interface SilenceList {
+  silences: Silence[];
+  next: string | null;
+}
+
 /** What a robot says: `missing` topics were announced, and of them nothing came and nothing is stored. */
 export interface Snapshot {
   robot: string;
@@ -1048,6 +1809,26 @@ export interface Span {
   name: string;
   start_ns: number;
   end_ns: number;
+}
+
+/**
+ * A function over a window, as this gateway saw it; `running`, `iterator_age_s`, `waiting` and `dead_letters` are
+ * of now. `iterator_age_s` is how long the oldest message of its event source mappings has been waiting.
+ */
+export interface Stats {
+  window_s: number;
+  invocations: number;
+  errors: number;
+  throttles: number;
+  cold_starts: number;
+  running: number;
+  p50_ms: number | null;
+  p95_ms: number | null;
+  p99_ms: number | null;
+  iterator_age_s: number | null;
+  waiting: number;
+  dead_letters: number;
+  series: FunctionMinute[];
 }
 
 /** What is stored, how fast it grows, and what is damaged. */
@@ -1096,6 +1877,12 @@ export interface TableAccount {
   table: string;
   rows: number;
   bytes: number;
+}
+
+/** They are stored; those of known ids, `duplicates`, were before. */
+export interface Taken {
+  ids: string[];
+  duplicates: number;
 }
 
 /** A template as it is stored. */
@@ -1217,6 +2004,14 @@ export interface Trace {
 /** The newest first. */
 export interface Traces {
   traces: Trace[];
+}
+
+/** What calls a function; `title` says it in words. */
+export interface Trigger {
+  kind: "rule" | "schedule" | "mapping";
+  id: string;
+  title: string;
+  enabled: boolean;
 }
 
 /** One robot's twin. `own` on top of the templates makes `desired`; `behind`: from what it lives by to that. */
@@ -1373,6 +2168,12 @@ export interface Value {
   value: number | null;
 }
 
+/** What is watched of a robot, by name of the series. */
+export interface Watch {
+  series: SeriesWatch[];
+  next: string | null;
+}
+
 /** One wave and how far it is. */
 export interface Wave {
   wave: number;
@@ -1387,20 +2188,48 @@ export type None = Record<never, never>;
 
 /** Every operation by its method and its path below /api/v1. */
 export interface Operations {
+  /** Have a check be as it comes. */
+  "DELETE /alert-checks/{check_id}": { path: { check_id: string }; query: None; body: undefined; answer: AlertCheck };
   /** Take back a durable command that has not left for its robot. */
   "DELETE /commands/{command_id}": { path: { command_id: string }; query: None; body: undefined; answer: Command };
+  /** Drop dead letters for good. */
+  "DELETE /dead-letters": { path: None; query: { id?: string[] | null; kind?: string; target?: string; all?: boolean }; body: undefined; answer: Dropped };
   /** Take back a token that no robot has used. */
   "DELETE /enrolment-tokens/{token_id}": { path: { token_id: string }; query: None; body: undefined; answer: Ok };
+  /** Delete a function with its versions and aliases; events for it become dead letters. */
+  "DELETE /functions/{name}": { path: { name: string }; query: None; body: undefined; answer: unknown };
+  /** Delete an alias. */
+  "DELETE /functions/{name}/aliases/{alias}": { path: { name: string; alias: string }; query: None; body: undefined; answer: unknown };
+  /** Back to the version that the alias had before. */
+  "DELETE /functions/{name}/aliases/{alias}/canary": { path: { name: string; alias: string }; query: None; body: undefined; answer: Canary };
+  /** Take a hook away: nothing comes in by it any more. */
+  "DELETE /hooks/{hook}": { path: { hook: string }; query: None; body: undefined; answer: unknown };
   /** Revoke a key for ever. */
   "DELETE /keys/{key_id}": { path: { key_id: string }; query: None; body: undefined; answer: Ok };
   /** Delete a recording with its file; an unfinished one is given up, and its robot forgets it. */
   "DELETE /recordings/{recording_id}": { path: { recording_id: string }; query: None; body: undefined; answer: Ok };
+  /** End one; what it put is delivered all the same. */
+  "DELETE /replays/{replay_id}": { path: { replay_id: string }; query: None; body: undefined; answer: Replay };
   /** Take the node away from the robot, also where a template brings it. */
   "DELETE /robots/{robot_id}/nodes/{node}": { path: { robot_id: string; node: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: undefined; answer: TwinChange };
+  /** Take a rule away. What it set off is delivered all the same. */
+  "DELETE /rules/{name}": { path: { name: string }; query: None; body: undefined; answer: unknown };
+  /** End it now. */
+  "DELETE /silences/{silence_id}": { path: { silence_id: string }; query: None; body: undefined; answer: Silence };
   /** Take a template away; robots go on with what is left. */
   "DELETE /templates/{name}": { path: { name: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: undefined; answer: TemplateChange };
   /** Delete a user with their sessions and keys. */
   "DELETE /users/{name}": { path: { name: string }; query: None; body: undefined; answer: Ok };
+  /** Every check as it is now, in the table's order. */
+  "GET /alert-checks": { path: None; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: AlertCheckList };
+  /** The routes that name no robot out of one's scope, in the file's order. */
+  "GET /alert-routes": { path: None; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: AlertRouteList };
+  /** The newest alerts, newest first; with `from` and `until` those that were not resolved at some time in between. */
+  "GET /alerts": { path: None; query: { state?: ("open" | "acknowledged" | "resolved")[] | null; severity?: ("info" | "warning" | "error")[] | null; robot?: string[] | null; cause?: string[] | null; q?: string; from?: string; until?: string; quiet?: boolean | null; limit?: number; before?: string; fields?: string }; body: undefined; answer: AlertList };
+  /** How many alerts are not resolved. */
+  "GET /alerts/counts": { path: None; query: None; body: undefined; answer: AlertCounts };
+  /** One alert, with what was found and what was said. */
+  "GET /alerts/{alert_id}": { path: { alert_id: string }; query: None; body: undefined; answer: AlertDetail };
   /** Rows, the newest first; only those of one action (a permission's name), or of one name. */
   "GET /audit": { path: None; query: { before?: number | null; limit?: number; action?: string; name?: string; fields?: string }; body: undefined; answer: AuditPage };
   /** Prove the whole chain, and compare the heads in the object store. One proof at a time; it reads every row. */
@@ -1417,6 +2246,10 @@ export interface Operations {
   "GET /commands": { path: None; query: { robot?: string; state?: "issued" | "delivered" | "running" | "done" | "failed" | "expired" | "cancelled" | null; issuer?: string; limit?: number; before?: string; fields?: string }; body: undefined; answer: CommandList };
   /** One command, and how far it is. */
   "GET /commands/{command_id}": { path: { command_id: string }; query: { wait_s?: number }; body: undefined; answer: Command };
+  /** The newest dead letters, newest first; of robots out of scope there are none. */
+  "GET /dead-letters": { path: None; query: { kind?: string; target?: string; code?: string; limit?: number; before?: string }; body: undefined; answer: DeadLetterList };
+  /** One, with what its target would have got. */
+  "GET /dead-letters/{letter_id}": { path: { letter_id: string }; query: None; body: undefined; answer: DeadLetter };
   /** Tasks, threads, memory, queues, settings without their secrets: what a bug report needs. */
   "GET /debug": { path: None; query: { format?: string }; body: undefined; answer: Debug };
   /** The fleet's roots, for a robot that compares them with the pin in its token before it believes anything. */
@@ -1427,12 +2260,30 @@ export interface Operations {
   "GET /events": { path: None; query: { kind?: string; robot?: string; after?: number | null; before?: number | null; limit?: number; fields?: string }; body: undefined; answer: EventList };
   /** Messages of some robots as one MCAP file, sorted by their stamps, with an index and an account of the losses. */
   "GET /export.mcap": { path: None; query: { robot: string[]; topic?: string[] | null; start?: string; end?: string }; body: undefined; answer: unknown };
+  /** Every function, by name. */
+  "GET /functions": { path: None; query: { q?: string; window_s?: number; limit?: number; after?: string }; body: undefined; answer: FunctionList };
+  /** Where functions run here: the sandbox and why it is no stronger, workers, what they run on. */
+  "GET /functions-runtime": { path: None; query: None; body: undefined; answer: Runtime };
+  /** One function, with all that belongs to it. */
+  "GET /functions/{name}": { path: { name: string }; query: { window_s?: number }; body: undefined; answer: FunctionDetail };
+  /** The files of a version's code. */
+  "GET /functions/{name}/code": { path: { name: string }; query: { version?: string }; body: undefined; answer: Code };
+  /** One file's text, its beginning at least. */
+  "GET /functions/{name}/code/text": { path: { name: string }; query: { path: string; version?: string }; body: undefined; answer: CodeText };
+  /** The newest calls, newest first. Who does not see every robot sees those about robots in scope, without logs. */
+  "GET /functions/{name}/invocations": { path: { name: string }; query: { status?: "ok" | "error" | "timeout" | "throttled" | ""; kind?: "request" | "event" | "mapping" | "test" | "robot" | ""; version?: string; robot?: string; limit?: number; before?: string }; body: undefined; answer: InvocationList };
+  /** What a function printed: the newest lines that this gateway has in memory; with `Accept: text/event-stream` what */
+  "GET /functions/{name}/logs": { path: { name: string }; query: { limit?: number; before?: number | null; after?: number | null }; body: undefined; answer: FunctionLogPage };
   /** What a client has to know that has only the gateway's address. */
   "GET /gateway": { path: None; query: None; body: undefined; answer: GatewayState };
   /** The graphs of the robots that one sees, and that told theirs; each with its robot's own names. */
   "GET /graph": { path: None; query: { selector?: string; limit?: number; after?: string; fields?: string }; body: undefined; answer: GraphList };
   /** The values of robots' labels, and how many robots have each. */
   "GET /groups": { path: None; query: { label?: string; limit?: number; after?: string; fields?: string }; body: undefined; answer: GroupList };
+  /** What happened between two times, of robots in one's scope, the oldest first; events of the journal too. */
+  "GET /happenings": { path: None; query: { start?: string; end?: string; type?: string[] | null; source?: string; robot?: string; limit?: number; after?: string }; body: undefined; answer: HappeningList };
+  /** Every hook in one's scope, by name. */
+  "GET /hooks": { path: None; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: HookList };
   /** Every robot's identity and its certificates, of robots in one's scope. */
   "GET /identities": { path: None; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: IdentityList };
   /** One's own keys, or for an admin everybody's, the newest first. A key sees none but as an admin. */
@@ -1445,6 +2296,10 @@ export interface Operations {
   "GET /recordings/{recording_id}": { path: { recording_id: string }; query: None; body: undefined; answer: Recording };
   /** The recording's MCAP file, streamed; one byte range may be asked for, so that a download goes on. */
   "GET /recordings/{recording_id}/file.mcap": { path: { recording_id: string }; query: None; body: undefined; answer: unknown };
+  /** Those under way, then the newest that ended. */
+  "GET /replays": { path: None; query: None; body: undefined; answer: ReplayList };
+  /** How far one is. */
+  "GET /replays/{replay_id}": { path: { replay_id: string }; query: None; body: undefined; answer: Replay };
   /** The robots that ever connected and that one sees, by id. What a link brings is at most a second old. */
   "GET /robots": { path: None; query: { selector?: string; online?: boolean | null; q?: string; limit?: number; after?: string; fields?: string }; body: undefined; answer: RobotList };
   /** One robot. */
@@ -1501,10 +2356,24 @@ export interface Operations {
   "GET /robots/{robot_id}/types/{package}/{kind}/{name}": { path: { robot_id: string; package: string; kind: string; name: string }; query: None; body: undefined; answer: TypeShape };
   /** The robot's byte budget, as its agent said last. */
   "GET /robots/{robot_id}/uplink": { path: { robot_id: string }; query: None; body: undefined; answer: Uplink };
+  /** The robot's series by name: which are learned still, and how odd each is now. */
+  "GET /robots/{robot_id}/watch": { path: { robot_id: string }; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: Watch };
+  /** A series and what was expected of it, by the robot's stamps, as far as the gateway remembers. */
+  "GET /robots/{robot_id}/watch/band": { path: { robot_id: string }; query: { series: string; from?: string; to?: string }; body: undefined; answer: Band };
   /** The newest rollouts that have a robot in one's scope, the newest first. */
   "GET /rollouts": { path: None; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: RolloutList };
   /** One rollout, with those of its robots that are in one's scope. */
   "GET /rollouts/{rollout_id}": { path: { rollout_id: string }; query: None; body: undefined; answer: RolloutDetail };
+  /** Every rule that reaches no robot out of one's scope, by name. */
+  "GET /rules": { path: None; query: { q?: string; limit?: number; after?: string; fields?: string }; body: undefined; answer: RuleList };
+  /** One rule. */
+  "GET /rules/{name}": { path: { name: string }; query: None; body: undefined; answer: Rule };
+  /** Who changed a rule, and how, the newest first. */
+  "GET /rules/{name}/history": { path: { name: string }; query: { limit?: number; before?: number | null }; body: undefined; answer: RuleHistory };
+  /** When rules fire by themselves. */
+  "GET /schedules": { path: None; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: ScheduleList };
+  /** Those that are not over and reach no robot out of one's scope; the one that ends first is the first. */
+  "GET /silences": { path: None; query: { limit?: number; after?: string; fields?: string }; body: undefined; answer: SilenceList };
   /** The account of the store; at most 10 s old. Robots out of scope are in its sums only. */
   "GET /store": { path: None; query: None; body: undefined; answer: StoreAccount };
   /** What the next purge would delete, and why; nothing is deleted by asking. */
@@ -1545,10 +2414,30 @@ export interface Operations {
   "PATCH /robots/{robot_id}/nodes/{node}/parameters": { path: { robot_id: string; node: string }; query: { ros_name?: string; dry_run?: boolean; reason?: string }; body: { parameters: Record<string, unknown>; keep?: boolean }; answer: ParametersChanged };
   /** A JSON merge patch (RFC 7396) of the robot's own document. */
   "PATCH /robots/{robot_id}/twin": { path: { robot_id: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: Record<string, unknown>; answer: TwinChange };
+  /** Change some of a rule's fields (JSON Merge Patch): it is its changer's from then on. */
+  "PATCH /rules/{name}": { path: { name: string }; query: None; body: {  }; answer: Rule };
   /** A merge patch of the own documents of every robot that the selector names: all of them, or none. */
   "PATCH /twins": { path: None; query: { selector: string; dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: Record<string, unknown>; answer: TwinsChange };
   /** Change role, robots or password, or lock a user out. It counts at once, for open sockets within seconds. */
   "PATCH /users/{name}": { path: { name: string }; query: None; body: { role?: "viewer" | "operator" | "admin" | null; robots?: string[] | null; disabled?: boolean | null; password?: string | null }; answer: User };
+  /** Send a notice that says that it is a test, and wait for what becomes of it. */
+  "POST /alert-routes/{name}/test": { path: { name: string }; query: None; body: {  }; answer: AlertRouteTest };
+  /** Somebody sees to it: it is not told again until it gets worse. */
+  "POST /alerts/{alert_id}/acknowledge": { path: { alert_id: string }; query: None; body: { text?: string }; answer: Alert };
+  /** Say who sees to it; "" is nobody. */
+  "POST /alerts/{alert_id}/assign": { path: { alert_id: string }; query: None; body: { assignee: string }; answer: Alert };
+  /** Ask the robot's black box for what it has around the alert's beginning; one clip that is on its way is enough. */
+  "POST /alerts/{alert_id}/clip": { path: { alert_id: string }; query: None; body: {  }; answer: Recording };
+  /** Say something to it. With an `Idempotency-Key` the same request says it once. */
+  "POST /alerts/{alert_id}/comments": { path: { alert_id: string }; query: None; body: { text: string }; answer: AlertDetail };
+  /** What was found is normal: teach it to whatever found it. */
+  "POST /alerts/{alert_id}/normal": { path: { alert_id: string }; query: None; body: { text?: string }; answer: AlertNormal };
+  /** It is over, whatever is found; what is found anew is another alert, or this one again within its cool-down. */
+  "POST /alerts/{alert_id}/resolve": { path: { alert_id: string }; query: None; body: { text?: string }; answer: Alert };
+  /** Tell nobody of the robot's alerts of this cause for a while. With an `Idempotency-Key` it begins once. */
+  "POST /alerts/{alert_id}/silence": { path: { alert_id: string }; query: None; body: { for_s?: number; reason?: string }; answer: Silence };
+  /** Nobody sees to it after all. */
+  "POST /alerts/{alert_id}/unacknowledge": { path: { alert_id: string }; query: None; body: { text?: string }; answer: Alert };
   /** Have the browser drop a session's cookie that is not good any more; a good one stays, which `logout` ends. */
   "POST /auth/forget": { path: None; query: None; body: {  }; answer: Ok };
   /** Sign in by a one-time link; the answer sets the session's cookie. */
@@ -1563,8 +2452,12 @@ export interface Operations {
   "POST /auth/password": { path: None; query: None; body: { old?: string; new: string }; answer: Ok };
   /** A ticket that opens the sockets of viewers (/foxglove, /rosbridge, /api/v1/stream) as `?token=`. */
   "POST /auth/tickets": { path: None; query: None; body: { robots?: string[] | null; role?: "viewer" | "operator" | "admin"; ttl_s?: number }; answer: Ticket };
+  /** Judge a robot's stored rows again, beside what is judged now; nothing is changed. One at a time. */
+  "POST /backtests": { path: None; query: None; body: { robot: string; series?: string[]; from?: string; to?: string; checks?: Record<string, { enabled?: boolean | null; low?: number | null; high?: number | null; for_s?: number | null; clear_s?: number | null; severity?: "info" | "warning" | "error" | null }>; detectors?: string[] }; answer: Backtest };
   /** Have every robot that a selector names do something: one command each, durable or not. */
   "POST /commands": { path: None; query: None; body: { kind: "publish" | "call_service" | "node_verb" | "read_log" | "save_recording" | "set_uplink"; request?: Record<string, unknown>; durable?: boolean; expires_s?: number; timeout_s?: number; sent_ns?: number; selector: string; dry_run?: boolean }; answer: FleetCommands };
+  /** Deliver dead letters again, as if they had just been accepted. */
+  "POST /dead-letters/redrive": { path: None; query: None; body: { ids?: string[]; kind?: string; target?: string; all?: boolean }; answer: Redriven };
   /** A robot's first certificate for its token; 200 for the answer to a request that was answered before. */
   "POST /enrol": { path: None; query: None; body: { token: string; robot: string; csr: string }; answer: Enrolment };
   /** What a renewal has to sign; the same for every robot, known or not. */
@@ -1573,6 +2466,20 @@ export interface Operations {
   "POST /enrol/renew": { path: None; query: None; body: { robot: string; nonce: string; certificate: string; csr: string; proof: string }; answer: Enrolment };
   /** Make a token that enrols one robot once. Its secret is in this answer and nowhere else. */
   "POST /enrolment-tokens": { path: None; query: None; body: { robot?: string; ttl_s?: number }; answer: NewEnrolmentToken };
+  /** Call a function with the body, which is any JSON. That it fails is an answer: see `status`. */
+  "POST /functions/{name}/invoke": { path: { name: string }; query: { qualifier?: string; kind?: "request" | "event" | "dry" }; body: undefined; answer: Invoked };
+  /** Give a function what happened in a span once more, each happening once. */
+  "POST /functions/{name}/replay": { path: { name: string }; query: None; body: { from: string; until?: string; pattern?: Record<string, unknown> | null; types?: string[]; qualifier?: string }; answer: Replay };
+  /** Make a version of what `$LATEST` is; the one that there is, where nothing changed since. */
+  "POST /functions/{name}/versions": { path: { name: string }; query: None; body: { description?: string }; answer: PublishedVersion };
+  /** Something happened: it is stored, judged by the rules and in the queue when this is answered. All or none. */
+  "POST /happenings": { path: None; query: None; body: { entries: ({ id?: string; type: string; source?: string; time?: string; robot?: string; detail?: Record<string, unknown> })[] }; answer: Taken };
+  /** A hook, with its secret, which nobody is shown again. */
+  "POST /hooks": { path: None; query: None; body: { name: string; description?: string; auth?: "signature" | "bearer"; robot?: string }; answer: HookMade };
+  /** A webhook of somebody who has the hook's secret: any JSON, signed as Standard Webhooks has it, or with the secret */
+  "POST /hooks/{hook}": { path: { hook: string }; query: None; body: {  }; answer: Received };
+  /** Another secret, at once; shown this once. */
+  "POST /hooks/{hook}/rotate": { path: { hook: string }; query: None; body: {  }; answer: HookSecret };
   /** Make a key that reaches no further than who asks. Its secret is in this answer and nowhere else. */
   "POST /keys": { path: None; query: None; body: { name: string; role: "viewer" | "operator" | "admin"; robots?: string[]; scopes?: string[]; expires_s?: number | null }; answer: NewApiKey };
   /** A verb for a node of every robot that the selector names. What robots make of it is told one by one. */
@@ -1609,6 +2516,20 @@ export interface Operations {
   "POST /rollouts/{rollout_id}/pause": { path: { rollout_id: string }; query: None; body: { reason?: string }; answer: Rollout };
   /** Go on in spite of the failures so far; or with another version, from the first wave and for every robot. */
   "POST /rollouts/{rollout_id}/resume": { path: { rollout_id: string }; query: None; body: { version?: string }; answer: Rollout };
+  /** Whether a document can be a rule, and else what is wrong with it; nothing is stored. */
+  "POST /rules/check": { path: None; query: None; body: {  }; answer: RuleChecked };
+  /** What a rule would have done in a time that is stored. It knows of robots in one's own scope, and does nothing. */
+  "POST /rules/dry-run": { path: None; query: None; body: { name?: string; rule?: Record<string, unknown> | null; from?: string; until?: string; limit?: number }; answer: DryRunResult };
+  /** Turn a rule off: it forgets what it waits for. */
+  "POST /rules/{name}/disable": { path: { name: string }; query: None; body: {  }; answer: Rule };
+  /** Turn a rule on; it stays its maker's. */
+  "POST /rules/{name}/enable": { path: { name: string }; query: None; body: {  }; answer: Rule };
+  /** A new secret that signs what a webhook's target sends, in place of the one before; shown this once. */
+  "POST /rules/{name}/targets/{target}/secret": { path: { name: string; target: string }; query: None; body: {  }; answer: HookSecret };
+  /** The next times of a schedule that somebody thinks of. */
+  "POST /schedules/preview": { path: None; query: None; body: { expression: string; timezone?: string; count?: number }; answer: ScheduleTimes };
+  /** Tell nobody of what matches. One of the whole fleet needs `alerts.manage`, others a scope that covers them. */
+  "POST /silences": { path: None; query: None; body: { robots: string[]; causes?: string[]; up_to?: "info" | "warning" | "error"; for_s?: number; reason?: string }; answer: Silence };
   /** The template as it was at an earlier revision, also of one that is gone; with what becomes of each robot. */
   "POST /templates/{name}/revert": { path: { name: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: { revision: number }; answer: TemplateChange };
   /** Take a bundle in; robots can have it once it is named by signed targets. */
@@ -1621,12 +2542,24 @@ export interface Operations {
   "POST /updates/withdrawals": { path: None; query: None; body: { path: string; reason?: string }; answer: Bundle };
   /** Make a user; without a password they sign in by a link. With an Idempotency-Key the same request makes one. */
   "POST /users": { path: None; query: None; body: { name: string; role: "viewer" | "operator" | "admin"; robots?: string[]; password?: string }; answer: User };
+  /** Have a check be another for every robot, from now on; what is left out stays, and a null bound is none. */
+  "PUT /alert-checks/{check_id}": { path: { check_id: string }; query: None; body: { enabled?: boolean | null; low?: number | null; high?: number | null; for_s?: number | null; clear_s?: number | null; severity?: "info" | "warning" | "error" | null }; answer: AlertCheck };
+  /** Make a function, or change what the body names of it. */
+  "PUT /functions/{name}": { path: { name: string }; query: None; body: { zip?: string | null; handler?: string | null; runtime?: string | null; timeout_s?: number | null; memory_mb?: number | null; disk_mb?: number | null; environment?: Record<string, string> | null; description?: string | null; layers?: string[] | null; reserved?: number | null; warm?: number | null; event_invoke?: { most_retries?: number | null; most_age_s?: number | null; on_success?: string | null; on_failure?: string | null; dead_letter?: string | null } | null; publish?: boolean; alias?: string }; answer: FunctionDetail };
+  /** Let a name lead to a version, and maybe to another one now and then. */
+  "PUT /functions/{name}/aliases/{alias}": { path: { name: string; alias: string }; query: None; body: { version: string; description?: string | null; weights?: Record<string, number> }; answer: Alias };
+  /** Let an alias lead to a new version now and then; it is rolled back by itself where too many calls fail. */
+  "PUT /functions/{name}/aliases/{alias}/canary": { path: { name: string; alias: string }; query: None; body: { version: string; weight?: number; error_rate?: number; least_invocations?: number; for_s?: number; step?: number }; answer: Canary };
+  /** Take in a zip file as the function's code. */
+  "PUT /functions/{name}/code": { path: { name: string }; query: { handler?: string; runtime?: string; publish?: boolean; alias?: string }; body: undefined; answer: FunctionDetail };
   /** Give the robot this node, or this row of it, whatever templates say. */
   "PUT /robots/{robot_id}/nodes/{node}": { path: { robot_id: string; node: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: Record<string, unknown>; answer: TwinChange };
   /** Another own document; null in it takes away what templates say. */
   "PUT /robots/{robot_id}/twin": { path: { robot_id: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: Record<string, unknown>; answer: TwinChange };
   /** Give the robot another byte budget. Answers when its agent has taken it and keeps it. */
   "PUT /robots/{robot_id}/uplink": { path: { robot_id: string }; query: None; body: { bytes_per_s: number | null }; answer: Uplink };
+  /** Add a rule, or put another in its place: it is its maker's from then on. If-Match "0" adds only. */
+  "PUT /rules/{name}": { path: { name: string }; query: None; body: { name: string; description?: string; enabled?: boolean; pattern?: Record<string, unknown> | null; until?: Record<string, unknown> | null; topic?: Record<string, unknown> | null; metric?: Record<string, unknown> | null; schedule?: Record<string, unknown> | null; when?: Record<string, unknown> | null; event_format?: string; targets?: (Record<string, unknown>)[] }; answer: Rule };
   /** Add a template, or put another in its place; with what becomes of every robot that it changes. */
   "PUT /templates/{name}": { path: { name: string }; query: { dry_run?: boolean; reason?: string; confirm_within_s?: number | null }; body: { selector: string; document: Record<string, unknown>; priority?: number }; answer: TemplateChange };
 }

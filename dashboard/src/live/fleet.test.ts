@@ -5,7 +5,7 @@ import { concerns, cpuSpark, followFleet, health, latest, robots, setValue, SPAR
 import { Stream } from "./stream";
 
 const robot = (id: string, state: "online" | "offline" = "online") =>
-  ({ id, state, link: { rtt_ms: 1, outbox_bytes: 0, bytes_per_s: 0, classes: [], forks: 0 }, latest: {} }) as unknown as Robot;
+  ({ id, state, link: { rtt_ms: 1, outbox_bytes: 0, bytes_per_s: 0, classes: [], forks: 0 }, latest: {}, alerts: { open: 0, error: 0, warning: 0 } }) as unknown as Robot;
 
 beforeEach(() => {
   robots.value = null;

@@ -1,6 +1,6 @@
 /** What the page knows of the fleet: robots, their newest values, and a short memory of CPU load for spark lines. */
 
-import { signal, type Signal } from "@preact/signals";
+import { computed, signal, type Signal } from "@preact/signals";
 import type { Robot } from "../api/types";
 import { isStale } from "./age";
 import { noteLink } from "./link_history";
@@ -18,6 +18,12 @@ export interface Sample {
 }
 
 export const robots = signal<Robot[] | null>(null);
+/** Of all robots in view: how many alerts are open, and whether one of them is an error. */
+export const alertsOpen = computed(() => {
+  const counts = (robots.value ?? []).map(({ alerts }) => alerts);
+  return { open: sum(counts.map(({ open }) => open)), error: counts.some(({ error }) => error > 0) };
+});
+const sum = (numbers: number[]) => numbers.reduce((total, one) => total + one, 0);
 const values = new Map<string, Signal<Sample | null>>();
 const sparks = new Map<string, Signal<number[]>>();
 
@@ -75,6 +81,7 @@ export function concerns(robot: Robot, atMs: number): string[] {
     return sample && !isStale(sample.stamp_ms, atMs) ? sample.value : null;
   };
   const battery = value("battery_state.percentage");
+  if (robot.alerts.error > 0) found.push("error alert");
   if (battery !== null && battery < 0.2) found.push("battery low");
   const rtt = robot.link.rtt_ms;
   if (rtt !== null && rtt > 500) found.push("slow link");

@@ -7,6 +7,7 @@ import { fixed, short } from "../ui/format";
 import type { Span } from "../api/history_types";
 import { hatched } from "../ui/hatch";
 import { palette, type Palette } from "../ui/theme";
+import { everywhere, type Overlay } from "./overlay";
 import type { Timeline } from "./timeline";
 
 const UNSEEN_MS = 1000;
@@ -24,7 +25,7 @@ export interface PlotProps {
   labels: string[];
   unit: string;
   digits: number;
-  bounds?: [number, number];
+  bounds?: uPlot.Scale.Range;
   windowS: number;
   /** Changes whenever the timelines did. */
   version: Signal<number>;
@@ -33,6 +34,8 @@ export interface PlotProps {
   frame?: Signal<Frame | null>;
   /** Where data of the live window is known to be lost. */
   holes?: Signal<Span[]>;
+  /** What is drawn beside the lines, in the place of what every plot of the robot has. */
+  overlay?: Signal<Overlay | null>;
 }
 
 const clock = new Intl.DateTimeFormat("en-GB", { hour: "2-digit", minute: "2-digit", second: "2-digit" });
@@ -41,6 +44,7 @@ const hourMinute = new Intl.DateTimeFormat("en-GB", { hour: "2-digit", minute: "
 function options(props: PlotProps, colours: Palette, width: number, hovered: (index: number | null) => void): uPlot.Options {
   const axis = { stroke: colours.muted, grid: { stroke: colours.grid, width: 1 }, ticks: { show: false }, font: "11px system-ui" };
   const strokes = [colours.accent, colours["accent-2"]];
+  const overlay = props.overlay ?? everywhere;
   return {
     width,
     height: props.height ?? 132,
@@ -62,13 +66,23 @@ function options(props: PlotProps, colours: Palette, width: number, hovered: (in
         stroke: strokes[i % 2]!,
         width: 1.75,
         points: { show: false },
-        ...(props.labels.length === 1 && { fill: fade(colours.accent) }),
+        ...(props.labels.length === 1 && !props.overlay && { fill: fade(colours.accent) }),
       })),
     ],
     hooks: {
       setCursor: [(plot) => hovered(plot.cursor.idx ?? null)],
-      drawClear: [(plot) => drawHoles(plot, props.frame?.peek()?.holes ?? props.holes?.peek() ?? [], colours)],
-      draw: [(plot) => props.frame?.peek() && drawCursor(plot, props.frame.peek()!, colours)],
+      drawClear: [
+        (plot) => {
+          drawHoles(plot, props.frame?.peek()?.holes ?? props.holes?.peek() ?? [], colours);
+          overlay.peek()?.under(plot, colours);
+        },
+      ],
+      draw: [
+        (plot) => {
+          if (props.frame?.peek()) drawCursor(plot, props.frame.peek()!, colours);
+          overlay.peek()?.over(plot, colours);
+        },
+      ],
     },
   };
 }
@@ -197,6 +211,7 @@ export function Plot(props: PlotProps) {
   useSignalEffect(() => {
     void props.version.value;
     void props.frame?.value;
+    void (props.overlay ?? everywhere).value;
     update();
   });
   return (

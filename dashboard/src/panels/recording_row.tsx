@@ -31,13 +31,7 @@ export function RecordingRow({ recording, onDelete }: { recording: Recording; on
   const view = `${robotHref(robot)}?t=${rfc3339(Math.round((startMs + endMs) / 2000) * 1000)}&span=15m`;
   return (
     <tr data-recording={id} data-state={state}>
-      <td class="cell-state">
-        <span class={`recording-state recording-${state}`}>
-          <svg viewBox="0 0 12 12" aria-hidden="true"><path d={SHAPES[state]} fill-rule="evenodd" /></svg>
-          {WORDS[state]}
-        </span>
-        <Progress recording={recording} />
-      </td>
+      <td class="cell-state"><RecordingStand recording={recording} /></td>
       <td class="cell-name"><Link href={robotHref(robot)} class="name-link">{robot}</Link></td>
       <td class="num" data-label="From" title={`${start} – ${end}`}>{clockTime(startMs)} <small>{dayText(startMs)}</small></td>
       <td class="end num" data-label="Length">{duration((endMs - startMs) / 1000)}</td>
@@ -49,6 +43,20 @@ export function RecordingRow({ recording, onDelete }: { recording: Recording; on
         {can("recordings.delete") && <DeleteButton onDelete={onDelete} />}
       </td>
     </tr>
+  );
+}
+
+/** How far a recording is, as shape, colour and word, and what is known beside that. */
+export function RecordingStand({ recording }: { recording: Recording }) {
+  const { state } = recording;
+  return (
+    <>
+      <span class={`recording-state recording-${state}`}>
+        <svg viewBox="0 0 12 12" aria-hidden="true"><path d={SHAPES[state]} fill-rule="evenodd" /></svg>
+        {WORDS[state]}
+      </span>
+      <Progress recording={recording} />
+    </>
   );
 }
 

@@ -10,6 +10,7 @@ import { useCanvas } from "../ui/canvas";
 import { clockTime, dayText, integer } from "../ui/format";
 import { reasonWords } from "../ui/reasons";
 import { palette } from "../ui/theme";
+import { marks } from "./overlay";
 import { drawStrip } from "./strip_draw";
 
 export interface StripProps {
@@ -84,6 +85,7 @@ export function StripView({ window: shown, density, recordings, cursorMs, firstM
       <canvas ref={ref} aria-hidden="true" />
       {at !== null && <i class="hover-line" style={{ left: `${xOf(shown, 100, at)}%` }} />}
       <i class={cursorMs === null ? "cursor cursor-live" : "cursor"} style={{ left: `${cursorMs === null ? 100 : xOf(shown, 100, cursorMs)}%` }} />
+      {marks.value && <marks.value.View alerts={marks.value.alerts} window={shown} hoverMs={at} />}
       {at !== null && <Bubble at={at} window={shown} density={density} recordings={recordings} />}
     </div>
   );

@@ -29,12 +29,14 @@ export function StateBadge({ state, note }: { state: Health; note?: string }) {
   );
 }
 
-export function Link(props: { href: string; class?: string; current?: boolean; children: ComponentChildren }) {
+/** `label` says it to who does not see the content. */
+export function Link(props: { href: string; class?: string; current?: boolean; label?: string; children?: ComponentChildren }) {
   return (
     <a
       href={props.href}
       class={props.class}
       aria-current={props.current ? "page" : undefined}
+      aria-label={props.label}
       onClick={(event) => {
         if (event.ctrlKey || event.metaKey || event.shiftKey || event.button !== 0) return;
         event.preventDefault();

@@ -5,6 +5,7 @@ import type { ComponentType } from "preact";
 import { useEffect } from "preact/hooks";
 import { can, refresh, session, shutOut } from "../api/session";
 import { moment } from "../history/moment";
+import { alertsOpen } from "../live/fleet";
 import type { StreamState } from "../live/stream";
 import { useLive } from "../ui/context";
 import { Link } from "../ui/parts";
@@ -16,6 +17,9 @@ const FleetPage = lazy(async () => (await import("./fleet")).FleetPage);
 const RobotPage = lazy(async () => (await import("./robot")).RobotPage);
 const GraphsPage = lazy(async () => (await import("./graph")).GraphsPage);
 const RecordingsPage = lazy(async () => (await import("./recordings")).RecordingsPage);
+const AlertsPage = lazy(async () => (await import("./alerts")).AlertsPage);
+const FunctionsPage = lazy(async () => (await import("./functions")).FunctionsPage);
+const RulesPage = lazy(async () => (await import("./rules")).RulesPage);
 const RolloutsPage = lazy(async () => (await import("./rollouts")).RolloutsPage);
 const AdminPage = lazy(async () => (await import("./admin")).AdminPage);
 const HelpDialog = lazy(async () => (await import("./help")).HelpDialog, null);
@@ -24,8 +28,11 @@ const SignInPage = lazy(async () => (await import("./sign_in")).SignInPage);
 /** The pages that are not a robot's: their paths, and what the window is called meanwhile. */
 const PAGES: Record<string, [string, ComponentType]> = {
   "/": ["Fleet", FleetPage],
+  "/alerts": ["Alerts", AlertsPage],
   "/graph": ["Graph", GraphsPage],
   "/recordings": ["Recordings", RecordingsPage],
+  "/functions": ["Functions", FunctionsPage],
+  "/rules": ["Rules", RulesPage],
   "/rollouts": ["Rollouts", RolloutsPage],
   "/admin": ["Admin", AdminPage],
   "/signin": ["Sign in", SignInPage],
@@ -40,10 +47,11 @@ export function App() {
   const path = place.value.path;
   const out = shutOut.value;
   const robot = out ? null : robotOf(path);
-  const [title, Page] = PAGES[out ? "/signin" : path.replace(/^\/(admin|rollouts)\/.*/, "/$1")] ?? ["No such page", NotFound];
+  const [title, Page] = PAGES[out ? "/signin" : path.replace(/^\/(admin|alerts|functions|rules|rollouts)\/.*/, "/$1")] ?? ["No such page", NotFound];
   useEffect(() => {
     document.title = `${robot ?? title} · Meta-ROS`;
   }, [robot, title]);
+  useEffect(() => document.querySelector(".bar nav [aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" }), [title, session.value?.id]); // a phone's bar holds a few
   useEffect(() => {
     if (state === "open" && session.peek() === null) void refresh(); // it did not answer when the page began
   }, [state]);
@@ -71,8 +79,11 @@ export function App() {
         {!out && (
           <nav aria-label="Main">
             <Link href="/" current={path === "/"}>Fleet</Link>
+            {can("alerts.read") && <AlertsLink current={/^\/alerts(\/|$)/.test(path)} />}
             <Link href="/graph" current={path === "/graph"}>Graph</Link>
             <Link href="/recordings" current={path === "/recordings"}>Recordings</Link>
+            {can("functions.read") && <Link href="/functions" current={/^\/functions(\/|$)/.test(path)}>Functions</Link>}
+            {can("rules.read") && <Link href="/rules" current={/^\/rules(\/|$)/.test(path)}>Rules</Link>}
             {can("updates.read") && <Link href="/rollouts" current={/^\/rollouts(\/|$)/.test(path)}>Rollouts</Link>}
             {can("users.manage") && <Link href="/admin" current={/^\/admin(\/|$)/.test(path)}>Admin</Link>}
           </nav>
@@ -86,6 +97,16 @@ export function App() {
       </main>
       {help.value && <HelpDialog onClose={() => (help.value = false)} />}
     </>
+  );
+}
+
+/** With how many there are, which take no room of their own: the links beside it stay where they are. */
+function AlertsLink({ current }: { current: boolean }) {
+  const { open, error } = alertsOpen.value;
+  return (
+    <Link href="/alerts" class="nav-alerts" current={current}>
+      Alerts{open > 0 && <b class={error ? "nav-count nav-error" : "nav-count"} data-open={open}>{open > 99 ? "99+" : open}<span class="visually-hidden"> open</span></b>}
+    </Link>
   );
 }
 

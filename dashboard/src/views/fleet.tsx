@@ -35,6 +35,7 @@ export function FleetPage() {
           <tr>
             <th scope="col">State</th>
             <th scope="col">Robot</th>
+            <th scope="col">Alerts</th>
             <th scope="col" class="end">Battery</th>
             <th scope="col" class="end">Speed</th>
             <th scope="col" class="end">CPU</th>
@@ -90,6 +91,7 @@ function Row({ robot, at }: { robot: Robot; at: number }) {
         <Link href={robotHref(robot.id)} class="robot-link">{robot.id}</Link>
         <span class="sub">{worries.length > 0 ? worries.join(", ") : describe(robot)}</span>
       </td>
+      <td class="cell-alerts" data-label="Alerts"><AlertBadge robot={robot} /></td>
       <td class="end cell-value" data-label="Battery"><Battery robot={robot.id} at={at} offline={offline} /></td>
       <td class="end cell-value" data-label="Speed"><Value robot={robot.id} series="odom.twist.twist.linear.x" at={at} offline={offline} text={(v) => fixed(v, 2, "m/s")} /></td>
       <td class="end cell-value" data-label="CPU"><Cpu robot={robot.id} at={at} offline={offline} /></td>
@@ -100,6 +102,20 @@ function Row({ robot, at }: { robot: Robot; at: number }) {
     </tr>
   );
 }
+
+/** How many alerts of it are open, as bad as the worst of them. */
+function AlertBadge({ robot: { id, alerts } }: { robot: Robot }) {
+  if (alerts.open === 0) return <span class="none">{NONE}</span>;
+  const worst = alerts.error > 0 ? "error" : alerts.warning > 0 ? "warning" : "info";
+  return (
+    <Link href={`/alerts?robot=${encodeURIComponent(id)}`} class={`alert-badge alert-badge-${worst}`}>
+      <svg viewBox="0 0 12 12" aria-hidden="true"><path d={WORST[worst]} /></svg>
+      {alerts.open}<span class="visually-hidden"> open, the worst: {worst}</span>
+    </Link>
+  );
+}
+
+const WORST = { error: "M3.800.5h4.400l3.300 3.300v4.400l-3.300 3.300H3.800L.5 8.200V3.800Z", warning: "M6 .8 11.600 11H.4Z", info: "M6 1a5 5 0 1 1 0 10A5 5 0 0 1 6 1Z" };
 
 const describe = (robot: Robot) => [robot.hostname, `${robot.channels} topics`].filter(Boolean).join(" · ");
 

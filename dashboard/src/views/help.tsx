@@ -10,6 +10,8 @@ const KEYS: [string, string][] = [
   ["l", "back to live"],
   ["← → Shift", "on the time bar: a second, ten seconds"],
   ["Space, Page ↑↓", "on the time bar: play, a tenth of its span"],
+  ["j k Enter a", "in the list of alerts: next, previous, open, acknowledge"],
+  ["Ctrl Enter", "in a test of a function: call it"],
   ["+ − f", "zoom and follow, when the map has focus"],
 ];
 

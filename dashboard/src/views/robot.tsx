@@ -27,6 +27,8 @@ const ConfigTab = lazy(async () => (await import("../fleet_ops/config")).ConfigT
 const CommandsTab = lazy(async () => (await import("./commands")).CommandsTab);
 const PastTab = lazy(async () => (await import("./past")).PastTab);
 
+const RobotAlerts = lazy(async () => (await import("../alerts/on_robot")).RobotAlerts, <div class="alert-strip" />);
+
 const REFRESH_MS = 2000;
 
 /** The tabs that are about the robot alone: their words in the address, their names, what they need. */
@@ -43,6 +45,7 @@ export function RobotPage({ id }: { id: string }) {
   const topics = useSignal<Topic[] | null>(null);
   const series = useSignal<SeriesInfo[]>([]);
   const problem = useSignal("");
+  const hadAlerts = useSignal(false);
   const robot = robots.value?.find((candidate) => candidate.id === id);
 
   useEffect(() => {
@@ -70,6 +73,12 @@ export function RobotPage({ id }: { id: string }) {
     };
   }, [id]);
 
+  const open = robot?.alerts.open ?? 0;
+  const reads = can("alerts.read");
+  useEffect(() => {
+    if (reads && !hadAlerts.peek()) void api.hadAlerts(id).then((had) => (hadAlerts.value = had), () => {}); // marks of the past are no reason to complain
+  }, [id, open, reads]);
+
   useEffect(() => {
     document.querySelector(".tabs [aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" }); // a phone does not show all of them
   }, [place.value.params.get("tab"), robot === undefined, topics.value === null]);
@@ -81,6 +90,7 @@ export function RobotPage({ id }: { id: string }) {
   return (
     <>
       <Header robot={robot} />
+      {(open > 0 || hadAlerts.value) && reads && <RobotAlerts key={id} robot={id} counts={robot.alerts} />}
       <nav class="tabs" aria-label="Robot">
         <button type="button" aria-current={tab === "live" ? "page" : undefined} onClick={() => setParam("tab", "live", "live")}>{moment.value === null ? "Live" : "Past"}</button>
         <button type="button" aria-current={tab === "topics" ? "page" : undefined} onClick={() => setParam("tab", "topics", "live")}>

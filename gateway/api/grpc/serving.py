@@ -19,6 +19,7 @@ from google.protobuf.message_factory import GetMessageClass
 from grpc_health.v1 import health_pb2
 from grpc_reflection.v1alpha import reflection_pb2
 
+from gateway.api.grpc.alerts import AlertService
 from gateway.api.grpc.authenticate import Context, Gate
 from gateway.api.grpc.errors import StalledError
 from gateway.api.grpc.events import EventService
@@ -27,7 +28,7 @@ from gateway.api.grpc.health import HealthService
 from gateway.api.grpc.reflection import ReflectionService
 from gateway.api.grpc.telemetry import TelemetryService
 from gateway.errors import InvalidRequestError, RequestTimeoutError
-from metaros._proto import events_pb2, fleet_pb2, telemetry_pb2
+from metaros._proto import alerts_pb2, events_pb2, fleet_pb2, telemetry_pb2
 from metaros.limits import LIMITS
 
 __all__ = ["add_programs", "served"]
@@ -44,6 +45,7 @@ def served() -> dict[str, tuple[ServiceDescriptor, object]]:
         fleet_pb2.DESCRIPTOR.services_by_name["FleetService"]: FleetService(),
         telemetry_pb2.DESCRIPTOR.services_by_name["TelemetryService"]: TelemetryService(),
         events_pb2.DESCRIPTOR.services_by_name["EventService"]: EventService(),
+        alerts_pb2.DESCRIPTOR.services_by_name["AlertService"]: AlertService(),
     }
     health = health_pb2.DESCRIPTOR.services_by_name["Health"]
     reflection = reflection_pb2.DESCRIPTOR.services_by_name["ServerReflection"]

@@ -20,10 +20,22 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
 
 def body_document(model: type[BaseModel], *, cdr: bool = False) -> dict[str, Any]:
     """The OpenAPI text of a body that the handler reads by itself."""
-    content: dict[str, Any] = {"application/json": {"schema": model.model_json_schema()}}
+    whole = model.model_json_schema()
+    content: dict[str, Any] = {"application/json": {"schema": _inlined(whole, whole.pop("$defs", {}))}}
     if cdr:
         content["application/cdr"] = {"schema": {"type": "string", "format": "binary"}}
     return {"requestBody": {"required": True, "content": content}}
+
+
+def _inlined(part: Any, parts: dict[str, Any]) -> Any:
+    """A schema with what its references mean in their place: they would be looked for in the whole document."""
+    if isinstance(part, list):
+        return [_inlined(item, parts) for item in part]
+    if not isinstance(part, dict):
+        return part
+    if "$ref" in part:
+        return _inlined(parts[part["$ref"].rpartition("/")[2]], parts)
+    return {name: _inlined(item, parts) for name, item in part.items()}
 
 
 def query_document(model: type[BaseModel]) -> dict[str, Any]:

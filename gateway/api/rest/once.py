@@ -49,7 +49,12 @@ class OnceGoal:
 
     async def find(self) -> Goal | None:
         """The goal that the same request began. IdempotencyConflictError, UnknownGoalError when it is gone."""
-        begun = await self._services.store.read(lambda engine: made_before(engine, self._once)) if self._once else ""
+
+        def job(engine: StoreEngine) -> str:
+            with engine.transaction(write=False):
+                return made_before(engine, self._once)
+
+        begun = await self._services.store.read(job) if self._once else ""
         return self.settled(self._services.goals.find(self._robot, begun)) if begun else None
 
     async def claim(self, goal_id: str) -> str:

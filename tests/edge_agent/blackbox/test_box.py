@@ -50,7 +50,7 @@ def make_box(tmp_path: Path) -> Iterator[MakeBox]:
 
 def held(box: BlackBox) -> list[tuple[str, int, bytes]]:
     """Everything that came until now."""
-    found = box.hold().result(30)
+    found = box.hold().result(60)
     try:
         return [
             (record.channel.topic, record.sequence, record.payload)
@@ -79,14 +79,14 @@ def test_what_finds_the_queue_full_is_counted_and_noted(make_box: MakeBox, tmp_p
     channel, gate = channel_of("/odom"), threading.Event()
 
     def slow_ring() -> Ring:
-        gate.wait(30)
+        gate.wait(60)
         return Ring(tmp_path, SystemClock(), window_s=60.0, limit_bytes=8 << 20, free=lambda: (TIB, TIB))
 
     box = make_box(slow_ring, queue_bytes=10 * (OVERHEAD_BYTES + 100))
     for number in range(1, 16):
         box.take([arrival(channel, number, bytes(100))])
     gate.set()
-    found = box.hold().result(30)
+    found = box.hold().result(60)
     assert box.describe().lost == 5
     (publisher,) = found.publishers.values()
     assert publisher.reasons(11, 15) == {"dropped": [[11, 15]]}
@@ -101,14 +101,14 @@ def test_a_ring_that_cannot_be_opened_ends_nothing_else(make_box: MakeBox) -> No
     box, channel = make_box(broken), channel_of("/odom")
     waiting = box.hold()
     with pytest.raises(BlackBoxOffError, match="not yours"):
-        waiting.result(30)
+        waiting.result(60)
     for first in range(0, 160, 32):  # more than the queue would take if nobody took from it
         box.take([arrival(channel, first + number, bytes(16 * 1024)) for number in range(32)])
         wait_until(lambda: box._waiting_bytes == 0)
     assert "not yours" in box.trouble
     box.close()
     with pytest.raises(BlackBoxOffError, match="closed"):
-        box.hold().result(30)
+        box.hold().result(60)
 
 
 def test_it_says_what_it_holds(make_box: MakeBox) -> None:

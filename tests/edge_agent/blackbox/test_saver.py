@@ -53,7 +53,7 @@ class Desk:
         )
 
     def free(self) -> tuple[int, int]:
-        self.gate.wait(30)
+        self.gate.wait(60)
         return self.free_bytes, TIB
 
     def note_change(self) -> None:

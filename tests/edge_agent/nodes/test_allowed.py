@@ -49,6 +49,8 @@ def test_it_comes_from_the_agents_file(tmp_path: Path) -> None:
         ('[nodes]\nsafe_stop_service = "a b"', "safe_stop_service"),
         ('[nodes]\nsafe_stop_publish = {cmd_vel = "Twist"}', "safe_stop_publish"),
         ('[nodes]\nsafe_stop_publish = {"cmd vel" = "a/msg/B"}', "safe_stop_publish"),
+        ('[nodes]\nfunction_actuators = "**/cmd_vel"', "function_actuators: expected patterns"),
+        ('[nodes]\nfunction_actuators = ["a b"]', "function_actuators"),
         ("allowed = 3", "allowed"),
         ('[[allowed]]\nname = "a"', "exactly one"),
         ('[[allowed]]\nname = "a"\ncommand = ["x"]\nmodule = "y"', "exactly one"),

@@ -28,7 +28,7 @@ class SlowDisk(SimDisk):
 
     def append(self, name: str, offset: int, data: bytes) -> None:
         self.inside += 1
-        assert self.go.wait(20)
+        assert self.go.wait(60)
         super().append(name, offset, data)
 
 
@@ -105,7 +105,7 @@ async def test_a_bug_in_a_job_ends_it_instead_of_hiding() -> None:
 
     outbox.restore_reserve = broken  # type: ignore[method-assign]
     with pytest.raises(RuntimeError, match="a bug"):
-        await asyncio.wait_for(writer.run(), 20)
+        await asyncio.wait_for(writer.run(), 60)
 
 
 def test_events_that_could_not_be_written_wait_before_the_next_try_however_many_they_are() -> None:

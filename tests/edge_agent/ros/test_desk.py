@@ -157,6 +157,20 @@ async def test_a_goal_is_followed_from_feedback_to_its_result(robot: Robot) -> N
         assert await goals.cancel(ROBOT, goal.id) is False
 
 
+async def test_feedback_is_told_before_the_result_that_comes_right_behind_it(robot: Robot) -> None:
+    counter = Counter(robot.node)
+    async with ros_pair(robot.context) as pair:
+        await has_action(pair)
+        for _ in range(20):
+            counter.go.release(3)
+            goal = await pair.gateway.ros.goals.send(ROBOT, "count", goal={"order": 3})
+            await all_of(goal)
+            told = [event for frame in pair.frames for event in frame.goals.events if event.goal_id.hex() == goal.id]
+            assert [event.ended for event in told[-2:]] == [False, True]
+            assert goal.newest_feedback is not None
+            assert goal.newest_feedback.value == {"sequence": [0, 1, 2]}
+
+
 async def test_a_goal_is_cancelled_rejected_or_unknown(robot: Robot) -> None:
     Counter(robot.node)
     async with ros_pair(robot.context) as pair:

@@ -245,7 +245,7 @@ async def test_a_managed_node_is_led_to_its_state_and_back(twin: Twin, robot: Ro
                 await wait_until_async(lambda: lidar.state.label == "unconfigured")
         finally:
             executor.shutdown()
-            thread.join(30)
+            thread.join(60)
 
 
 async def test_a_gateway_that_does_not_know_twins_hears_nothing_of_them(agent: Rig) -> None:

@@ -33,7 +33,7 @@ async def test_somebody_is_there(listener: socket.socket) -> None:
 
 async def test_a_refusal_says_so_at_once() -> None:
     with pytest.raises(LinkError, match="cannot reach"):
-        await asyncio.wait_for(reach(parse_address(f"127.0.0.1:{free_port()}"), within_s=30), 10)
+        await asyncio.wait_for(reach(parse_address(f"127.0.0.1:{free_port()}"), within_s=600), 60)
 
 
 async def test_an_unknown_host_says_so() -> None:
@@ -51,12 +51,12 @@ async def test_silence_has_an_end_and_a_later_answer_counts(listener: socket.soc
             waiting.append(client)
         with pytest.raises(LinkError, match="does not answer"):
             await reach(address_of(listener), within_s=0.3, every_s=0.1)
-        reaching = asyncio.create_task(reach(address_of(listener), within_s=30, every_s=0.1))
+        reaching = asyncio.create_task(reach(address_of(listener), within_s=600, every_s=0.1))
         await asyncio.sleep(0.2)
         assert not reaching.done()
         for _ in range(2):
             stack.enter_context(listener.accept()[0])
-        await asyncio.wait_for(reaching, 20)
+        await asyncio.wait_for(reaching, 60)
 
 
 async def test_a_forward_proxy_of_the_system_is_not_passed_by(monkeypatch: pytest.MonkeyPatch) -> None:

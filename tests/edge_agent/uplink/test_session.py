@@ -287,14 +287,40 @@ def test_heartbeats_measure_and_answer_a_peer_without_a_round_trip() -> None:
     assert rig.gateway.heartbeats[-1][1].echo_ns == fresh.sent_ns
 
 
-def test_statistics_every_second() -> None:
+def test_statistics_every_second_while_there_is_news() -> None:
     rig = Rig()
     rig.connect()
     for _ in range(50):
+        rig.queues.live.dropped += 1
         rig.send()
         rig.clock.advance(0.1)
     assert len(rig.gateway.statistics) == 5
     assert len(rig.gateway.statistics[-1].topics) == len(TOPICS)
+
+
+def test_statistics_without_news_are_rare() -> None:
+    rig = Rig()
+    rig.connect()
+    for _ in range(80):
+        rig.send()
+        rig.clock.advance(0.25)
+    assert len(rig.gateway.statistics) == 2
+    rig.queues.live.dropped += 1
+    rig.clock.advance(1.0)
+    rig.send()
+    assert len(rig.gateway.statistics) == 3
+    assert next(depth for depth in rig.gateway.statistics[-1].link.classes if depth.name == "live").lost == 1
+
+
+def test_lanes_beside_control_beat_more_rarely() -> None:
+    rig = Rig()
+    rig.connect()
+    for _ in range(400):
+        rig.send()
+        rig.clock.advance(0.1)
+    lanes = [lane for lane, _ in rig.gateway.heartbeats]
+    assert lanes.count(CONTROL) == 8
+    assert lanes.count(DATA) == lanes.count(BACKFILL) == 2
 
 
 def test_silence_kills_the_session() -> None:
@@ -335,6 +361,19 @@ def test_another_store_is_refused() -> None:
     rig.new_session()
     with pytest.raises(RefusedError, match="other_store"):
         rig.connect()
+
+
+def test_lanes_that_reach_different_gateways_are_no_session() -> None:
+    rig = Rig()
+    rig.session.receive(CONTROL, link_pb2.GatewayFrame(welcome=rig.gateway.welcome))
+    other = link_pb2.Welcome()
+    other.CopyFrom(rig.gateway.welcome)
+    other.gateway_id = "another"
+    with pytest.raises(RefusedError, match="split: its lanes reached the gateways"):
+        rig.session.receive(DATA, link_pb2.GatewayFrame(welcome=other))
+    rig.new_session()
+    rig.connect()
+    assert rig.session.established
 
 
 def test_a_frame_of_a_newer_gateway_is_passed_over() -> None:

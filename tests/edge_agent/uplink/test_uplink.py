@@ -118,6 +118,16 @@ async def test_a_gateway_that_never_answers_has_its_time(monkeypatch: pytest.Mon
             assert [str(error) for error in owner.errors] == ["no answer within 0.2 s"] * 2
 
 
+async def test_who_is_not_answered_waits_longer_the_next_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("edge_agent.uplink.uplink.OPEN_S", 0.05)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        target = f"grpc://127.0.0.1:{silent.getsockname()[1]}"
+        async with running(target) as (owner, _uplink):
+            await wait(lambda: len(owner.errors) >= 4)
+    waited = [str(error).removeprefix("no answer within ") for error in owner.errors]
+    assert waited[:4] == ["0.05 s", "0.1 s", "0.2 s", "0.2 s"]
+
+
 async def test_the_wait_before_the_next_attempt_grows_until_a_session_was_good() -> None:
     owner, waits = Owner(), []
 

@@ -37,7 +37,8 @@ async def test_answers_fit_their_models(tmp_path: Path) -> None:
         document = (await http.get("/api/v1/openapi.json")).json()
         described = set(document["paths"])
         sockets = {path for method, path, _ in routes_of(ROUTERS) if method == "SOCKET"}
-        assert described == set(route_paths()) - sockets - {"/api/v1/openapi.json"}
+        signed = {path for path in route_paths() if path.startswith("/lambda/")}  # botocore's model describes them
+        assert described == set(route_paths()) - sockets - signed - {"/api/v1/openapi.json"}
         operations = [operation for path in document["paths"].values() for operation in path.values()]
         assert len(operations) >= 51
         for operation in operations:

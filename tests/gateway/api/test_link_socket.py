@@ -46,13 +46,13 @@ def hello(**changes: Any) -> bytes:
 
 async def heard(socket: ClientConnection) -> link_pb2.GatewayFrame:
     """The next frame."""
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         return link_pb2.GatewayFrame.FromString(await socket.recv(decode=False))
 
 
 async def close_code(socket: ClientConnection) -> int | None:
     """How the gateway closed it; whatever frames come before are passed over."""
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         with contextlib.suppress(ConnectionClosed):
             while True:
                 await socket.recv()
@@ -196,6 +196,6 @@ async def test_an_agent_that_reads_nothing_is_cut(tmp_path: Path, monkeypatch: p
 
 async def wait_for_state(http: httpx.AsyncClient, state: str) -> None:
     """Until the gateway says so of the robot."""
-    async with asyncio.timeout(20):
+    async with asyncio.timeout(60):
         while (await http.get("/api/v1/robots/r")).json()["state"] != state:  # noqa: ASYNC110
             await asyncio.sleep(0.02)

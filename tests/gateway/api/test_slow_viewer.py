@@ -51,7 +51,7 @@ async def count_until_closed(viewer: ClientConnection) -> int:
     received = 0
     with contextlib.suppress(ConnectionClosed):
         while True:
-            received += isinstance(await asyncio.wait_for(viewer.recv(), 30), bytes)
+            received += isinstance(await asyncio.wait_for(viewer.recv(), 60), bytes)
     return received
 
 

@@ -18,7 +18,7 @@ Http = httpx.AsyncClient
 UPLINK = "/api/v1/robots/sim_1/uplink"
 
 
-async def until(condition: Callable[[], Awaitable[bool]], *, timeout_s: float = 20.0) -> None:
+async def until(condition: Callable[[], Awaitable[bool]], *, timeout_s: float = 60.0) -> None:
     async with asyncio.timeout(timeout_s):
         while not await condition():  # noqa: ASYNC110 - what is waited for is behind HTTP
             await asyncio.sleep(0.02)

@@ -144,11 +144,44 @@ def test_a_node_that_crashes_is_told_each_time(told: Told) -> None:
         after = report("applying", nodes={"camera": row, "other": {"state": "running"}})
         told.on_twin(before, after)
         before = after
-    assert [(kind, data) for kind, _, data in told.emitted] == [
+    assert [(kind, data) for kind, _, data in told.emitted if kind != "node.state"] == [
         ("node.crashed", {"node": "camera", "restarts": 0, "crashes": 1}),
         ("node.crashed", {"node": "camera", "restarts": 5, "crashes": 6}),
         ("node.quarantined", {"node": "camera", "restarts": 5}),
     ]
+
+
+def test_a_node_in_another_state_is_told_once(told: Told) -> None:
+    rows: list[dict[str, Any]] = [
+        {},
+        {"camera": {"state": "starting"}},
+        {"camera": {"state": "running", "pid": 7}},
+        {"camera": {"state": "running", "pid": 8}},
+        {"camera": {"state": "waiting", "last_exit": "signal 9", "restarts": 3}},
+        {},
+    ]
+    before: Reported | None = None
+    for row in rows:
+        after = report("applied", nodes=row)
+        told.on_twin(before, after)
+        before = after
+    states = [data for kind, _, data in told.emitted if kind == "node.state"]
+    assert [(data["node"], data["before"], data["state"]) for data in states] == [
+        ("camera", "absent", "starting"),
+        ("camera", "starting", "running"),
+        ("camera", "running", "waiting"),
+        ("camera", "waiting", "absent"),
+    ]
+    assert (states[2]["why"], states[2]["restarts"]) == ("signal 9", 3)
+
+
+def test_nodes_that_a_robot_left_out_of_a_report_are_not_gone(told: Told) -> None:
+    whole = report("applied", nodes={"camera": {"state": "running"}})
+    short = Reported(robot="r1", at_ns=1, revision=7, applied=7, state="applied", reported=b'{"left_out":["nodes"]}')
+    told.emitted.clear()
+    told.on_twin(whole, short)
+    told.on_twin(short, whole)
+    assert told.emitted == []
 
 
 @pytest.mark.parametrize(

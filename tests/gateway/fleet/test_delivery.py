@@ -95,6 +95,10 @@ class View:
     def online(self) -> bool:
         return self.world.link is not None and self.world.link.gateway == self.gateway
 
+    @property
+    def here(self) -> bool:
+        return self.online
+
     def channel_of(self, topic: str) -> None:
         return None
 
@@ -191,7 +195,7 @@ class World:
         self.rng = random.Random(seed)
         self.clock = ManualClock()
         engine = SqliteEngine(folder)
-        engine.execute("PRAGMA synchronous = OFF")
+        engine.connection.execute("PRAGMA synchronous = OFF")
         engine.open()
         Committer(engine).commit([RobotWrite(Robot(ROBOT), 1)], now_ns=1)
         self.base = Base(engine)

@@ -45,6 +45,10 @@ class Bot:
     frames: list[link_pb2.GatewayFrame] = field(default_factory=list)
     desk: CommandDesk | None = None
 
+    @property
+    def here(self) -> bool:
+        return self.online
+
     def channel_of(self, topic: str) -> Channel | None:
         return self.channels.get(topic)
 
@@ -117,7 +121,7 @@ def test_what_is_long_is_told_by_its_texts_and_numbers(message: Any, large: bool
 
 async def test_results_find_their_command_only() -> None:
     bot, commands, _, _ = rig(code=None)
-    task = asyncio.create_task(commands.run("r1", link_pb2.Command(), timeout_s=5))
+    task = asyncio.create_task(commands.run("r1", link_pb2.Command(), timeout_s=60))
     await asyncio.sleep(0)
     command_id = bot.frames[0].command.command_id
     commands.on_result("r2", link_pb2.CommandResult(command_id=command_id, ok=True))
@@ -134,17 +138,17 @@ async def test_who_looks_leaves_room_and_nobody_is_kept_from_the_wheel() -> None
     bot, commands, teleop, _ = rig(code=None)
 
     async def begin(count: int, *, look: bool) -> list[asyncio.Task[link_pb2.CommandResult]]:
-        running = [commands.run("r1", link_pb2.Command(), timeout_s=5, look=look) for _ in range(count)]
+        running = [commands.run("r1", link_pb2.Command(), timeout_s=60, look=look) for _ in range(count)]
         tasks = [asyncio.create_task(one) for one in running]
         await asyncio.sleep(0)
         return tasks
 
     tasks = await begin(LOOKS_PER_ROBOT, look=True)
     with pytest.raises(TooManyError):
-        await commands.run("r1", link_pb2.Command(), timeout_s=5, look=True)
+        await commands.run("r1", link_pb2.Command(), timeout_s=60, look=True)
     tasks += await begin(PENDING_PER_ROBOT - LOOKS_PER_ROBOT, look=False)
     with pytest.raises(TooManyError):
-        await commands.run("r1", link_pb2.Command(), timeout_s=5)
+        await commands.run("r1", link_pb2.Command(), timeout_s=60)
     bot.code = ""
     drive = await teleop.take("r1", "ann")
     await teleop.release(drive)
@@ -155,10 +159,12 @@ async def test_who_looks_leaves_room_and_nobody_is_kept_from_the_wheel() -> None
 
 async def test_pending_commands_are_bounded_and_end_with_the_link() -> None:
     _, commands, _, _ = rig(code=None)
-    tasks = [asyncio.create_task(commands.run("r1", link_pb2.Command(), timeout_s=5)) for _ in range(PENDING_PER_ROBOT)]
+    tasks = [
+        asyncio.create_task(commands.run("r1", link_pb2.Command(), timeout_s=60)) for _ in range(PENDING_PER_ROBOT)
+    ]
     await asyncio.sleep(0)
     with pytest.raises(TooManyError):
-        await commands.run("r1", link_pb2.Command(), timeout_s=5)
+        await commands.run("r1", link_pb2.Command(), timeout_s=60)
     commands.on_offline("r1")
     outcomes = await asyncio.gather(*tasks, return_exceptions=True)
     assert {type(outcome) for outcome in outcomes} == {RobotOfflineError}

@@ -91,7 +91,7 @@ async def test_a_gateway_that_is_alone_writes_nothing(tmp_path: Path) -> None:
         await alone.look()
         assert (alone.of("r1"), alone.of("r2")) == ((True, NOW_NS), (False, 0))
         store = alone._store
-        assert await store.read(lambda engine: engine.fetch("SELECT * FROM gateways")) == []
+        assert await store.run(lambda engine: engine.fetch("SELECT * FROM gateways")) == []
 
 
 async def say(agent: ScriptedAgent, frame: link_pb2.TwinDesired | None, version: str) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import DamagedError
-from gateway.identity.master import MASTER_KEY, MasterKey
+from gateway.identity.master import MASTER_KEY, MasterKey, make_key_file
 from metaros.errors import ConfigError
 
 PLAIN = b"a secret that must not be seen"
@@ -72,3 +72,22 @@ def test_what_is_no_key(tmp_path: Path, content: bytes) -> None:
     (tmp_path / MASTER_KEY).chmod(0o600)
     with pytest.raises(ConfigError, match="no master key"):
         MasterKey.load_or_make(tmp_path)
+
+
+def test_gateways_share_the_key_in_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shared = tmp_path / "secret" / "fleet.key"
+    one = MasterKey.load_or_make(tmp_path / "one", shared)
+    monkeypatch.setenv("METAROS_MASTER_KEY", str(shared))
+    two = MasterKey.load_or_make(tmp_path / "two")
+    assert two.open("api-key", "k1", one.seal("api-key", "k1", PLAIN)) == PLAIN
+    assert [item.name for item in tmp_path.iterdir()] == ["secret"], "no data directory has one of its own"
+
+
+def test_a_sub_key_is_of_its_purpose_alone(tmp_path: Path) -> None:
+    key = MasterKey.load_or_make(tmp_path)
+    (one,), (other,) = key.subkeys("one"), key.subkeys("other")
+    assert len({one, other, (tmp_path / MASTER_KEY).read_bytes()}) == 3
+    assert key.subkeys("one") == (one,)
+    make_key_file(tmp_path / "master.key.next")
+    assert key.subkeys("one")[0] == one
+    assert len(key.subkeys("one")) == 2

@@ -11,7 +11,7 @@ from gateway.identity.permissions import PERMISSIONS, permission
 def test_names_are_unique_and_of_one_form() -> None:
     names = [row.name for row in PERMISSIONS]
     assert len(set(names)) == len(names)
-    assert [name for name in names if not re.fullmatch(r"[a-z]+\.[a-z]+", name)] == []
+    assert [name for name in names if not re.fullmatch(r"[a-z]+(_[a-z]+)?\.[a-z]+", name)] == []
     assert [permission(name).name for name in names] == names
 
 

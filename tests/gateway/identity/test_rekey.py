@@ -45,18 +45,18 @@ async def test_a_gateway_opens_and_seals_wherever_it_was_stopped_and_the_next_tr
         running = MasterKey.load_or_make(tmp_path)  # as a gateway that runs all the while holds it
         before = (tmp_path / MASTER_KEY).read_bytes()
         made = [await desks.store.run(making(running))]
-        old, new = begin(tmp_path)
+        old, new = begin(tmp_path / MASTER_KEY)
         if killed_after != "begin":
             assert (await desks.store.run(lambda engine: reseal(engine, old, new))) == (2, ())
         if killed_after == "nothing":
-            finish(tmp_path)
+            finish(tmp_path / MASTER_KEY)
         for master in (running, MasterKey.load_or_make(tmp_path)):
             made.append(await desks.store.run(making(master)))
             for one in made:
                 assert await desks.store.run(reading(one.key.id, master)) == one.secret
-        old, new = begin(tmp_path)
+        old, new = begin(tmp_path / MASTER_KEY)
         assert (await desks.store.run(lambda engine: reseal(engine, old, new))) == (4, ())
-        finish(tmp_path)
+        finish(tmp_path / MASTER_KEY)
         assert not (tmp_path / NEXT_KEY).exists()
         assert (tmp_path / MASTER_KEY).read_bytes() != before
         for master in (running, MasterKey.load_or_make(tmp_path)):
@@ -66,7 +66,7 @@ async def test_a_gateway_opens_and_seals_wherever_it_was_stopped_and_the_next_tr
         for one in made:
             with pytest.raises(DamagedError):
                 await desks.store.run(reading(one.key.id, stolen))
-        desks.authorities._opened = None
+        desks.authorities._opened.clear()
         assert (await desks.authorities.issuing()).key is not None
 
 
@@ -75,9 +75,9 @@ async def test_what_another_master_key_sealed_is_named_and_stays_as_it_is(tmp_pa
         await desks.authorities.issuing()
         other = MasterKey(b"x" * 32)
         made = await desks.store.run(making(other))
-        old, new = begin(tmp_path)
+        old, new = begin(tmp_path / MASTER_KEY)
         done = await desks.store.run(lambda engine: reseal(engine, old, new))
-        finish(tmp_path)
+        finish(tmp_path / MASTER_KEY)
         assert (done.sealed, done.foreign) == (1, (f"{PURPOSE} {made.key.id}",))
         assert await desks.store.run(reading(made.key.id, other)) == made.secret
 
@@ -85,11 +85,11 @@ async def test_what_another_master_key_sealed_is_named_and_stays_as_it_is(tmp_pa
 def test_a_running_gateway_takes_the_new_key_and_keeps_what_it_has_when_the_files_are_gone(tmp_path: Path) -> None:
     running = MasterKey.load_or_make(tmp_path)
     first = running.seal(CA, "1", b"plain")
-    begin(tmp_path)
+    begin(tmp_path / MASTER_KEY)
     second = running.seal(CA, "1", b"plain")
     assert [running.open(CA, "1", sealed) for sealed in (first, second)] == [b"plain"] * 2
-    finish(tmp_path)
-    finish(tmp_path)  # again is nothing
+    finish(tmp_path / MASTER_KEY)
+    finish(tmp_path / MASTER_KEY)  # again is nothing
     assert MasterKey.load_or_make(tmp_path).open(CA, "1", second) == b"plain"
     assert running.open(CA, "1", second) == b"plain"
     with pytest.raises(DamagedError):

@@ -142,6 +142,21 @@ async def test_the_answer_that_was_lost_comes_with_the_chain_of_whoever_had_give
         load_certificate(again.certificate).verify_directly_issued_by(load_certificate(again.chain))
 
 
+async def test_a_renewal_that_began_before_another_issuer_followed_ends_well(tmp_path: Path, store_url: str) -> None:
+    async with open_desks(tmp_path, store_url) as desks:
+        arm = await desks.enrolled("arm")
+        asked = await desks.enrol.challenge()
+        await rotate(desks, tmp_path)
+        given = await desks.renewed(arm, nonce=asked)
+        assert load_certificate(given.chain) == desks.authorities.issuers[0]
+        late = await desks.enrol.challenge()
+        await rotate(desks, tmp_path)
+        await retired(desks, force=True)
+        with pytest.raises(IdentityError) as refused:
+            await desks.renewed(arm, nonce=late)
+        assert refused.value.code == "proof_refused"
+
+
 async def test_all_robots_renew_when_they_are_asked_to(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         arm = await desks.enrolled("arm")

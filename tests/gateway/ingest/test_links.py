@@ -11,6 +11,7 @@ import pytest
 
 from gateway.domain.identity import Admitted, Peer
 from gateway.domain.sample import Run
+from gateway.errors import FencedError
 from gateway.ingest.lane_shell import serve_lane
 from gateway.ingest.links import Lane, LinkHooks, Links
 from gateway.ingest.quota import Quota
@@ -161,3 +162,59 @@ async def test_a_quota_outlives_sessions_and_everything_is_stored_in_the_end(tmp
     await rig.store.flush()
     assert await rig.store.streams("r1") == {(1, EPOCH): 350}
     await rig.store.close()
+
+
+async def test_a_session_that_another_gateway_has_anew_ends_here(rig: Rig) -> None:
+    await rig.connect(7)
+    assert rig.links.has("r1")
+    rig.links.fence("r1", 6)  # late: the one here is newer
+    rig.links.fence("r2", 9)
+    assert rig.links.has("r1")
+    rig.links.fence("r1", 8)
+    assert (await rig.hear("goodbye")).code == "fenced"
+    assert not rig.links.has("r1")
+
+
+async def test_an_older_hello_than_what_lives_elsewhere_is_refused_without_an_alarm(rig: Rig) -> None:
+    await rig.connect(7)
+    cloned: list[str] = []
+    rig.links.gate.cloned = cloned.append  # type: ignore[method-assign]
+    record = rig.registry.get("r1")
+    rig.links.fence("r1", 9)
+    record.set_home("another", 9, wall_ns=0)
+    for number in (7, 8, 8, 9, 9):
+        with pytest.raises(FencedError, match="another gateway"):
+            await rig.connect(number, session_id=bytes([number]) * 16)
+        rig.clock.advance(5.0)
+    await rig.connect(10)
+    assert (rig.links.has("r1"), record.home, cloned) == (True, "", [])
+
+
+async def test_robots_are_sent_away_so_that_they_come_back_one_after_the_other(rig: Rig) -> None:
+    lanes = []
+    for name in ("r1", "r2", "r3"):
+        await rig.connect(7, robot_id=name, session_id=name.encode() * 8)
+        lanes.append(rig.lanes)
+        rig.lanes = {}
+    rig.links.close()
+    told = []
+    for rig.lanes in lanes:
+        told.append((await rig.hear("goodbye")).retry_after_ms)
+    assert told == [200, 202, 204]
+
+
+async def test_a_process_that_is_back_after_another_one_elsewhere_is_one_of_two(rig: Rig) -> None:
+    cloned: list[str] = []
+    rig.links.gate.cloned = cloned.append  # type: ignore[method-assign]
+    one, two = b"1" * 16, b"2" * 16
+    await rig.connect(1, session_id=one)
+    assert rig.links.process_of("r1") == one
+    for number, elsewhere in ((2, one), (3, one)):  # it went to another gateway and came back
+        rig.links.begun_elsewhere("r1", elsewhere)
+        await rig.connect(number, session_id=one)
+    assert cloned == []
+    rig.links.begun_elsewhere("r1", two)  # it was started anew, or it has a copy
+    rig.links.begun_elsewhere("r2", two)
+    assert cloned == []
+    await rig.connect(4, session_id=one)
+    assert cloned == ["r1"]

@@ -12,7 +12,7 @@ from gateway.domain.robot import Robot, is_robot_id
 from gateway.domain.sample import Gap, Rows, Run
 from gateway.errors import UnknownRobotError
 from gateway.ingest.outbox import LaneOutbox
-from gateway.ingest.registry import RateMeter, Registry, RobotRecord
+from gateway.ingest.registry import Counts, RateMeter, Registry, RobotRecord
 from metaros._proto import link_pb2
 from metaros.link import SampleColumns
 
@@ -139,3 +139,30 @@ def test_a_history_channel_is_counted_and_not_listed() -> None:
     record.begin(Robot("r"), session_id=b"b", session_number=2)
     record.announce([make_channel(3, "/scan"), make_history(10, "/scan")], [])
     assert (record.channels[3].received, record.channels[10].received) == (0, 5), "each goes on with its own counts"
+
+
+def test_a_robot_is_online_here_or_at_its_home() -> None:
+    record = RobotRecord(Robot("r"), seen_ns=1)
+    record.set_home("b", 7, wall_ns=5)
+    assert (record.online, record.here, record.home, record.home_session, record.since_ns) == (True, False, "b", 7, 5)
+    record.told = Counts(samples=3)
+    assert (record.shown_counts.samples, record.counts.samples) == (3, 0)
+    record.set_online(True, wall_ns=6)  # it came here: that link is the only one
+    assert (record.online, record.here, record.home, record.home_session) == (True, True, "", 0)
+    assert record.shown_counts is record.counts
+    assert record.since_ns == 5, "it was never away"
+    record.set_home("b", 8, wall_ns=7)
+    record.set_online(False, wall_ns=8)
+    assert (record.online, record.here, record.home) == (True, False, "b")
+    record.set_home("", 0, wall_ns=9)
+    assert (record.online, record.since_ns) == (False, 9)
+
+
+def test_each_process_of_an_agent_has_another_generation_of_channels() -> None:
+    record = RobotRecord(Robot("r"), seen_ns=1)
+    record.begin(Robot("r"), session_id=b"a", session_number=1)
+    first = record.generation
+    record.begin(Robot("r"), session_id=b"a", session_number=2)
+    assert record.generation == first
+    record.begin(Robot("r"), session_id=b"b", session_number=3)
+    assert record.generation == first + 1

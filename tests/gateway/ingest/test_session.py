@@ -405,3 +405,17 @@ def test_a_number_stays_history_or_not() -> None:
     channel = link_pb2.Channel(channel_id=1, topic="/r1/t1", schema_name="std_msgs/msg/String", history=True)
     setattr(channel, "class", 3)
     assert closed(rig.receive(announce=link_pb2.Announce(channels=[channel]))) == "protocol"
+
+
+def test_a_session_whose_other_lanes_do_not_come_ends_however_alive_it_is() -> None:
+    clock = ManualClock()
+    session = Session(hello(), StreamTable(), gateway_id="g", store_id="s")
+    session.open_lane(hello(), now_s=clock.monotonic_s(), wall_ns=0)
+    for _ in range(60):
+        beat = link_pb2.AgentFrame(heartbeat=link_pb2.Heartbeat(sent_ns=1))
+        session.receive(CONTROL, beat, now_s=clock.monotonic_s(), wall_ns=0)
+        assert not any(isinstance(item, Closed) for item in session.tick(now_s=clock.monotonic_s(), wall_ns=0))
+        clock.advance(1.0)
+    *_, closed = session.tick(now_s=clock.monotonic_s(), wall_ns=0)
+    assert isinstance(closed, Closed)
+    assert closed.code == "split"

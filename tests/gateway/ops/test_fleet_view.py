@@ -55,3 +55,14 @@ def test_what_nobody_knows_is_left_out() -> None:
     view.add("r2", False, Counts(), 5.0, 5.0, 0)
     names = {name for name, *_ in values(view)}
     assert not names & {"metaros_robot_lag_seconds", "metaros_lag_seconds", "metaros_link_rtt_seconds"}
+
+
+def test_robots_of_other_gateways_are_theirs_to_judge() -> None:
+    view = FleetView(most=20)
+    view.add("r1", True, Counts(), 1.0, 0.5, 10)
+    view.add_elsewhere(Counts(), online=True)
+    view.add_elsewhere(Counts(), online=False)  # it was there last
+    found = values(view)
+    assert [found["metaros_robots", state] for state in ("online", "elsewhere", "offline")] == [1, 1, 1]
+    assert found["metaros_backlog_bytes",] == 10
+    assert found["metaros_link_samples_total",] == 3 * Counts().samples

@@ -68,13 +68,13 @@ class World:
 
     async def until(self, good: Callable[[], Any]) -> None:
         """Let the desk's tasks run until it is so."""
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(60):
             while not good():
                 await self.store.flush()
 
     async def state(self, recording: Recording, state: str) -> Recording:
         """The recording once it is in that state."""
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(60):
             while (found := await self.desk.get(recording.id)).state != state:
                 await self.store.flush()
         return found
@@ -238,7 +238,7 @@ async def test_an_object_store_that_is_away_holds_it_up(tmp_path: Path, monkeypa
         stored = await world.state(asked, STORED)
         assert await fetched(world, stored) == BLOB
         await world.until(lambda: world.told[-1].stored)
-        names = await world.store.read(
+        names = await world.store.run(
             lambda engine: engine.fetch("SELECT state, count(*) FROM objects GROUP BY state ORDER BY state")
         )
         assert [tuple(row) for row in names] == [("doomed", 2), ("stored", 1)]
@@ -317,7 +317,7 @@ def sweep(world: World, loop: asyncio.AbstractEventLoop, objects: ObjectStore) -
     """Housekeeping of the object store, on a thread."""
 
     def run(job: Callable[..., Any], /) -> Any:
-        return asyncio.run_coroutine_threadsafe(world.store.run(job), loop).result(30)
+        return asyncio.run_coroutine_threadsafe(world.store.run(job), loop).result(60)
 
     return ledger.sweep_objects(run, objects, now_ns=world.clock.wall_ns())
 
@@ -332,7 +332,7 @@ async def test_deleting_dooms_the_object(tmp_path: Path) -> None:
         world.part(asked, 0, BLOB)
         await world.state(asked, STORED)
         await world.desk.delete(asked.id)
-        rows = await world.store.read(lambda engine: engine.fetch("SELECT kind, state FROM objects"))
+        rows = await world.store.run(lambda engine: engine.fetch("SELECT kind, state FROM objects"))
         assert [tuple(row) for row in rows] == [("recording", "doomed")]
         for gone in (asked.id, "../x"):
             with pytest.raises(UnknownRecordingError):

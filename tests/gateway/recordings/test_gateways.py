@@ -65,10 +65,16 @@ async def test_asked_at_one_gateway_while_the_robot_is_at_the_other(tmp_path: Pa
         two = await stack.enter_async_context(running_gateway(tmp_path / "2", **shared))
         http = await stack.enter_async_context(client(one))
         robot = await stack.enter_async_context(RecordingRobot(two))
+        await stack.enter_async_context(
+            robot.beating()
+        )  # each side learns of the other's deeds by looking, in its time
         path, body = "/api/v1/robots/sim_1/recordings", {"last_s": 60}
         async with asyncio.timeout(60):  # the other gateway knows the robot by the store, where it is a moment later
-            while (answer := await http.post(path, json=body)).status_code == 404:
-                continue
+            while True:
+                answer = await http.post(path, json=body)
+                if answer.status_code != 404:
+                    break
+                await asyncio.sleep(0.05)  # who asks without a pause is told that it is too often
         assert answer.status_code == 202, answer.text
         asked = answer.json()
         command = await robot.asked()  # the other gateway looks every few seconds

@@ -50,7 +50,7 @@ class Rig:
 
     async def until(self, good: Callable[[], bool]) -> None:
         """Wait for something told."""
-        async with asyncio.timeout(30):
+        async with asyncio.timeout(60):
             while not good():
                 self.news.clear()
                 await self.news.wait()

@@ -101,13 +101,13 @@ def test_a_failed_commit_leaves_nothing_and_can_be_repeated(tmp_path: Path) -> N
     engine = SqliteEngine(tmp_path)
     engine.open()
     committer = Committer(engine)
-    pages = engine.fetch("PRAGMA page_count")[0][0]
-    engine.fetch(f"PRAGMA max_page_count = {pages + 2}")
+    pages = engine.connection.execute("PRAGMA page_count").fetchone()[0]
+    engine.connection.execute(f"PRAGMA max_page_count = {pages + 2}")
     many = [write(n * 1000, *[(CPU, n * 1000 + i, 1.0) for i in range(1000)]) for n in range(1, 20)]
     with pytest.raises(StoreError, match="full"):
         committer.commit(many, now_ns=1)
     assert read_streams(engine, "r1") == {}
-    engine.fetch("PRAGMA max_page_count = 1000000")
+    engine.connection.execute("PRAGMA max_page_count = 1000000")
     committer.commit(many, now_ns=1)
     assert read_streams(engine, "r1") == {(0, EPOCH): 19_000}
     assert read_series(engine, "r1")[0].samples == 19_000
@@ -156,7 +156,7 @@ def test_every_commit_agrees_with_the_rule(commits: list[tuple[list[Item], str]]
     """Against the simulator's store, which is the rule in a few lines."""
     with tempfile.TemporaryDirectory() as folder:
         engine = BreakingEngine(Path(folder))
-        engine.execute("PRAGMA synchronous = OFF")
+        engine.connection.execute("PRAGMA synchronous = OFF")
         engine.open()
         committer, rule = Committer(engine), SimStore(bases={(2, EPOCH): 4})
         for number, (items, fate) in enumerate(commits, 1):

@@ -65,7 +65,7 @@ def check_merge(engine: StoreEngine, batches: Batches, choose: Callable[[int], i
 def test_merge_keeps_every_row_once(batches: Batches, data: st.DataObject) -> None:
     with tempfile.TemporaryDirectory() as folder:
         engine = SqliteEngine(Path(folder))
-        engine.execute("PRAGMA synchronous = OFF")
+        engine.connection.execute("PRAGMA synchronous = OFF")
         engine.open()
         check_merge(engine, batches, lambda below: data.draw(st.integers(0, below - 1)))
         engine.close()
@@ -180,7 +180,7 @@ def test_deleted_numbers_never_come_back(engine: StoreEngine) -> None:
 
 def test_a_newer_schema_is_refused(engine: StoreEngine) -> None:
     if isinstance(engine, SqliteEngine):
-        engine.execute("PRAGMA user_version = 99")
+        engine.connection.execute("PRAGMA user_version = 99")
     else:
         with engine.transaction(write=True):
             engine.execute("INSERT INTO metaros_schema VALUES (99)")
@@ -215,6 +215,10 @@ def test_the_tables_of_both_are_the_same(tmp_path: Path, engine: StoreEngine) ->
             query = "SELECT table_name FROM information_schema.tables WHERE table_schema = current_schema()"
             tables = {row[0] for row in engine.fetch(query)} - {"metaros_schema"}
     assert tables == {
+        "alert_checks",
+        "alert_notices",
+        "alert_remarks",
+        "alerts",
         "api_keys",
         "audit",
         "audit_head",
@@ -236,6 +240,7 @@ def test_the_tables_of_both_are_the_same(tmp_path: Path, engine: StoreEngine) ->
         "objects",
         "commands",
         "presence",
+        "watch_states",
         "recordings",
         "robots",
         "rollout_robots",
@@ -261,4 +266,24 @@ def test_the_tables_of_both_are_the_same(tmp_path: Path, engine: StoreEngine) ->
         "twins",
         "users",
         "writers",
+        "silences",
+        "hooks",
+        "rule_fires",
+        "rule_head",
+        "rule_history",
+        "rule_secrets",
+        "rule_states",
+        "rule_stats",
+        "rules",
+        "deliveries",
+        "function_canaries",
+        "happenings",
+        "invocations",
+        "lambda_changes",
+        "lambda_code",
+        "lambda_records",
+        "mapping_cursors",
+        "mapping_starts",
+        "queue_totals",
+        "replays",
     }

@@ -110,7 +110,7 @@ async def ordeal(server: PostgresServer, folder: Path, *, cycles: int, seed: int
     try:
         for cycle in range(cycles):
             before = robot.acked
-            await wait_until_async(lambda before=before: robot.acked > before or running.done(), timeout_s=30)
+            await wait_until_async(lambda before=before: robot.acked > before or running.done(), timeout_s=60)
             await asyncio.sleep(rng.random() * 0.05)
             (server.kill if cycle % 4 else server.stop)()
             await asyncio.sleep(rng.random() * 0.1)
@@ -189,12 +189,12 @@ async def test_frozen_is_refused_in_time(
     stop = asyncio.Event()
     running = asyncio.create_task(robot.run(stop))
     try:
-        await wait_until_async(lambda: robot.acked > 20, timeout_s=30)
+        await wait_until_async(lambda: robot.acked > 20, timeout_s=60)
         victim.freeze(True)
-        await wait_until_async(lambda: robot.refusals, timeout_s=30)
+        await wait_until_async(lambda: robot.refusals, timeout_s=60)
         victim.freeze(False)
         stuck = robot.acked
-        await wait_until_async(lambda: robot.acked > stuck + 20, timeout_s=30)
+        await wait_until_async(lambda: robot.acked > stuck + 20, timeout_s=60)
         stop.set()
         await running
         await robot.finish()
@@ -217,15 +217,15 @@ async def test_no_room_is_refused_and_then_goes_on(tmp_path: Path, postgres: Pos
         " $$ BEGIN RAISE EXCEPTION 'No space left on device' USING ERRCODE = 'disk_full'; END $$"
     )
     try:
-        await wait_until_async(lambda: robot.acked > 20, timeout_s=30)
+        await wait_until_async(lambda: robot.acked > 20, timeout_s=60)
         postgres.ask(full)
         postgres.ask(
             f"CREATE TRIGGER no_room BEFORE INSERT ON {schema}.sample_batches EXECUTE FUNCTION {schema}.no_room()"
         )
-        await wait_until_async(lambda: "No space left" in (robot.store.error or ""), timeout_s=30)
+        await wait_until_async(lambda: "No space left" in (robot.store.error or ""), timeout_s=60)
         postgres.ask(f"DROP TRIGGER no_room ON {schema}.sample_batches")
         stuck = robot.acked
-        await wait_until_async(lambda: robot.acked > stuck + 20, timeout_s=30)
+        await wait_until_async(lambda: robot.acked > stuck + 20, timeout_s=60)
         stop.set()
         await running
         await robot.finish()
@@ -254,7 +254,7 @@ async def test_another_database_at_the_same_address_is_refused(tmp_path: Path, p
     schema = url.rpartition("=")[2]
     robot.store.submit(run_write(1, [b"1"]))
     robot.next = 2
-    await wait_until_async(lambda: robot.acked == 1, timeout_s=30)
+    await wait_until_async(lambda: robot.acked == 1, timeout_s=60)
     postgres.ask(f"UPDATE {schema}.meta SET value = 'other' WHERE key = 'store_id'")
     postgres.ask(
         "SELECT pg_terminate_backend(pid) FROM pg_stat_activity"
@@ -262,6 +262,6 @@ async def test_another_database_at_the_same_address_is_refused(tmp_path: Path, p
     )
     robot.store.submit(run_write(2, [b"2"]))
     robot.next = 3
-    await wait_until_async(lambda: "is store other now" in (robot.store.error or ""), timeout_s=30)
+    await wait_until_async(lambda: "is store other now" in (robot.store.error or ""), timeout_s=60)
     assert robot.refusals > 0
     await robot.store.close()

@@ -85,7 +85,7 @@ def test_every_bucket_is_exact(odd: list[Point], regular: int, asked: list[tuple
         points.insert(number * 97 % (len(points) + 1), item)
     with tempfile.TemporaryDirectory() as folder:
         engine = SqliteEngine(Path(folder))
-        engine.execute("PRAGMA synchronous = OFF")
+        engine.connection.execute("PRAGMA synchronous = OFF")
         engine.open()
         put(engine, points, merged=merged)
         for one, other, buckets in asked:

@@ -108,7 +108,7 @@ async def test_a_full_disk_refuses_and_then_all_is_stored(tmp_path: Path) -> Non
         assert store.error is not None
     blocker.close()
     assert set.union(*refused) == {"r1"}
-    assert await store.room(timeout_s=20)
+    assert await store.room(timeout_s=60)
     for seq in range(1, 30):  # the robot sends it again
         store.submit(write(seq, (CPU, seq, 1.0)))
     await wait_until_async(lambda: heard and heard[-1].marks[-1:] == [Mark("r1", 0, EPOCH, 29)])

@@ -12,7 +12,7 @@ from load_tests.peers.venvs import HOMES
 
 def test_rows_name_modules_and_homes_that_there_are() -> None:
     assert len({row.key for row in ROWS}) == len(ROWS)
-    assert {row.home for row in ROWS} == set(HOMES)
+    assert {row.home for row in ROWS} == set(HOMES) - {"river"}  # which is compared with elsewhere
     assert [row.module for row in ROWS if importlib.util.find_spec(f"load_tests.peers.{row.module}") is None] == []
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import socket
 from pathlib import Path
 
 import pytest
 
 from metaros.cli.instance import DataDir, Instance, StateFile, open_data_dir
-from metaros.cli.up_decide import UpOptions, claim, decide
+from metaros.cli.up_decide import UpOptions, claim, decide, lost_ports
 from metaros.cli.up_screen import Screen
 from metaros.clock import ManualClock
 from metaros.errors import ConfigError
@@ -101,8 +102,61 @@ def test_the_dashboard_may_have_the_link_s_default_port(
     assert "in use by the dashboard" in capsys.readouterr().out
 
 
+def test_who_moves_takes_no_port_that_another_service_is_to_have(
+    data: DataDir, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from metaros.cli import up_decide
+    from tests.support.ports import free_port
+
+    first = free_port()
+    monkeypatch.setattr(up_decide, "HTTP_PORT", first)
+    monkeypatch.setattr(up_decide, "GRPC_PORT", first)
+    plan = decide(UpOptions(zenoh_port=first + 1), data, Screen(clock=clock))
+    assert len({plan.http_port, plan.grpc_port, plan.zenoh_port}) == 3
+    again = decide(UpOptions(zenoh_port=first + 1), data, Screen(clock=clock), lost=[plan.grpc_port])
+    assert again.grpc_port > plan.grpc_port
+
+
+def test_a_port_that_was_lost_is_one_that_nobody_named(free: list[int], data: DataDir, clock: ManualClock) -> None:
+    plan = decide(options(free), data, Screen(clock=clock))
+    asked = options(free, port=None, zenoh_port=None)
+    assert lost_ports(asked, plan, "gateway", ["Traceback"]) == []
+    said = [f"error: port {port} cannot be opened: python (pid 1) has it" for port in free]
+    assert lost_ports(asked, plan, "gateway", said) == [free[0]]
+    assert lost_ports(asked, plan, "router", said) == [free[2]]
+    assert lost_ports(asked, plan, "sim", said) == []
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", free[0]))
+        other.listen(1)
+        assert lost_ports(asked, plan, "gateway", []) == [free[0]]
+
+
 def test_the_claim_names_all_that_is_taken(free: list[int], data: DataDir, clock: ManualClock) -> None:
     claimed = claim(decide(options(free, robots=1, host_robot=False), data, Screen(clock=clock)), clock)
     assert (claimed.http_port, claimed.grpc_port, claimed.zenoh_port) == tuple(free)
     assert claimed.robots == ("sim_1",)
     assert claimed.state == "starting"
+
+
+def test_replicas_get_ports_of_their_own(free: list[int], data: DataDir, clock: ManualClock) -> None:
+    plan = decide(options(free, replicas=3, database="postgresql://h/d"), data, Screen(clock=clock))
+    ports = [plan.http_port, plan.grpc_port, plan.zenoh_port, plan.cluster_port]
+    ports += [port for replica in plan.replicas for port in (replica.http_port, replica.grpc_port)]
+    assert len(set(ports)) == 8
+    assert [replica.name for replica in plan.replicas] == ["gateway 2", "gateway 3"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"replicas": 2}, "--database"),
+        ({"replicas": 6, "database": "postgresql://h/d"}, "1 to 5"),
+        ({"replicas": 2, "database": "postgresql://h/d", "host": "0.0.0.0"}, "this machine alone"),
+        ({"replicas": 2, "database": "postgresql://h/d", "tls": "on"}, "this machine alone"),
+    ],
+)
+def test_replicas_need_a_database_and_stay_on_this_machine(
+    free: list[int], data: DataDir, clock: ManualClock, changes: dict[str, object], said: str
+) -> None:
+    with pytest.raises(ConfigError, match=said):
+        decide(options(free, **changes), data, Screen(clock=clock))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from metaros.cli.up_plan import Plan, first_free_robot, host_robot_name, launches
+from metaros.cli.up_plan import Plan, Replica, first_free_robot, host_robot_name, launches
 
 
 def plan(**changes: object) -> Plan:
@@ -136,3 +136,29 @@ def test_in_the_protected_profile_only_agents_may_drive() -> None:
     for name in ("sim", "camera"):
         assert rows[name].env["ZENOH_SESSION_CONFIG_URI"] == "/secret/node.json5"
     assert "--zenoh-profile" not in rows["gateway"].argv
+
+
+def test_replicas_share_store_objects_key_and_router_and_robots_spread_over_them() -> None:
+    made = plan(
+        database="postgresql://u:secret@h/d",
+        replicas=(Replica(2, 8180, 8181), Replica(3, 8280, 8281)),
+        cluster_port=7457,
+    )
+    rows = {row.name: row for row in launches(made)}
+    assert [name for name, row in rows.items() if row.stage <= 1] == [
+        "router",
+        "cluster router",
+        "gateway",
+        "gateway 2",
+        "gateway 3",
+    ]
+    gateways = [rows[name] for name in ("gateway", "gateway 2", "gateway 3")]
+    for flag in ("--cluster", "--objects", "--master-key"):
+        assert len({row.argv[row.argv.index(flag) + 1] for row in gateways}) == 1
+    assert len({row.argv[row.argv.index("--data-dir") + 1] for row in gateways}) == 3
+    assert not any("secret" in word for row in rows.values() for word in row.argv)
+    assert [name for name, row in rows.items() if row.env.get("METAROS_STORE")] == ["gateway", "gateway 2", "gateway 3"]
+    first = [rows[f"agent {name}"].argv for name in made.robot_names]
+    links = [argv[argv.index("--gateway") + 1].split(",") for argv in first]
+    assert [len(set(link)) for link in links] == [3] * 4
+    assert [link[0] for link in links] == ["127.0.0.1:8081", "127.0.0.1:8181", "127.0.0.1:8281", "127.0.0.1:8081"]

@@ -24,7 +24,7 @@ executor = {executor}
 executor.add_node(node{options})
 thread = threading.Thread(target=executor.spin)
 thread.start()
-assert inside.wait(30)
+assert inside.wait(60)
 executor.shutdown()
 {ending}
 """

@@ -181,9 +181,9 @@ def test_shutdown_cancels_what_awaits(ingress):
     ingress.put(Item("a"))
     thread = threading.Thread(target=executor.spin)
     thread.start()
-    assert started.wait(30)
+    assert started.wait(60)
     executor.shutdown()
-    thread.join(30)
+    thread.join(60)
     assert not thread.is_alive()
     assert ended == ["cancelled"]
 
@@ -205,7 +205,7 @@ def test_real_callbacks_share_the_thread(ingress):
     thread.start()
     wait_until(lambda: sum(row.run_s for row in executor.report()) > 0.7, every_s=0.05)
     executor.shutdown()
-    thread.join(30)
+    thread.join(60)
     total = sum(map(weight_of, LEVELS))
     for row in executor.report():
         assert row.share == pytest.approx(row.weight / total, rel=0.25)
@@ -221,7 +221,7 @@ def test_a_critical_node_runs_beside_a_blocked_callback(ingress, caplog):
 
     def block() -> None:
         blocked.set()
-        leave.wait(30)
+        leave.wait(60)
 
     blocker.timers.add(0.001, block)
     critical.timers.add(0.001, lambda: ticks.append(threading.current_thread().name))
@@ -232,7 +232,7 @@ def test_a_critical_node_runs_beside_a_blocked_callback(ingress, caplog):
     with caplog.at_level(logging.WARNING):
         thread = threading.Thread(target=executor.spin)
         thread.start()
-        assert blocked.wait(30)
+        assert blocked.wait(60)
         ticks.clear()
         ingress.put(Item("a", 5))
         wait_until(lambda: len(ticks) > 3 and heard == [5])
@@ -243,7 +243,7 @@ def test_a_critical_node_runs_beside_a_blocked_callback(ingress, caplog):
     assert row.realtime == "yes" or (row.realtime.startswith("no: ") and caplog.text.count("ordinary priority") == 1)
     leave.set()
     executor.shutdown()
-    thread.join(30)
+    thread.join(60)
     assert not thread.is_alive()
     ticks.clear()
     assert left_behind(before, "metaros-critical") == []
@@ -269,7 +269,7 @@ def test_nodes_come_and_go_while_it_spins(ingress):
     assert set(ticks[1:]) == {"second"}
     second.closed = True
     ingress.wake()
-    thread.join(30)
+    thread.join(60)
     assert not thread.is_alive()
 
 
@@ -282,7 +282,7 @@ def test_only_critical_nodes_are_fine_too(ingress):
     executor.add_node(node)
     thread = threading.Thread(target=executor.spin)
     thread.start()
-    assert ticked.wait(30)
+    assert ticked.wait(60)
     executor.shutdown()
-    thread.join(30)
+    thread.join(60)
     assert not thread.is_alive()

@@ -38,7 +38,7 @@ async def test_plain_and_async_callbacks_run_in_the_programs_loop(node):
         node.ingress.put(Item("a"))
         node.ingress.put(Item("b"))
         await wait_until_async(lambda: len(heard) == 2)
-        await asyncio.wait_for(ticked.wait(), 30)
+        await asyncio.wait_for(ticked.wait(), 60)
     assert heard == [threading.current_thread(), asyncio.get_running_loop()]
     node.ingress.put(Item("a"))
     await asyncio.sleep(0.01)
@@ -59,7 +59,7 @@ async def test_leaving_the_block_cancels_what_awaits(node):
     node.listen("a", forever)
     async with AsyncioExecutor(node):
         node.ingress.put(Item("a"))
-        await asyncio.wait_for(started.wait(), 30)
+        await asyncio.wait_for(started.wait(), 60)
     assert ended == ["cancelled"]
     assert left_behind(before, "metaros-pump") == []
 
@@ -70,7 +70,7 @@ async def test_run_ends_with_its_nodes(node):
     await asyncio.sleep(0.01)
     node.closed = True
     node.ingress.wake()
-    await asyncio.wait_for(task, 30)
+    await asyncio.wait_for(task, 60)
     with pytest.raises(ClosedError):
         await executor.run()
 

@@ -40,7 +40,7 @@ def spinning(node: SmallNode) -> Iterator[MultiThreadedExecutor]:
     thread.start()
     yield executor
     executor.shutdown()
-    thread.join(30)
+    thread.join(60)
     assert not thread.is_alive()
     assert left_behind(before, "metaros-worker") == []
 
@@ -61,7 +61,7 @@ class Gate:
             self.most = max(self.most, self.inside)
             if item is not None:
                 self.values.append(item.value)
-        self.open.wait(30)
+        self.open.wait(60)
         with self._lock:
             self.inside -= 1
 
@@ -198,7 +198,7 @@ def test_callbacks_that_raise_end_nothing(node, spinning, caplog):
         node.ingress.put(Item("a"))
     wait_until(lambda: all(text in caplog.text for text in ("Error: no", "async no", "ZeroDivisionError")))
     node.ingress.put(Item("b"))
-    assert heard.wait(30)
+    assert heard.wait(60)
 
 
 def test_what_it_had_not_begun_goes_to_the_next_executor(node):
@@ -214,7 +214,7 @@ def test_what_it_had_not_begun_goes_to_the_next_executor(node):
     node.ingress.put(Item("b", 7))
     executor.shutdown()
     gate.open.set()
-    thread.join(30)
+    thread.join(60)
     assert not thread.is_alive()
     following = SingleThreadedExecutor()
     following.add_node(node)
@@ -233,7 +233,7 @@ def test_a_callback_that_blocks_for_ever_does_not_hold_up_the_end(node):
     node.ingress.put(Item("a"))
     wait_until(lambda: gate.inside == 1)
     executor.shutdown()
-    thread.join(30)
+    thread.join(60)
     assert not thread.is_alive()
     gate.open.set()
 

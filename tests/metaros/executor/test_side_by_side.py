@@ -64,7 +64,7 @@ def test_every_kind_of_executor_shares_an_ingress():
     for executor in (*executors, in_loop):
         executor.shutdown()
     for thread in threads:
-        thread.join(30)
+        thread.join(60)
         assert not thread.is_alive()
     ingress.close()
     assert heard == [list(range(COUNT))] * len(nodes)

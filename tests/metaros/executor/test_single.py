@@ -87,7 +87,7 @@ def test_backlogs_stay_bounded_while_a_callback_blocks(node, executor):
 
     def handle(item: Item) -> None:
         entered.set()
-        leave.wait(30)
+        leave.wait(60)
         handled.append(item.value)
 
     last = node.listen("last", handle, depth=3)
@@ -95,7 +95,7 @@ def test_backlogs_stay_bounded_while_a_callback_blocks(node, executor):
     thread = threading.Thread(target=executor.spin)
     node.ingress.put(Item("last", 0))
     thread.start()
-    entered.wait(30)
+    entered.wait(60)
     for number in range(1, 101):
         node.ingress.put(Item("last", number))
     for number in range(1000, 1100):
@@ -166,9 +166,9 @@ def test_shutdown_cancels_what_awaits(node, executor):
     node.ingress.put(Item("a"))
     thread = threading.Thread(target=executor.spin)
     thread.start()
-    started.wait(30)
+    started.wait(60)
     executor.shutdown()
-    thread.join(30)
+    thread.join(60)
     assert not thread.is_alive()
     assert ended == ["cancelled"]
 
@@ -178,7 +178,7 @@ def test_spin_ends_when_its_nodes_are_closed(node, executor):
     thread.start()
     node.closed = True
     node.ingress.wake()
-    thread.join(30)
+    thread.join(60)
     assert not thread.is_alive()
 
 
@@ -252,7 +252,7 @@ def test_executors_of_one_context_share_its_ingress(ingress, node, executor):
     executor.shutdown()
     second.shutdown()
     for thread in threads:
-        thread.join(30)
+        thread.join(60)
         assert not thread.is_alive()
     for name, thread in zip(("node", "other"), threads, strict=True):
         assert heard[name] == [(number, thread) for number in range(200)]
@@ -266,7 +266,7 @@ def test_an_executor_hears_while_the_other_one_is_stuck(ingress, node, executor)
 
     def block(item: Item) -> None:
         stuck.set()
-        leave.wait(30)
+        leave.wait(60)
 
     node.listen("block", block)
     other.listen("a", lambda item: heard.set())
@@ -274,13 +274,13 @@ def test_an_executor_hears_while_the_other_one_is_stuck(ingress, node, executor)
     for thread in threads:
         thread.start()
     ingress.put(Item("block"))
-    assert stuck.wait(30)
+    assert stuck.wait(60)
     ingress.put(Item("a"))
-    assert heard.wait(30)
+    assert heard.wait(60)
     leave.set()
     for each, thread in zip((executor, second), threads, strict=True):
         each.shutdown()
-        thread.join(30)
+        thread.join(60)
         assert not thread.is_alive()
 
 

@@ -34,7 +34,7 @@ NODES = """
 def supervised(code: str) -> Iterator[tuple[socket.socket, subprocess.Popen[str]]]:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ears:
         ears.bind(("127.0.0.1", 0))
-        ears.settimeout(30)
+        ears.settimeout(60)
         env = {**os.environ, "METAROS_HEARTBEAT": f"127.0.0.1:{ears.getsockname()[1]}:secret:0.02"}
         lines = "\n".join(line.removeprefix("    ") for line in code.splitlines())
         process = subprocess.Popen(

@@ -220,7 +220,7 @@ def test_a_late_subscription_does_not_get_what_has_expired(listener, talker):
     pub.publish(String(data="fresh"))
     wait_until(lambda: listener.graph.endpoints("/t", "MP"))
     sub = listener.create_subscription(String, "/t", lambda m: got.append(m.data), KEPT)
-    spinning(listener)(lambda: got)
+    spinning(listener)(lambda: got and sub.expired)
     assert (got, sub.expired) == (["fresh"], 1)
 
 

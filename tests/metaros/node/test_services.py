@@ -50,7 +50,7 @@ def test_a_call_returns_the_response(server, client_node):
 
     client = client_node.create_client(AddTwoInts, "/server/add")
     with spinning(server):
-        assert client.wait_for_service(30)
+        assert client.wait_for_service(60)
         assert client.call(AddTwoInts.Request(a=3, b=4)).sum == 7
         assert asyncio.run(client.call_async(AddTwoInts.Request(a=-1, b=1))).sum == 0
         raw = client_node.create_raw_client("/server/add", AddTwoInts.__metaros_name__, AddTwoInts.__metaros_hash__)
@@ -73,8 +73,8 @@ def test_async_servers_serve_others_while_they_wait(server, client_node):
     waiter = client_node.create_client(Trigger, "/server/wait")
     opener = client_node.create_client(Trigger, "/server/open")
     with spinning(server):
-        assert waiter.wait_for_service(30)
-        assert opener.wait_for_service(30)
+        assert waiter.wait_for_service(60)
+        assert opener.wait_for_service(60)
 
         async def both() -> Any:
             waiting = asyncio.create_task(waiter.call_async(Trigger.Request()))
@@ -96,7 +96,7 @@ def test_no_server_is_said_at_once(client_node):
 def test_a_server_that_does_not_answer_is_a_timeout(server, client_node):
     server.create_service(Trigger, "~/deaf", lambda request, response: None)
     client = client_node.create_client(Trigger, "/server/deaf")
-    assert client.wait_for_service(30)
+    assert client.wait_for_service(60)
     with pytest.raises(TimeoutError_, match="deaf"):
         client.call(Trigger.Request(), timeout_s=0.1)
     with pytest.raises(TimeoutError_):
@@ -115,7 +115,7 @@ def test_a_failing_server_refuses(server, client_node, caplog):
     with spinning(server):
         for name, text in (("fail", "broken arm"), ("wrong", "message")):
             client = client_node.create_client(Trigger, f"/server/{name}")
-            assert client.wait_for_service(30)
+            assert client.wait_for_service(60)
             with pytest.raises(PeerError, match=text):
                 client.call(Trigger.Request())
     assert "RuntimeError: broken arm" in caplog.text
@@ -125,7 +125,7 @@ def test_malformed_requests_are_refused_and_counted(server, client_node, here):
     service = server.create_service(AddTwoInts, "~/add", lambda request, response: None)
     raw = client_node.create_raw_client("/server/add", service.type_name, service.type_hash)
     with spinning(server):
-        assert raw.wait_for_service(30)
+        assert raw.wait_for_service(60)
         with pytest.raises(PeerError, match="malformed_cdr"):
             raw.call(b"\x00\x01", timeout_s=60)
         replies = list(here.session.zenoh.get(service.key, payload=b"\x00\x01\x00\x00"))
@@ -136,7 +136,7 @@ def test_malformed_requests_are_refused_and_counted(server, client_node, here):
 def test_waiting_requests_are_bounded_by_the_backlog(server, client_node):
     service = server.create_service(Trigger, "~/busy", lambda request, response: None, backlog=2)
     client = client_node.create_client(Trigger, "/server/busy")
-    assert client.wait_for_service(30)
+    assert client.wait_for_service(60)
 
     async def flood() -> list[Any]:
         calls = [client.call_async(Trigger.Request(), timeout_s=0.5) for _ in range(5)]

@@ -120,7 +120,7 @@ def test_raw_endpoints_carry_types_that_nobody_knows(here, there):
         pub = a.create_raw_publisher("/odd", "odd_msgs/msg/Odd", type_hash)
         linked(here, there, topic="/odd")
         pub.publish(b"\x00\x01\x00\x00abc", stamp_ns=7)
-        assert arrived.acquire(timeout=30)
+        assert arrived.acquire(timeout=60)
         with pytest.raises(FieldError, match="odd_msgs/msg/Odd"):
             pub.publish("text")
     assert samples[0].payload.to_bytes() == b"\x00\x01\x00\x00abc"
@@ -227,7 +227,7 @@ def test_closing_while_another_thread_publishes(here: metaros.Context) -> None:
 
         thread = threading.Thread(target=flood)
         thread.start()
-        assert began.wait(30)
+        assert began.wait(60)
         node.close()
-        thread.join(30)
+        thread.join(60)
     assert ended == [ClosedError] * 20

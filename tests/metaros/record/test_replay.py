@@ -45,7 +45,7 @@ class Listener:
 
     def close(self) -> None:
         self.executor.shutdown()
-        self.thread.join(30)
+        self.thread.join(60)
         self.node.close()
         self.context.close()
 

@@ -55,7 +55,7 @@ class Observer:
 
     def close(self) -> None:
         self.executor.shutdown()
-        self.thread.join(30)
+        self.thread.join(60)
         self.node.close()
         self.context.close()
 
@@ -87,7 +87,7 @@ def simulate(zenoh_router: str, tmp_path: Path) -> Iterator[Start]:
     yield start
     stop.set()
     for observer, context, thread in running:
-        thread.join(30)
+        thread.join(60)
         assert not thread.is_alive()
         context.close()
         observer.close()
@@ -128,7 +128,7 @@ def test_cmd_vel_takes_over_and_stops_when_it_ends(simulate: Start) -> None:
     assert any("taken over" in line for line in observer.log)
 
     resume = observer.node.create_client(Trigger, "/sim_1/base/resume")
-    assert resume.wait_for_service(30)
+    assert resume.wait_for_service(60)
     assert resume.call(Trigger.Request(), timeout_s=60).success
     wait_until(lambda: observer.speed() > 0.1 or abs(observer.heard["/sim_1/odom"].twist.twist.angular.z) > 0.1)
 

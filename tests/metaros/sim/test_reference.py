@@ -67,7 +67,7 @@ def test_drive_square_drives_a_square(zenoh_router: str, tmp_path: Path) -> None
             )
         finally:
             stop.set()
-            sim.join(30)
+            sim.join(60)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("side ended") == done.stdout.count("turn ended") == 4
     assert "resumed autonomy on request" in done.stdout

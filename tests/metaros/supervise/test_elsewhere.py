@@ -43,7 +43,7 @@ async def test_output_comes_while_it_runs_and_it_can_be_asked_to_end(tmp_path: P
     child = Process(launch(tmp_path, code))
     await wait_until_async(lambda: child.log.tail() == ["up"])
     child.ask_to_end()
-    await asyncio.wait_for(child.wait(), 30)
+    await asyncio.wait_for(child.wait(), 60)
     assert child.log.tail() == ["up", "bye"]
 
 
@@ -52,5 +52,5 @@ async def test_a_kill_is_final(tmp_path: Path) -> None:
     child = Process(launch(tmp_path, "print('up', flush=True); input() if 0 else __import__('signal').pause()"))
     await wait_until_async(lambda: child.log.tail() == ["up"])
     child.kill()
-    assert (await asyncio.wait_for(child.wait(), 30)).signal == 9
+    assert (await asyncio.wait_for(child.wait(), 60)).signal == 9
     assert not child.running

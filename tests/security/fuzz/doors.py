@@ -114,6 +114,9 @@ def headers(data: bytes) -> None:
     """Authorization, cookies and the key in a WebSocket's subprotocol."""
     lines = data.split(b"\n")
     scope = {
+        "type": "http",
+        "method": "GET",
+        "path": "/api/v1/robots",
         "headers": [(name.lower(), value) for name, _, value in (line.partition(b": ") for line in lines)],
         "subprotocols": [line.decode("latin-1") for line in lines if line.startswith(b"metaros")],
     }

@@ -31,7 +31,7 @@ class Viewer:
 
     async def next(self) -> dict[str, Any] | bytes:
         """The next message; channels and services that come are noted."""
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(60):
             message = await self.socket.recv()
         if isinstance(message, bytes):
             return message

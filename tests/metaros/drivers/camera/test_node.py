@@ -76,7 +76,7 @@ def test_a_source_that_fails_is_opened_again(zenoh_router: str) -> None:
         finally:
             started = time.monotonic()
             camera.close()
-            assert time.monotonic() - started < 20
+            assert time.monotonic() - started < 60
     assert len(opened) >= 3
 
 

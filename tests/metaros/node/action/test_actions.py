@@ -55,7 +55,7 @@ async def fibonacci_async(goal: ServerGoal) -> Any:
 def until_cancelled(goal: ServerGoal) -> None:
     """Goes on until it should stop."""
     goal.publish_feedback(Fibonacci.Feedback(sequence=[1]))
-    assert goal.pause(30)
+    assert goal.pause(60)
     if goal.is_cancel_requested:
         goal.canceled(Fibonacci.Result(sequence=[7]))
 
@@ -75,7 +75,7 @@ def serve(here, there) -> Iterator[Serve]:
             client = client_node.create_action_client(Fibonacci, "fibonacci")
             stack.enter_context(spinning(server_node))
             stack.enter_context(spinning(client_node))
-            assert client.wait_for_server(30)
+            assert client.wait_for_server(60)
             return server, client
 
         yield start
@@ -144,7 +144,7 @@ def test_a_cancel_may_be_refused(serve):
     go = threading.Event()
 
     def execute(goal: ServerGoal) -> Any:
-        go.wait(30)
+        go.wait(60)
         return fibonacci(goal)
 
     async def refuse(goal: ServerGoal) -> bool:
@@ -255,7 +255,7 @@ def test_more_goals_than_threads_wait_and_may_be_cancelled_meanwhile(serve):
 
     def execute(goal: ServerGoal) -> Any:
         began.append(goal.request.order)
-        go.wait(30)
+        go.wait(60)
         return Fibonacci.Result()
 
     _, client = serve(execute)
@@ -276,7 +276,7 @@ def test_results_expire(zenoh_router, here):
         peer = metaros.Node("client", context=here)
         client = peer.create_action_client(Fibonacci, "fibonacci")
         with spinning(node), spinning(peer):
-            assert client.wait_for_server(30)
+            assert client.wait_for_server(60)
             goal = client.send_goal(Fibonacci.Goal(order=5)).wait()
             assert summary(goal) == DONE
             clock.advance(4.9)

@@ -115,7 +115,7 @@ def test_a_goal_survives_its_client_and_is_kept(node: metaros.Node, zenoh_router
 
     def execute(goal: ServerGoal) -> Any:
         goals.append(goal)
-        go.wait(30)
+        go.wait(60)
         goal.publish_feedback(Fibonacci.Feedback(sequence=[1]))
         return Fibonacci.Result(sequence=[5])
 

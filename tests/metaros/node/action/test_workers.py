@@ -15,7 +15,7 @@ def test_jobs_run_beside_each_other_up_to_the_bound_and_in_order():
 
     def job(number: int) -> None:
         began.append(number)
-        gates[number].wait(30)
+        gates[number].wait(60)
 
     jobs = [lambda n=number: job(n) for number in range(4)]
     for each in jobs:
@@ -40,12 +40,12 @@ def test_what_has_not_begun_can_be_forgotten():
 
     def first() -> None:
         began.set()
-        gate.wait(30)
+        gate.wait(60)
 
     ran: list[int] = []
     workers.submit(first)
     workers.submit(lambda: ran.append(1))
-    assert began.wait(30)
+    assert began.wait(60)
     workers.clear()
     gate.set()
     wait_until(lambda: workers.running == 0)

@@ -41,7 +41,7 @@ def test_a_life_under_every_executor(kind, here, there):
         thread.start()
         try:
             client = asker.create_client(srv.ChangeState, "/arm/change_state")
-            assert client.wait_for_service(30)
+            assert client.wait_for_service(60)
             for label in ("configure", "activate"):
                 assert client.call(srv.ChangeState.Request(transition=msg.Transition(label=label))).success
             node.count_error()

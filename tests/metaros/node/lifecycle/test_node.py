@@ -138,7 +138,7 @@ def test_async_callbacks(here, there, spin):
         spin(node)
         with metaros.Node("asker", context=there) as asker:
             client = asker.create_client(srv.ChangeState, "/slow/change_state")
-            assert client.wait_for_service(30)
+            assert client.wait_for_service(60)
             assert client.call(srv.ChangeState.Request(transition=msg.Transition(id=1))).success
             assert node.state.label == "inactive"
             assert not client.call(srv.ChangeState.Request(transition=msg.Transition(label="activate"))).success
@@ -182,8 +182,8 @@ def test_services_and_events(lidar, there, spin):
         spin(asker)
         change = asker.create_client(srv.ChangeState, "/lidar/change_state")
         get = asker.create_client(srv.GetState, "/lidar/get_state")
-        assert change.wait_for_service(30)
-        assert get.wait_for_service(30)
+        assert change.wait_for_service(60)
+        assert get.wait_for_service(60)
         wait_until(lambda: len(there.graph.endpoints("/lidar/transition_event", "MP")) == 1)
         state = get.call(srv.GetState.Request()).current_state
         assert (state.id, state.label) == (1, "unconfigured")
@@ -201,11 +201,11 @@ def test_services_and_events(lidar, there, spin):
         assert get.call(srv.GetState.Request()).current_state.label == "inactive"
         for name, count in (("get_available_transitions", 3), ("get_transition_graph", 25)):
             client = asker.create_client(srv.GetAvailableTransitions, f"/lidar/{name}")
-            assert client.wait_for_service(30)
+            assert client.wait_for_service(60)
             rows = client.call(srv.GetAvailableTransitions.Request()).available_transitions
             assert len(rows) == count
         states = asker.create_client(srv.GetAvailableStates, "/lidar/get_available_states")
-        assert states.wait_for_service(30)
+        assert states.wait_for_service(60)
         assert [s.id for s in states.call(srv.GetAvailableStates.Request()).available_states] == [
             *range(5),
             *range(10, 16),

@@ -1,0 +1,26 @@
+/** The kinds of what happens, offered while one types: the journal's, see gateway/events/kinds.py, and those of webhooks. */
+
+export const TYPES = [
+  "metaros.alert.opened",
+  "metaros.alert.acknowledged",
+  "metaros.alert.resolved",
+  "metaros.alert.changed",
+  "metaros.robot.online",
+  "metaros.robot.offline",
+  "metaros.node.state",
+  "metaros.node.crashed",
+  "metaros.node.quarantined",
+  "metaros.command.ended",
+  "metaros.twin.applied",
+  "metaros.twin.refused",
+  "metaros.twin.reverted",
+  "metaros.twin.drifted",
+  "metaros.twin.in_step",
+  "metaros.rollout.changed",
+  "metaros.recording.stored",
+  "metaros.recording.failed",
+  "metaros.lease.taken",
+  "metaros.lease.ended",
+  "metaros.function.canary",
+  "metaros.webhook",
+];

@@ -1,0 +1,1 @@
+"""Notices: alerts sent to where people are, by webhook and e-mail."""

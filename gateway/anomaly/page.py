@@ -1,0 +1,143 @@
+"""Some hundred series that are judged together: the arrays of their state, and what a sample does to them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gateway.anomaly import lowest, novelty, profile
+from gateway.anomaly.explanation import Explanation, Judged, Learned, band, explain, learned
+from gateway.anomaly.parameters import THRESHOLD, BankConfig
+from gateway.anomaly.state import Field, Floats, Rows, State
+
+__all__ = ["LARGEST", "Page"]
+
+LARGEST = 1e100  # values beyond count as this much: their squares stay finite
+_SERIES = (
+    Field("stamp_s", "f8", np.nan),  # of the last sample
+    Field("elapsed_s", "f8"),  # sum of the steps between samples
+    Field("count", "f8"),
+    Field("ignored", "i8"),
+    Field("times", "f8", 1.0),
+    Field("quiet_count", "f8"),  # cool-down lasts until both are reached
+    Field("quiet_s", "f8"),
+    Field("last", "f8", 0.0, (len(Judged._fields),)),
+)
+
+
+class Page:
+    """The series of one block of rows. Rows are unique in a call."""
+
+    def __init__(self, config: BankConfig, rows: int) -> None:
+        self.config = config
+        fields = (*_SERIES, *novelty.fields(config), *profile.fields(config), *lowest.fields(config))
+        self.state = State(fields, rows)
+        limits = np.array(config.limits) * config.times
+        self._limits, self._lists = limits, np.arange(len(limits))
+        self._learn_s = np.array([config.learn_s, max(config.learn_s, config.profile_learn_s), config.learn_s])
+
+    def reset(self, row: int, *, times: float) -> None:
+        """A new series in this row."""
+        self.state.reset(row)
+        self.state["kept"][row, :, 0] = -np.inf
+        self.state["times"][row] = times
+
+    def update(self, rows: Rows, stamps_s: Floats, values: Floats) -> Floats:
+        """The score of one sample for each row; samples that are no number are counted and get 0."""
+        good = np.isfinite(values) & np.isfinite(stamps_s)
+        if good.all():
+            return self._update(rows, stamps_s, values)
+        scores = np.zeros(len(rows))
+        self.state["ignored"][rows[~good]] += 1
+        scores[good] = self._update(rows[good], stamps_s[good], values[good])
+        return scores
+
+    def _update(self, rows: Rows, stamps_s: Floats, values: Floats) -> Floats:
+        values = np.minimum(np.maximum(values, -LARGEST), LARGEST) + 0.0  # no -0.0
+        before_s = self.state["elapsed_s"][rows]
+        count, elapsed_s = self._pass(rows, stamps_s)
+        usual = profile.usual(self.state, self.config, rows, stamps_s, values)
+        low = lowest.lowest(self.state, self.config, rows, values)
+        x = np.stack((values, values - usual, low), axis=1)
+        strength, nearest, reach = self._judge(rows, x, before_s)
+        strongest = strength.argmax(axis=1)
+        one = np.arange(len(rows))
+        ratio = strength[one, strongest]
+        scores: Floats = ratio / (1.0 + ratio)
+        quiet = (count <= self.state["quiet_count"][rows]) | (elapsed_s < self.state["quiet_s"][rows])
+        scores = np.where(quiet, scores * 0.5, scores)
+        alerts = np.flatnonzero(scores >= THRESHOLD)
+        if alerts.size:
+            self.state["quiet_count"][rows[alerts]] = count[alerts] + self.config.cooldown_samples
+            self.state["quiet_s"][rows[alerts]] = elapsed_s[alerts] + self.config.cooldown_s
+        chosen = (x[one, strongest], nearest[one, strongest], reach[one, strongest])
+        self.state["last"][rows] = np.stack((values, scores, strongest, *chosen), axis=1)
+        return scores
+
+    def _pass(self, rows: Rows, stamps_s: Floats) -> tuple[Floats, Floats]:
+        """Samples and time so far. A clock that jumps back adds nothing, a gap of years no more than a day."""
+        step = np.nan_to_num(stamps_s - self.state["stamp_s"][rows])
+        elapsed_s = self.state["elapsed_s"][rows] + np.minimum(np.maximum(step, 0.0), self.config.longest_step_s)
+        count = self.state["count"][rows] + 1.0
+        self.state["stamp_s"][rows] = stamps_s
+        self.state["elapsed_s"][rows] = elapsed_s
+        self.state["count"][rows] = count
+        return count, elapsed_s
+
+    def _judge(self, rows: Rows, x: Floats, learned_s: Floats) -> tuple[Floats, Floats, Floats]:
+        """Strength by its limit, nearest value and reach of each novelty of each row; zeros where it cannot say."""
+        known = np.isfinite(x).reshape(-1)
+        lists = (rows[:, None] * len(self._lists) + self._lists).reshape(-1)[known]
+        looked = x.reshape(-1)[known]
+        least = novelty.least_spread(self.state, self.config, rows)
+        least = least.repeat(len(self._lists))[known]
+        at, nearest, distance, spread = novelty.judge(self.state, self.config, lists, looked, least)
+        allowed = (self.state["times"][rows][:, None] * self._limits).reshape(-1)[known]
+        passed = (learned_s[:, None] >= self._learn_s).reshape(-1)[known]
+        ready = passed & (self.state.flat["seen"][lists] >= self.config.learn_samples)
+        found = np.zeros((3, known.size))
+        reach = spread * allowed
+        found[:, known] = np.where(ready, distance / reach, 0.0), nearest, reach
+        novelty.learn(self.state, self.config, lists, looked, at, distance, spread)
+        strength, near, far = found.reshape(3, *x.shape)
+        return strength, near, far
+
+    def accept(self, row: int, value: float, stamp_s: float | None) -> None:
+        """The value counts as seen by every novelty."""
+        usual = self._usual(row, float(self.state["stamp_s"][row]) if stamp_s is None else stamp_s)
+        for number, x in enumerate((value, value - usual, value)):
+            lists, at_value = np.array([row * len(self._lists) + number]), np.array([x])
+            if np.isfinite(x) and abs(x) <= LARGEST:
+                at, _, distance, _ = novelty.judge(self.state, self.config, lists, at_value, np.zeros(1))
+                if distance[0] > 0.0:
+                    novelty.insert(self.state, self.config, lists, at_value, at)
+
+    def _usual(self, row: int, stamp_s: float) -> float:
+        if not np.isfinite(stamp_s):
+            return float("nan")
+        hour = int(stamp_s % (self.config.bin_s * self.config.bins) / self.config.bin_s)
+        return float(self.state["usual"][row, min(hour, self.config.bins - 1)])
+
+    def kept(self, row: int, number: int) -> list[float]:
+        """What one novelty of a row has kept, sorted."""
+        size = int(self.state["size"][row, number])
+        found: list[float] = self.state["kept"][row, number, 1 : size + 1].tolist()
+        return found
+
+    def learned(self, row: int) -> Learned:
+        """How far a row's learning is."""
+        seen, elapsed_s = float(self.state["count"][row]), float(self.state["elapsed_s"][row])
+        return learned(self.config, seen=seen, elapsed_s=elapsed_s)
+
+    def explain(self, row: int) -> Explanation:
+        """Of the row's last sample."""
+        value, score, number, *rest = self.state["last"][row].tolist()
+        judged = Judged(value, score, int(number), *rest)
+        return explain(self.config, judged, self.kept(row, judged.novelty), self.learned(row))
+
+    def band(self, row: int) -> tuple[float, float]:
+        """Where the next value is expected, around the last one."""
+        lists, value = np.array([row * len(self._lists)]), self.state["last"][row, :1].copy()
+        least = novelty.least_spread(self.state, self.config, np.array([row]))
+        _, nearest, _, spread = novelty.judge(self.state, self.config, lists, value, least)
+        reach = float(spread[0] * self._limits[0] * self.state["times"][row])
+        return band(self.kept(row, 0), float(nearest[0]), reach)

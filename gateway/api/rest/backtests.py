@@ -1,0 +1,50 @@
+"""Backtests: what would have fired over stored history, with checks of one's choice."""
+
+from __future__ import annotations
+
+import asyncio
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import Response
+
+from gateway.api import models_watch
+from gateway.api.allow import allow, require_seen
+from gateway.api.audited import note
+from gateway.api.problem import JsonResponse
+from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
+from gateway.api.rest.ranges import parse_range
+from gateway.api.services import services_of
+from gateway.api.views_backtest import backtest_view
+from gateway.backtest import BacktestRequest
+
+__all__ = ["router"]
+
+router = APIRouter(prefix="/api/v1/backtests", tags=["alerts"], default_response_class=JsonResponse)
+
+
+@router.post(
+    "",
+    dependencies=[allow("alerts.handle")],
+    responses={200: {"model": models_watch.Backtest}, **PROBLEMS},
+    openapi_extra=body_document(models_watch.BacktestRequest),
+)
+async def run_backtest(request: Request) -> Response:
+    """Judge a robot's stored rows again, beside what is judged now; nothing is changed. One at a time."""
+    body = await read_body(request, models_watch.BacktestRequest)
+    services = services_of(request)
+    require_seen(request, body.robot)
+    services.registry.get(body.robot)
+    start_ns, end_ns = parse_range(body.from_, body.to, now_ns=services.clock.wall_ns())
+    report = await services.backtests.run(
+        BacktestRequest(
+            robot=body.robot,
+            series=tuple(body.series),
+            start_ns=start_ns,
+            end_ns=end_ns,
+            checks={name: change.said() for name, change in body.checks.items()},
+            detectors=tuple(body.detectors),
+        )
+    )
+    note(request, detail=f"{body.robot}: {report.samples} samples, {len(report.findings)} findings")
+    return JsonResponse(await asyncio.to_thread(backtest_view, report))

@@ -1,0 +1,1 @@
+"""A gateway's whole store as files, taken while it works, and a store made of them again."""

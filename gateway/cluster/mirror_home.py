@@ -1,0 +1,224 @@
+"""Telling the other gateways of the robots that are linked here: all of it when one comes, and then what changes.
+
+Links and channels are told at once, values and counts when it is their time, each in what everybody gets. Nothing
+waits in a queue: what is to be told is read off the records. A gateway that takes no more is told all of it anew.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Final
+
+from gateway.cluster.mirror_pieces import Piece, Schemas, Told, all_news_of, news_of, whole_of
+from gateway.cluster.ports import Mesh
+from gateway.ingest.registry import Registry
+from metaros._proto import cluster_pb2
+from metaros.clock import Clock
+
+__all__ = ["MIRROR", "MIRROR_AGAIN", "MIRROR_FAST", "MirrorHome"]
+
+log = logging.getLogger(__name__)
+
+MIRROR: Final = "mirror"
+MIRROR_AGAIN: Final = "mirror.again"
+MIRROR_FAST: Final = "mirror.fast"
+LOOK_S: Final = 0.5  # how often what changes all the time is told
+FAST_S: Final = 0.05  # how often values are, while somebody looks at them elsewhere
+AT_ONCE: Final = 16  # robots of which news are told, before others have their turn on the event loop
+WHOLE_AT_ONCE: Final = 4  # and robots of which all is told, to somebody who has to read it
+PAGE_BYTES: Final = 12 * 1024  # of one message, about; a millisecond's work to take in
+TEXTS_BYTES: Final = 256 * 1024  # and of schemas in it, which are no work
+TEXTS_AT_ONCE: Final = 16  # of 256 KiB at most
+PAUSE_S: Final = 0.001  # between parts of all of it: who reads them has other things to do
+FULL_S: Final = 0.05  # until it is tried again to tell somebody who took no more
+
+
+class MirrorHome:
+    """All methods on the event loop; `run` it beside the links."""
+
+    def __init__(self, mesh: Mesh, registry: Registry, *, clock: Clock) -> None:
+        self._mesh = mesh
+        self._registry = registry
+        self._clock = clock
+        self._told: dict[str, Told] = {}  # by robot that is linked here
+        self._schemas = Schemas()
+        self._now: dict[str, None] = {}  # whose link or channels are news
+        self._values: dict[str, dict[str, tuple[int, float]]] = {}
+        self._current: set[str] = set()  # gateways that are told what changes
+        self._behind: dict[str, None] = {}  # those that have to be told everything
+        self._stirred = asyncio.Event()
+        self._wanted = asyncio.Event()  # somebody is behind
+        self._fast: set[str] = set()  # gateways where somebody looks at values
+        mesh.on_tell(MIRROR_AGAIN, self._on_again)
+        mesh.on_tell(MIRROR_FAST, self._on_fast)
+        mesh.on_peer(self._on_peer)
+
+    def on_online(self, robot: str, online: bool) -> None:
+        """A robot's link to this gateway came or went."""
+        if online:
+            self._told[robot] = Told()
+        else:
+            self._told.pop(robot, None)
+            self._values.pop(robot, None)
+        self._stir(robot)
+
+    def on_channels(self, robot: str) -> None:
+        """Something was announced here."""
+        if robot in self._told:
+            self._stir(robot)
+
+    def on_values(self, robot: str, values: Mapping[str, tuple[int, float]]) -> None:
+        """Newest values of series came here."""
+        if self._current and robot in self._told:
+            self._values.setdefault(robot, {}).update(values)
+
+    async def run(self) -> None:
+        """Until cancelled."""
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._tell_at_once())
+            group.create_task(self._tell_in_time())
+            group.create_task(self._tell_all_of_it())
+
+    def _stir(self, robot: str) -> None:
+        self._now[robot] = None
+        self._stirred.set()
+
+    def _on_peer(self, gateway: str, came: bool) -> None:
+        self._current.discard(gateway)
+        self._fast.discard(gateway)
+        self._behind.pop(gateway, None)
+        if came:
+            self._fell_behind(gateway)
+
+    def _on_again(self, sender: str, payload: bytes) -> None:
+        for robot in cluster_pb2.MirrorAgain.FromString(payload).robots:
+            if robot in self._told:
+                self._told[robot] = Told()
+                self._stir(robot)
+
+    def _on_fast(self, sender: str, payload: bytes) -> None:
+        if payload and sender in self._mesh.peers():
+            self._fast.add(sender)
+        else:
+            self._fast.discard(sender)
+
+    def _fell_behind(self, gateway: str) -> None:
+        self._current.discard(gateway)
+        self._behind[gateway] = None
+        self._wanted.set()
+
+    async def _tell_at_once(self) -> None:
+        while True:
+            await self._stirred.wait()
+            self._stirred.clear()
+            now, self._now = list(self._now), {}
+            await self._tell(now, announced=True, look=False)
+
+    async def _tell_in_time(self) -> None:
+        looked_s = self._clock.monotonic_s()
+        while True:
+            await asyncio.sleep(FAST_S if self._fast else LOOK_S)
+            now_s = self._clock.monotonic_s()
+            if now_s - looked_s >= LOOK_S:
+                looked_s = now_s
+                await self._tell(list(self._told), announced=False, look=True)
+            elif self._values:
+                await self._tell(list(self._values), announced=False, look=False)
+
+    async def _tell(self, robots: list[str], *, announced: bool, look: bool) -> None:
+        """News of these robots to everybody who is told what changes."""
+        for start in range(0, len(robots), AT_ONCE):
+            if not self._current:
+                self._values.clear()
+                return
+            pieces = self._news(robots[start : start + AT_ONCE], announced=announced, look=look)
+            for message in _pages(pieces):
+                for gateway in list(self._current):
+                    if not self._mesh.tell(gateway, MIRROR, message):
+                        self._fell_behind(gateway)
+            await asyncio.sleep(0)
+        if self._schemas.full:
+            self._schemas = Schemas()
+            for gateway in list(self._current):
+                self._fell_behind(gateway)
+
+    def _news(self, robots: Iterable[str], *, announced: bool, look: bool) -> Iterator[Piece]:
+        now_s = self._clock.monotonic_s()
+        for robot in robots:
+            told = self._told.get(robot)
+            if told is None:
+                if announced:
+                    yield cluster_pb2.MirroredRobot(robot=robot, gone=True), []
+                continue
+            record, values = self._registry.get(robot), self._values.pop(robot, {})
+            if told.robot is None:
+                yield from all_news_of(record, told, self._schemas, now_s=now_s)
+            else:
+                yield from news_of(
+                    record, told, self._schemas, values=values, now_s=now_s, announced=announced, look=look
+                )
+
+    async def _tell_all_of_it(self) -> None:
+        while True:
+            await self._wanted.wait()
+            self._wanted.clear()
+            while self._behind:
+                await self._tell_everything(next(iter(self._behind)))
+
+    async def _tell_everything(self, gateway: str) -> None:
+        """From here on it also gets what changes: that is of a robot that it knows, or it is told of that robot yet."""
+        self._behind.pop(gateway)
+        self._current.add(gateway)
+        schemas = self._schemas.copy()
+        texts = list(schemas.texts.values())
+        head = cluster_pb2.Mirror(anew=True).SerializeToString()
+        if not await self._deliver(gateway, head):
+            return
+        for start in range(0, len(texts), TEXTS_AT_ONCE):
+            message = cluster_pb2.Mirror(schemas=texts[start : start + TEXTS_AT_ONCE]).SerializeToString()
+            if not await self._deliver(gateway, message):
+                return
+        robots = list(self._told)
+        for start in range(0, len(robots), WHOLE_AT_ONCE):
+            some = [robot for robot in robots[start : start + WHOLE_AT_ONCE] if robot in self._told]
+            fresh = [robot for robot in some if self._told[robot].robot is None]  # nobody knows them yet
+            pages = list(_pages(self._whole([robot for robot in some if robot not in fresh], schemas)))
+            await self._tell(fresh, announced=True, look=True)
+            for message in pages:
+                if not await self._deliver(gateway, message):
+                    return
+            await asyncio.sleep(PAUSE_S)
+        await self._deliver(gateway, cluster_pb2.Mirror(whole=True).SerializeToString())
+
+    def _whole(self, robots: Iterable[str], schemas: Schemas) -> Iterator[Piece]:
+        now_s = self._clock.monotonic_s()
+        for robot in robots:
+            told = self._told.get(robot)
+            if told is not None:
+                yield from whole_of(self._registry.get(robot), told, schemas, now_s=now_s)
+
+    async def _deliver(self, gateway: str, message: bytes) -> bool:
+        """False: it is not there any more, or is behind again and gets all of it anew."""
+        while gateway in self._current and gateway in self._mesh.peers():
+            if self._mesh.tell(gateway, MIRROR, message):
+                return True
+            await asyncio.sleep(FULL_S)
+        return False
+
+
+def _pages(pieces: Iterable[Piece]) -> Iterator[bytes]:
+    """Messages that are not too large; a single piece may be."""
+    page, size_bytes, texts_bytes = cluster_pb2.Mirror(), 0, 0
+    for piece, texts in pieces:
+        grown, texts_grown = piece.ByteSize(), sum(map(len, texts))
+        if size_bytes and (size_bytes + grown > PAGE_BYTES or texts_bytes + texts_grown > TEXTS_BYTES):
+            yield page.SerializeToString()
+            page, size_bytes, texts_bytes = cluster_pb2.Mirror(), 0, 0
+        page.schemas.extend(texts)
+        page.robots.append(piece)
+        size_bytes += grown
+        texts_bytes += texts_grown
+    if size_bytes:
+        yield page.SerializeToString()

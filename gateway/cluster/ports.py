@@ -1,0 +1,50 @@
+"""What the parts of the cluster need of the mesh; a real one and the tests' in-memory one have it."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Protocol
+
+__all__ = ["Answer", "Heard", "Mesh", "Take"]
+
+Take = Callable[[str, bytes], None]  # sender and payload
+Answer = Callable[[str, bytes], Awaitable[bytes]]  # likewise; what it returns goes back
+Heard = Callable[[str, bool], None]  # a gateway came (True) or went
+
+
+class Mesh(Protocol):
+    """The gateways of one store, as one of them sees the others. All on the event loop."""
+
+    @property
+    def gateway_id(self) -> str:
+        """This gateway's own id."""
+
+    def peers(self) -> frozenset[str]:
+        """The other gateways that live now."""
+
+    def tell(self, gateway: str, topic: str, payload: bytes) -> bool:
+        """Send a message to one gateway: those of one topic arrive in order, or not at all when it goes.
+
+        False: there is no such peer, or so much waits for it already that this was not sent.
+        """
+
+    def tell_all(self, topic: str, payload: bytes) -> None:
+        """Send a message to every peer."""
+
+    async def ask(self, gateway: str, verb: str, payload: bytes, *, timeout_s: float) -> bytes:
+        """Have a gateway do something, and get its answer.
+
+        Raises:
+            PeerGoneError: it is no peer, or went before it answered.
+            PeerTimeoutError: no answer in time; whether it was done is not known.
+            PeerRefusedError: it answered with an error, whose code and text this one has.
+        """
+
+    def on_tell(self, topic: str, take: Take) -> None:
+        """Who takes the messages of a topic."""
+
+    def on_ask(self, verb: str, answer: Answer) -> None:
+        """Who answers a verb."""
+
+    def on_peer(self, heard: Heard) -> None:
+        """Be told of each gateway that comes or goes; one after another, in the order of these calls."""

@@ -1,0 +1,237 @@
+"""Frames for robots whose links are at other gateways, and what comes back of them.
+
+A robot's *home* is the gateway that has its link. A frame that is sent elsewhere is told to the home, which puts it on
+the robot's control lane: one path for each pair of gateways, so frames keep their order. The home remembers which
+command is whose for as long as a result may come, in memory alone: when it ends, who asked hears that at once.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from gateway.cluster.asking import HomeOf
+from gateway.cluster.ports import Mesh
+from gateway.cluster.relay_wire import Parcel
+from gateway.errors import LeaseRequiredError, RobotOfflineError
+from metaros._proto import link_pb2
+from metaros.clock import Clock
+
+__all__ = ["Commands", "Drives", "Links", "Offers", "Relay"]
+
+log = logging.getLogger(__name__)
+
+DOWN, UP, LOST = "relay.down", "relay.up", "relay.lost"
+TRAVEL_S = 5.0  # beside a command's own time: what is remembered longer will have no result
+CameUp = Callable[[str, link_pb2.AgentFrame], None]
+REMEMBERED = 65_536  # commands under way between this gateway and all others
+
+
+class Links(Protocol):
+    """The robots that are linked here."""
+
+    def has(self, robot_id: str) -> bool:
+        """Whether the robot has a lane here."""
+
+    def send(self, robot_id: str, frame: link_pb2.GatewayFrame) -> None:
+        """To its control lane; RobotOfflineError."""
+
+
+class Commands(Protocol):
+    """The commands that were asked for here."""
+
+    def on_result(self, robot: str, result: link_pb2.CommandResult) -> bool:
+        """One's result; False when nobody waits for it."""
+
+    def lost(self, robot: str, command_id: bytes, why: str) -> None:
+        """One will have no result."""
+
+
+class Drives(Protocol):
+    """Who drives."""
+
+    def relayed(self, robot_id: str, teleop: link_pb2.Teleop) -> None:
+        """A drive command of another gateway's driver; LeaseRequiredError, RobotOfflineError."""
+
+    def on_offline(self, robot_id: str) -> None:
+        """The robot's link is gone."""
+
+
+class Offers(Protocol):
+    """What clients of all gateways serve on the robots that are linked here."""
+
+    def put(self, robot: str, gateway: str, told: link_pb2.Offers) -> None:
+        """A gateway's whole list."""
+
+    def answered(self, robot: str, gateway: str, answer: link_pb2.OfferAnswer) -> bool:
+        """Whether that gateway was asked."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Under:
+    """A command under way: of which robot, at or from which other gateway, and until when it is remembered."""
+
+    robot: str
+    gateway: str
+    until_s: float
+
+
+class _Ledger:
+    """Commands by their ids, a bounded number of them; the oldest go first."""
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._under: OrderedDict[bytes, _Under] = OrderedDict()
+
+    def __len__(self) -> int:
+        now_s = self._clock.monotonic_s()
+        return sum(item.until_s > now_s for item in self._under.values())
+
+    def add(self, command: link_pb2.Command, robot: str, gateway: str) -> None:
+        """One leaves."""
+        now_s = self._clock.monotonic_s()
+        while self._under and (len(self._under) >= REMEMBERED or next(iter(self._under.values())).until_s <= now_s):
+            self._under.popitem(last=False)
+        until_s = now_s + command.timeout_ms / 1000 + TRAVEL_S
+        self._under[command.command_id] = _Under(robot, gateway, until_s)
+
+    def take(self, command_id: bytes, robot: str) -> _Under | None:
+        """One is over; None when it is not known, or another robot's."""
+        item = self._under.get(command_id)
+        return self._under.pop(command_id) if item is not None and item.robot == robot else None
+
+    def take_all(self, *, robot: str = "", gateway: str = "") -> list[tuple[bytes, _Under]]:
+        """All of a robot, or of a gateway, are over."""
+        found = [(key, item) for key, item in self._under.items() if robot == item.robot or gateway == item.gateway]
+        for key, _ in found:
+            del self._under[key]
+        return found
+
+
+class Relay:
+    """Lives on the event loop."""
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        links: Links,
+        commands: Commands,
+        drives: Drives,
+        offers: Offers,
+        *,
+        home_of: HomeOf,
+        clock: Clock,
+    ) -> None:
+        self._mesh = mesh
+        self._links = links
+        self._commands = commands
+        self._drives = drives
+        self._offers = offers
+        self._home_of = home_of
+        self._asked = _Ledger(clock)  # of this gateway, at others
+        self._owed = _Ledger(clock)  # of others, at robots that are linked here
+        self.came_up: CameUp = lambda robot, frame: None  # of a robot elsewhere for this gateway alone, but for results
+        self.refused_drive: Callable[[str], None] = lambda gateway: None  # a driver there has no lease any more
+        mesh.on_tell(DOWN, self._on_down)
+        mesh.on_tell(UP, self._on_up)
+        mesh.on_tell(LOST, self._on_lost)
+        mesh.on_peer(self._on_peer)
+
+    @property
+    def owed(self) -> int:
+        """How many results other gateways wait for."""
+        return len(self._owed)
+
+    def send(self, robot: str, frame: link_pb2.GatewayFrame) -> None:
+        """Put a frame on the robot's control lane, wherever its link is; RobotOfflineError when it has none.
+
+        Only what somebody asks for belongs here. What the gateway of the link says of itself (heartbeats, demand,
+        durable commands, twins) goes to `Links.send`, which reaches the robots that are linked here and no others.
+        """
+        home = "" if self._links.has(robot) else self._home_of(robot)
+        if not home:
+            if frame.HasField("offers"):
+                self._offers.put(robot, self._mesh.gateway_id, frame.offers)
+            else:
+                self._links.send(robot, frame)
+            return
+        if frame.HasField("command"):
+            self._asked.add(frame.command, robot, home)
+        if not self._mesh.tell(home, DOWN, Parcel(robot, frame.SerializeToString()).pack()):
+            self._asked.take(frame.command.command_id, robot)
+            raise RobotOfflineError(f"robot {robot} cannot be reached now: its gateway does not take more")
+
+    def on_result(self, robot: str, result: link_pb2.CommandResult) -> bool:
+        """A robot that is linked here answers; whether another gateway waited for that, and was told."""
+        owed = None if result.running else self._owed.take(result.command_id, robot)
+        if owed is None:
+            return False
+        self.tell_asker(owed.gateway, robot, link_pb2.AgentFrame(result=result))
+        return True
+
+    def tell_asker(self, gateway: str, robot: str, frame: link_pb2.AgentFrame) -> None:
+        """Something of a robot that is linked here, for one other gateway."""
+        self._mesh.tell(gateway, UP, Parcel(robot, frame.SerializeToString()).pack())
+
+    def on_offline(self, robot: str) -> None:
+        """A link here is gone: who waits at other gateways hears of it."""
+        for command_id, owed in self._owed.take_all(robot=robot):
+            self._mesh.tell(owed.gateway, LOST, Parcel(robot, command_id, 1).pack())
+
+    # -- what others tell --------------------------------------------------------------------------------------------
+
+    def _on_down(self, sender: str, payload: bytes) -> None:
+        parcel = Parcel.unpack(payload)
+        frame = link_pb2.GatewayFrame.FromString(parcel.frame)
+        command_id = frame.command.command_id
+        try:
+            self._put(sender, parcel.robot, frame)
+        except RobotOfflineError:
+            self._owed.take(command_id, parcel.robot)
+            self._mesh.tell(sender, LOST, Parcel(parcel.robot, command_id).pack())
+
+    def _put(self, sender: str, robot: str, frame: link_pb2.GatewayFrame) -> None:
+        match frame.WhichOneof("frame"):
+            case "command":
+                self._owed.add(frame.command, robot, sender)
+                self._links.send(robot, frame)
+            case "teleop":
+                try:
+                    self._drives.relayed(robot, frame.teleop)
+                except LeaseRequiredError:
+                    self.refused_drive(sender)
+            case "offers":
+                self._offers.put(robot, sender, frame.offers)
+            case "offer_answer":
+                if self._offers.answered(robot, sender, frame.offer_answer):
+                    self._links.send(robot, frame)
+            case kind:
+                log.warning("the gateway %s sends robot %s a %s frame, which is not relayed", sender, robot, kind)
+
+    def _on_up(self, sender: str, payload: bytes) -> None:
+        parcel = Parcel.unpack(payload)
+        frame = link_pb2.AgentFrame.FromString(parcel.frame)
+        if frame.HasField("result"):
+            self._asked.take(frame.result.command_id, parcel.robot)
+            self._commands.on_result(parcel.robot, frame.result)
+        else:
+            self.came_up(parcel.robot, frame)
+
+    def _on_lost(self, sender: str, payload: bytes) -> None:
+        parcel = Parcel.unpack(payload)
+        if self._asked.take(parcel.frame, parcel.robot) is not None:
+            left = "lost its link; the outcome is not known" if parcel.number else "has no link now"
+            self._commands.lost(parcel.robot, parcel.frame, f"robot {parcel.robot} {left}")
+        elif not parcel.frame and not self._links.has(parcel.robot):
+            self._drives.on_offline(parcel.robot)
+
+    def _on_peer(self, gateway: str, there: bool) -> None:
+        if there:
+            return
+        self._owed.take_all(gateway=gateway)
+        for command_id, asked in self._asked.take_all(gateway=gateway):
+            why = f"robot {asked.robot} lost its link, as its gateway went; the outcome is not known"
+            self._commands.lost(asked.robot, command_id, why)

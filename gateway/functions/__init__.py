@@ -1,0 +1,1 @@
+"""Functions: users' handlers, by AWS Lambda's protocols."""

@@ -1,0 +1,59 @@
+"""Replays into functions: what of a span is given to which, rebuilt from what is stored of a replay."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Awaitable, Callable, Iterable, Sequence
+from typing import Any
+
+import orjson
+
+from gateway.domain.delivery import Put
+from gateway.domain.happening import Happening, Replay
+from gateway.domain.shapes import eventbridge
+from gateway.functions.async_put import event_put
+from gateway.functions.directory import Directory
+from metaros.rules.pattern import compile_pattern
+
+__all__ = ["Replayer"]
+
+Begin = Callable[[Replay, Callable[[Happening], bool], Callable[[Happening], Sequence[Put]]], Awaitable[Replay]]
+
+
+class Replayer:
+    """Begins replays, and goes on with those that a restart left."""
+
+    def __init__(self, begin: Begin, directory: Directory) -> None:
+        """`begin` is the queue's."""
+        self._begin = begin
+        self._directory = directory
+
+    async def begin(self, replay: Replay) -> Replay:
+        """Begin one, or go on with it. Raises UnknownFunctionError, PatternError, TooManyError, StoreError."""
+        spec: dict[str, Any] = dict(replay.spec)
+        target = self._directory.resolve(str(spec["function"]), str(spec.get("qualifier", "")))
+        settings = self._directory.event_invoke(target.name, target.qualifier)
+        pattern = compile_pattern(spec["pattern"]) if spec.get("pattern") else None
+
+        def match(happening: Happening) -> bool:
+            return pattern is None or pattern.matches(eventbridge(happening))
+
+        def put(happening: Happening) -> Sequence[Put]:
+            event = event_put(
+                target.name,
+                target.qualifier,
+                orjson.dumps(eventbridge(happening)),
+                request_id=str(uuid.uuid5(uuid.NAMESPACE_OID, f"{replay.id}/{happening.source}/{happening.id}")),
+                settings=settings,
+                robot=happening.robot,
+                happening=happening.id,
+            )
+            return (event,)
+
+        return await self._begin(replay, match, put)
+
+    async def resume(self, replays: Iterable[Replay]) -> None:
+        """Go on with those that have not ended."""
+        for replay in replays:
+            if not replay.ended_ns and "function" in replay.spec:
+                await self.begin(replay)

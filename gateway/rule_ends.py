@@ -1,0 +1,100 @@
+"""What rules do, tied to the desks that do it: part of the wiring, it belongs to no feature."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+from gateway.alerts.desk import AlertDesk
+from gateway.domain.command import Command
+from gateway.domain.delivery import Handler
+from gateway.domain.principal import Principal
+from gateway.fleet.desk import FleetDesk
+from gateway.fleet.orders import Order, OrderDesk
+from gateway.recordings.desk import RecordingDesk
+from gateway.rules.secrets import Secrets
+from gateway.rules.targets.alert import AlertTarget
+from gateway.rules.targets.aws import AwsTarget, aws_client
+from gateway.rules.targets.capture import CaptureTarget
+from gateway.rules.targets.command import CommandTarget, PublishTarget
+from gateway.rules.targets.webhook import WebhookTarget
+from metaros.clock import Clock
+
+__all__ = ["RuleEnds", "RuleOrders"]
+
+WAITS_BY_ITSELF = ("save_recording",)
+
+
+class RuleOrders:
+    """The desk of commands, as rules use it."""
+
+    def __init__(self, orders: OrderDesk, fleet: FleetDesk) -> None:
+        self._orders = orders
+        self._fleet = fleet
+
+    async def send(
+        self,
+        robot: str,
+        kind: str,
+        request: Mapping[str, Any],
+        principal: Principal,
+        *,
+        durable: bool,
+        expires_s: float,
+        idempotency: str,
+    ) -> Command:
+        """Store a command and have it carried out; the same key is the same command."""
+        order = Order(
+            robot=robot,
+            kind=kind,
+            request=request,
+            durable=durable,
+            expires_s=expires_s,
+            idempotency=idempotency,
+        )
+        return await self._orders.send(order, principal)
+
+    async def wait(self, command_id: str, wait_s: float) -> Command:
+        """The command at its end, or as it is after so long."""
+        return await self._orders.wait(command_id, wait_s)
+
+    def is_actuator(self, robot: str, topic: str) -> bool:
+        """Whether what is published on a robot's topic, or asked of its service, moves it."""
+        return bool(topic) and self._fleet.is_actuator(robot, topic)
+
+    def waits_by_itself(self, kind: str) -> bool:
+        """Whether commands of that kind are kept for their robot without being durable."""
+        return kind in WAITS_BY_ITSELF
+
+
+class RuleEnds:
+    """`handlers` are the queue's, by kind; that of functions is not among them."""
+
+    def __init__(
+        self,
+        secrets: Secrets,
+        orders: OrderDesk,
+        fleet: FleetDesk,
+        recordings: RecordingDesk,
+        alerts: AlertDesk,
+        *,
+        clock: Clock,
+        private_hosts: Sequence[str] = (),
+        aws_region: str = "",
+        aws_endpoint: str = "",
+    ) -> None:
+        sent = RuleOrders(orders, fleet)
+        self._aws = AwsTarget(partial(aws_client, endpoint=aws_endpoint), region=aws_region)
+        self.handlers: dict[str, Handler] = {
+            "webhook": WebhookTarget(secrets, clock=clock, private_hosts=private_hosts),
+            "command": CommandTarget(sent, clock=clock),
+            "publish": PublishTarget(sent, clock=clock),
+            "capture": CaptureTarget(recordings),
+            "alert": AlertTarget(alerts, clock=clock),
+            "aws": self._aws,
+        }
+
+    def close(self) -> None:
+        """Take nothing more."""
+        self._aws.close()

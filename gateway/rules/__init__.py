@@ -1,0 +1,1 @@
+"""Rules: which happenings set off what."""

@@ -1,0 +1,1 @@
+"""What rules do: a handler of the queue for each kind of target."""

@@ -1,0 +1,126 @@
+"""Robots that come from another gateway's judge, or go to one. All methods on the judge's thread."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from gateway.anomaly.bank import SnapshotError
+from gateway.anomaly.moving import VERSION
+from gateway.store.watch_rows import RecentRows
+from gateway.store.watch_states import Saved
+from gateway.watch.intake import Intake
+from gateway.watch.turns import Turns
+from metaros.limits import LIMITS
+
+__all__ = ["BACK_NS", "Moves", "Window"]
+
+log = logging.getLogger(__name__)
+
+BACK_NS = 60 * 10**9  # how far behind the robot's newest row a series' rows may come
+AHEAD_NS = 600 * 10**9  # how far beyond what has passed its stamps may be
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """The stamps of the rows that are to be judged after a state, both included; `skipped_s` before them are not."""
+
+    start_ns: int
+    end_ns: int
+    skipped_s: float = 0.0
+
+    @classmethod
+    def after(cls, saved: Saved | None, now_ns: int) -> Window:
+        """What may have come since a state was saved; nothing where none was."""
+        if saved is None or not saved.version or not saved.newest_ns:
+            return cls(1, 0)
+        passed_ns = max(0, now_ns - saved.saved_ns)
+        end_ns = saved.newest_ns + passed_ns
+        first_ns = end_ns - round(LIMITS.watch_replay_s * 1e9)
+        start_ns = max(saved.newest_ns - BACK_NS, first_ns)
+        return cls(start_ns, end_ns + AHEAD_NS, max(0, start_ns - saved.newest_ns) / 1e9)
+
+
+class Moves:
+    """Between the judge and what is stored of it."""
+
+    def __init__(self, turns: Turns, intake: Intake) -> None:
+        self._turns = turns
+        self._intake = intake
+        self._large: set[str] = set()  # whose state is too large to be saved
+        self.replayed = 0
+        self.skipped = 0
+
+    def adopt(self, saved: Saved, rows: RecentRows, window: Window, *, since_s: float, now_s: float) -> None:
+        """Judge a robot from now on: as it was saved, then what came since, which the next turn judges.
+
+        `since_s`: since when this gateway could have heard of it.
+        """
+        mind, robot = self._turns.mind, saved.robot
+        if saved.version:
+            self._intake.skip({(robot, *key): seq for key, seq in rows.marks.items()})
+            self._load(saved, rows, window)
+        else:
+            mind.forget(robot)
+        if robot not in mind.judge.robots():
+            mind.judge.heard(robot, now_s)
+        mind.judge.waited(robot, since_s)
+
+    def _load(self, saved: Saved, rows: RecentRows, window: Window) -> None:
+        robot = saved.robot
+        try:
+            count = self._turns.mind.adopt(robot, saved.state, rows)
+        except SnapshotError as error:
+            log.warning("what was learned of robot %s is not known here, and it is learned anew: %s", robot, error)
+            return
+        self.replayed += count
+        if rows.left_out or window.skipped_s:
+            self.skipped += 1
+            log.warning(
+                "robot %s was judged by nobody for a while: %.0f s and %d rows of it are not judged",
+                robot,
+                window.skipped_s,
+                rows.left_out,
+            )
+
+    def dump(self, fences: Mapping[str, int], *, most_bytes: float, now_ns: int) -> list[Saved]:
+        """The states of some robots, until they have so many bytes together; of the first one in any case."""
+        judge, judged = self._turns.mind.judge, self._intake.judged(fences.keys())
+        states: list[Saved] = []
+        size_bytes = 0
+        for robot, fence in fences.items():
+            if size_bytes >= most_bytes:
+                break
+            state = judge.dump_robot(robot)
+            version = VERSION if self._fits(robot, len(state)) else 0
+            newest_s, _ = judge.judged_s(robot)
+            made = Saved(
+                robot=robot,
+                fence=fence,
+                version=version,
+                saved_ns=now_ns,
+                newest_ns=round(newest_s * 1e9) if math.isfinite(newest_s) else 0,
+                marks=judged[robot],
+                state=state if version else b"",
+            )
+            states.append(made)
+            size_bytes += len(made.state)
+        return states
+
+    def forget(self, robot: str) -> None:
+        """Another gateway judges the robot."""
+        self._intake.forget(robot)
+        self._turns.mind.forget(robot)
+        self._large.discard(robot)
+
+    def _fits(self, robot: str, size_bytes: int) -> bool:
+        if size_bytes <= LIMITS.watch_state_bytes:
+            self._large.discard(robot)
+            return True
+        if robot not in self._large:
+            most = LIMITS.watch_state_bytes
+            log.warning("what is learned of robot %s stays here: it has %d bytes of %d", robot, size_bytes, most)
+            self._large.add(robot)
+        return False

@@ -1,0 +1,65 @@
+"""Processes for workers: forked off a warm interpreter where the system can, else each by a new one."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+
+from metaros.errors import LaunchError
+from metaros.functions.launch import Confinement, Launched, Program, launch
+from metaros.functions.sandbox.level import Level
+from metaros.functions.zygote import Zygote, zygote_works
+
+__all__ = ["Launch", "Starter"]
+
+Launch = Callable[[Program, Confinement], Awaitable[Launched]]
+
+
+class Starter:
+    """Keeps one fork server; one that died is replaced at the next start."""
+
+    def __init__(self, level: Level, *, warm: bool = True) -> None:
+        self._warm = warm and zygote_works() and level > Level.L0
+        self._zygote: Zygote | None = None
+        self._lock = asyncio.Lock()
+
+    async def start(self) -> None:
+        """Have the fork server ready."""
+        if self._warm:
+            await self._alive()
+
+    async def close(self) -> None:
+        """End it; whatever workers it still has end with it."""
+        if self._zygote is not None:
+            await self._zygote.close()
+
+    async def __call__(self, program: Program, confinement: Confinement) -> Launched:
+        """A worker's process.
+
+        Raises:
+            LaunchError: it cannot be had, or not so confined.
+        """
+        await asyncio.to_thread(_folder, confinement.tmp_dir)
+        if not self._warm:
+            return await launch(program, confinement)
+        zygote = await self._alive()
+        try:
+            return await zygote.fork(program, confinement)
+        except LaunchError:
+            if zygote.alive:
+                raise
+        return await (await self._alive()).fork(program, confinement)
+
+    async def _alive(self) -> Zygote:
+        async with self._lock:
+            if self._zygote is None or not self._zygote.alive:
+                if self._zygote is not None:
+                    await self._zygote.close()
+                self._zygote = Zygote()
+                await self._zygote.start()
+            return self._zygote
+
+
+def _folder(path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,10 @@
+"""`python -m metaros.robot_functions`."""
+
+from __future__ import annotations
+
+import sys
+
+from metaros.robot_functions.program import main
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,64 @@
+"""When a route is told what: waiting, getting worse, beginning again, repetition, the end."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gateway.alerts.notices.plan import NEVER, Told, next_stage
+from gateway.alerts.notices.route import Route
+from gateway.domain.alert import Alert
+from gateway.outbound.webhook import Webhook
+from tests.gateway.alerts.findings import NOW, S
+
+ROUTE = Route(name="ops", to=Webhook(url="https://hooks.example.org/"))
+LATER = NOW + 3600 * S
+
+
+def alert(**more: Any) -> Alert:
+    """An open one of a moment ago."""
+    fields: dict[str, Any] = {"state": "open", "severity": "warning", "robot": "r1", "cause": "heat"}
+    at_ns = {"opened_ns": NOW, "first_ns": NOW, "changed_ns": NOW, "seen_ns": NOW}
+    return Alert(id="A", title="Too hot", **{**fields, **at_ns, **more})
+
+
+def told(stage: Any = "opened", **more: Any) -> Told:
+    """What the route was told a second later."""
+    fields: dict[str, Any] = {"severity": "warning", "times": 1, "told_ns": NOW + S}
+    return Told(alert="A", route="ops", stage=stage, **{**fields, **more})
+
+
+@pytest.mark.parametrize(
+    ("now", "before", "expected"),
+    [
+        (alert(), None, ("opened", NOW + 10 * S)),
+        (alert(severity="info"), None, ("opened", NEVER)),
+        (alert(inhibited_by="B"), None, ("opened", NEVER)),
+        (alert(silence="S"), None, ("opened", NEVER)),
+        (alert(state="acknowledged", acknowledged_ns=NOW + S), None, ("opened", NOW + 10 * S)),
+        (alert(state="resolved", resolved_ns=LATER), None, ("opened", NEVER)),
+        (alert(), told(), ("opened", NOW + S + 14_400 * S)),
+        (alert(silence="S"), told(), ("opened", NEVER)),
+        (alert(severity="error"), told(), ("opened", 0)),
+        (alert(severity="error", state="acknowledged"), told(), ("opened", 0)),
+        (alert(state="acknowledged", acknowledged_ns=LATER), told(), ("acknowledged", LATER)),
+        (alert(state="acknowledged", acknowledged_ns=LATER), told("acknowledged"), ("acknowledged", NEVER)),
+        (alert(), told("acknowledged"), ("opened", NOW + S + 14_400 * S)),
+        (alert(state="resolved", resolved_ns=LATER), told(), ("resolved", LATER)),
+        (alert(state="resolved", resolved_ns=LATER, silence="S"), told(), ("resolved", LATER)),
+        (alert(state="resolved", resolved_ns=LATER), told("resolved"), ("resolved", NEVER)),
+        (alert(times=2), told("resolved"), ("opened", NOW + S + 600 * S)),
+        (alert(times=2, silence="S"), told("resolved"), ("opened", NEVER)),
+    ],
+)
+def test_what_is_told_next(now: Alert, before: Told | None, expected: tuple[str, int]) -> None:
+    assert next_stage(now, before, ROUTE) == expected
+
+
+def test_a_route_wants_some_robots_and_causes_only() -> None:
+    route = Route(name="ops", to=ROUTE.to, robots=("agv-*",), causes=("heat", "batt*"), severity="error")
+    assert route.wants(alert(robot="agv-1", severity="error"))
+    assert not route.wants(alert(robot="arm-1", severity="error"))
+    assert not route.wants(alert(robot="agv-1"))
+    assert not route.wants(alert(robot="agv-1", severity="error", cause="offline"))

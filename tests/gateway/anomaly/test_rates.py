@@ -1,0 +1,58 @@
+"""Too slow and too fast, against the rate that was learnt and the table of checks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from gateway.anomaly.checks import CheckTable
+from gateway.anomaly.defaults import DEFAULT_CHECKS
+from gateway.anomaly.rates import Rates
+
+ROW = np.array([0])
+
+
+def learned(rates: Rates, hz: float = 10.0) -> Rates:
+    """It has seen ten minutes of that rate."""
+    rates.columns.grow(1)
+    rates.low.columns.grow(1)
+    rates.high.columns.grow(1)
+    for n in range(600):
+        rates.feed(ROW, np.array([hz]), float(n))
+    return rates
+
+
+def edges(rates: Rates, hz: float, seconds: int, *, start_s: float = 600.0) -> list[tuple[float, str, bool]]:
+    """What opened and closed while it came so often: (second, which, opened)."""
+    found = []
+    for n in range(seconds):
+        for word, verdict in zip(("low", "high"), rates.feed(ROW, np.array([hz]), start_s + n), strict=True):
+            found += [(n, word, bool(opened)) for opened in verdict.opened]
+    return found
+
+
+def table(**changes: float | None) -> CheckTable:
+    return CheckTable(replace(check, **changes) if check.id == "rate_low" else check for check in DEFAULT_CHECKS)
+
+
+def test_half_the_usual_rate_is_too_slow_and_over_when_it_is_back() -> None:
+    rates = learned(Rates())
+    assert [word for _, word, opened in edges(rates, 3.0, 20) if opened] == ["low"]
+    assert [word for _, word, opened in edges(rates, 10.0, 30, start_s=620.0) if not opened] == ["low"]
+
+
+def test_twice_the_usual_rate_is_too_fast() -> None:
+    assert [word for _, word, _ in edges(learned(Rates()), 30.0, 20)] == ["high"]
+
+
+def test_the_table_of_checks_says_what_is_too_slow_and_for_how_long() -> None:
+    rates = learned(Rates())
+    rates.obey(table(low=0.2))
+    assert edges(rates, 3.0, 20) == []
+    rates = learned(Rates())
+    rates.obey(table(for_s=60.0))
+    assert edges(rates, 3.0, 40) == []
+    rates = learned(Rates())
+    rates.obey(table(low=None))
+    assert edges(rates, 3.0, 40) == []

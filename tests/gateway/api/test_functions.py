@@ -1,0 +1,253 @@
+"""Functions over REST: deployed, called, looked at, and kept from those who may not."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import json
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from gateway.domain.principal import Role
+from tests.gateway.harness import RING, client, running_gateway
+from tests.support.lambda_gateway import zipped
+
+ADMIN = RING.add(role=Role.ADMIN, name="functions' admin")
+VIEWER = RING.add(role=Role.VIEWER, name="functions' viewer")
+SCOPED = RING.add(role=Role.OPERATOR, name="of one robot", robots=("sim_1",))
+SCOPED_ADMIN = RING.add(role=Role.ADMIN, name="admin of one robot", robots=("sim_1",))
+CODE = """
+import helper
+def handler(event, context):
+    print("got", event)
+    if isinstance(event, dict) and event.get("fail"):
+        raise ValueError("no")
+    return {"echo": event, "word": helper.WORD}
+"""
+ZIP = base64.b64encode(zipped(CODE, helper="WORD = 'yes'")).decode()
+
+
+@pytest.fixture
+async def http(tmp_path: Path) -> AsyncIterator[httpx.AsyncClient]:
+    """An admin's client of a gateway that has one function, `echo`."""
+    async with running_gateway(tmp_path) as ready, client(ready, key=ADMIN) as found:
+        answer = await found.put("/api/v1/functions/echo", json={"zip": ZIP, "handler": "app.handler"})
+        assert answer.status_code == 201, answer.text
+        yield found
+
+
+async def until(condition: Callable[[], Awaitable[bool]]) -> None:
+    """Ask until it is so."""
+    async with asyncio.timeout(60):
+        while not await condition():  # noqa: ASYNC110 - it asks over HTTP
+            await asyncio.sleep(0.02)
+
+
+def as_(http: httpx.AsyncClient, key: str) -> httpx.AsyncClient:
+    """The same gateway, asked by another."""
+    headers = {"Authorization": f"Bearer {key}"}
+    return httpx.AsyncClient(base_url=http.base_url, headers=headers, trust_env=False, timeout=60)
+
+
+async def invocations(http: httpx.AsyncClient, count: int, **query: Any) -> list[dict[str, Any]]:
+    """The records of calls, once there are so many."""
+    found: list[dict[str, Any]] = []
+
+    async def there() -> bool:
+        answer = await http.get("/api/v1/functions/echo/invocations", params=query)
+        assert answer.status_code == 200, answer.text
+        found[:] = answer.json()["invocations"]
+        return len(found) >= count
+
+    await until(there)
+    return found
+
+
+async def test_a_function_is_made_called_and_told_of(http: httpx.AsyncClient) -> None:
+    called = (await http.post("/api/v1/functions/echo/invoke", json={"a": 1})).json()
+    assert called["status"] == "ok"
+    assert called["payload"] == {"echo": {"a": 1}, "word": "yes"}
+    assert "got {'a': 1}" in called["log"]
+    assert called["init_ms"] > 0
+    failed = (await http.post("/api/v1/functions/echo/invoke", json={"fail": 1})).json()
+    assert (failed["status"], failed["error_type"]) == ("error", "ValueError")
+    kept = await invocations(http, 2)
+    assert [item["status"] for item in kept] == ["error", "ok"]
+    assert kept[0]["error_message"] == "no"
+    assert kept[1]["request_id"] == called["request_id"]
+    listed = (await http.get("/api/v1/functions")).json()["functions"]
+    assert [item["name"] for item in listed] == ["echo"]
+    stats = listed[0]["stats"]
+    assert (stats["invocations"], stats["errors"], stats["cold_starts"]) == (2, 1, 1)
+    assert stats["p50_ms"] > 0
+    assert sum(row["invocations"] for row in stats["series"]) == 2
+
+
+async def test_an_event_is_called_later_and_kept_with_its_request(http: httpx.AsyncClient) -> None:
+    answer = await http.post("/api/v1/functions/echo/invoke?kind=event", json={"later": True})
+    assert answer.status_code == 202
+    kept = await invocations(http, 1, kind="event")
+    assert kept[0]["request_id"] == answer.json()["request_id"]
+    assert kept[0]["status"] == "ok"
+
+
+async def test_logs_are_paged_and_followed(http: httpx.AsyncClient) -> None:
+    await http.post("/api/v1/functions/echo/invoke", json="first")
+    page = (await http.get("/api/v1/functions/echo/logs?limit=2")).json()
+    assert len(page["lines"]) == 2
+    assert page["lines"][-1]["text"].startswith("REPORT")
+    older = (await http.get(f"/api/v1/functions/echo/logs?limit=50&before={page['next']}")).json()
+    texts = [line["text"] for line in older["lines"]]
+    assert "got first" in texts
+    assert older["next"] is None
+    head = {"Accept": "text/event-stream"}
+    last = page["lines"][-1]["cursor"]
+    async with http.stream("GET", f"/api/v1/functions/echo/logs?after={last}", headers=head) as live:
+        assert live.status_code == 200
+        await http.post("/api/v1/functions/echo/invoke", json="second")
+        async for line in live.aiter_lines():
+            if line.startswith("data: ") and json.loads(line[6:])["text"] == "got second":
+                break
+
+
+async def test_code_is_shown_and_replaced_by_a_zip_file(http: httpx.AsyncClient) -> None:
+    files = (await http.get("/api/v1/functions/echo/code")).json()
+    assert [item["path"] for item in files["files"]] == ["app.py", "helper.py"]
+    text = (await http.get("/api/v1/functions/echo/code/text", params={"path": "helper.py"})).json()
+    assert text == {"path": "helper.py", "text": "WORD = 'yes'", "truncated": False}
+    for path in ("../../gateway.sqlite", "/etc/passwd", "none.py"):
+        gone = await http.get("/api/v1/functions/echo/code/text", params={"path": path})
+        assert gone.status_code == 404, path
+    await http.post("/api/v1/functions/echo/invoke", json=0)
+    fresh = zipped("def handler(event, context): return 'new'")
+    zipped_head = {"Content-Type": "application/zip"}
+    put = await http.put("/api/v1/functions/echo/code?publish=true&alias=live", content=fresh, headers=zipped_head)
+    assert put.status_code == 200
+    assert put.json()["versions"] == 1
+    assert put.json()["aliases"][0] | {"canary": None} == {
+        "name": "live",
+        "version": "1",
+        "description": "",
+        "weights": {},
+        "canary": None,
+    }
+    called = (await http.post("/api/v1/functions/echo/invoke?qualifier=live", json=0)).json()
+    assert (called["payload"], called["version"]) == ("new", "1")
+    assert (await http.post("/api/v1/functions/echo/invoke", json=0)).json()["payload"] == "new"
+
+
+async def test_a_canary_that_fails_too_often_is_rolled_back(http: httpx.AsyncClient) -> None:
+    await http.put("/api/v1/functions/echo", json={"alias": "live"})
+    broken = base64.b64encode(zipped("def handler(event, context): raise RuntimeError('broken')")).decode()
+    await http.put("/api/v1/functions/echo", json={"zip": broken, "publish": True})
+    path = "/api/v1/functions/echo/aliases/live"
+    asked = {"version": "2", "weight": 0.5, "error_rate": 0.2, "least_invocations": 3, "for_s": 600.0}
+    begun = await http.put(f"{path}/canary", json=asked)
+    assert begun.status_code == 200
+    assert begun.json()["state"] == "running"
+    assert begun.json()["stable"] == "1"
+    again = await http.put(f"{path}/canary", json=asked)
+    assert again.status_code == 409
+
+    async def over() -> bool:
+        await http.post("/api/v1/functions/echo/invoke?qualifier=live", json=0)
+        alias = (await http.get("/api/v1/functions/echo")).json()["aliases"][0]
+        return bool(alias["canary"]["state"] == "rolled_back")
+
+    await until(over)
+    alias = (await http.get("/api/v1/functions/echo")).json()["aliases"][0]
+    assert alias["weights"] == {}
+    assert alias["version"] == "1"
+    assert "failed" in alias["canary"]["reason"]
+
+    async def told() -> bool:
+        events = (await http.get("/api/v1/events", params={"kind": "function.canary"})).json()["events"]
+        return [item["data"]["state"] for item in events] == ["rolled_back", "running"]
+
+    await until(told)
+
+
+async def test_environment_is_for_who_may_change_functions(http: httpx.AsyncClient) -> None:
+    await http.put("/api/v1/functions/echo", json={"environment": {"SECRET": "s3"}, "reserved": 2})
+    assert (await http.get("/api/v1/functions/echo")).json()["environment"] == {"SECRET": "s3"}
+    async with as_(http, VIEWER) as viewer, as_(http, SCOPED_ADMIN) as scoped:
+        for other in (viewer, scoped):
+            seen = (await other.get("/api/v1/functions/echo")).json()
+            assert seen["environment"] == {"SECRET": ""}
+            assert seen["concurrency"]["reserved"] == 2
+
+
+async def test_how_events_are_tried_and_who_is_told_can_be_set(http: httpx.AsyncClient) -> None:
+    own = "arn:aws:lambda:local:000000000000:function:echo"
+    queue = "arn:aws:sqs:eu-central-1:123456789012:dead"
+    wanted = {"most_retries": 0, "most_age_s": 60, "on_success": own, "on_failure": queue, "dead_letter": queue}
+    put = await http.put("/api/v1/functions/echo", json={"event_invoke": wanted})
+    assert put.status_code == 200, put.text
+    assert put.json()["event_invoke"] == wanted, put.text
+    put = await http.put("/api/v1/functions/echo", json={"event_invoke": {"on_success": "", "dead_letter": ""}})
+    assert put.json()["event_invoke"] == {**wanted, "on_success": "", "dead_letter": ""}
+    assert (await http.put("/api/v1/functions/echo", json={"timeout_s": 7})).json()["event_invoke"][
+        "on_failure"
+    ] == queue
+
+
+async def test_who_may_what(http: httpx.AsyncClient) -> None:
+    async with as_(http, VIEWER) as viewer, as_(http, SCOPED) as scoped, as_(http, SCOPED_ADMIN) as admin:
+        assert (await viewer.post("/api/v1/functions/echo/invoke", json=0)).status_code == 403
+        assert (await viewer.put("/api/v1/functions/echo", json={"timeout_s": 5})).status_code == 403
+        assert (await scoped.post("/api/v1/functions/echo/invoke", json=0)).status_code == 200
+        assert (await admin.put("/api/v1/functions/echo", json={"timeout_s": 5})).status_code == 403
+        assert (await admin.delete("/api/v1/functions/echo")).status_code == 403
+        assert (await scoped.get("/api/v1/functions/echo/logs")).status_code == 403
+        await invocations(http, 1)
+        hidden = (await scoped.get("/api/v1/functions/echo/invocations")).json()
+        assert hidden["invocations"] == []  # it is about no robot of theirs
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "body", "status", "code"),
+    [
+        ("PUT", "/api/v1/functions/new", {"handler": "app.handler"}, 400, "function_invalid"),
+        ("PUT", "/api/v1/functions/new", {"zip": "!!!!", "handler": "a.b"}, 400, "invalid_request"),
+        ("PUT", "/api/v1/functions/new", {"zip": "AAAA", "handler": "a.b"}, 400, None),
+        ("PUT", "/api/v1/functions/echo", {"memory_mb": 1}, 400, "invalid_request"),
+        ("PUT", "/api/v1/functions/echo", {"runtime": "nodejs22.x"}, 400, None),
+        ("PUT", "/api/v1/functions/echo", {"surprise": 1}, 400, "invalid_request"),
+        ("POST", "/api/v1/functions/none/invoke", {}, 404, "unknown_function"),
+        ("GET", "/api/v1/functions/none", None, 404, "unknown_function"),
+        ("GET", "/api/v1/functions/none/logs", None, 404, "unknown_function"),
+        ("DELETE", "/api/v1/functions/none", None, 404, "unknown_function"),
+        ("DELETE", "/api/v1/functions/echo/aliases/none/canary", None, 404, "unknown_function"),
+    ],
+)
+async def test_what_does_not_fit_is_refused(
+    http: httpx.AsyncClient, method: str, path: str, body: Any, status: int, code: str | None
+) -> None:
+    answer = await http.request(method, path, json=body)
+    assert answer.status_code == status, answer.text
+    assert code is None or answer.json()["code"] == code
+
+
+async def test_the_runtime_says_how_functions_are_kept_apart(http: httpx.AsyncClient) -> None:
+    await http.post("/api/v1/functions/echo/invoke", json=0)
+    found = (await http.get("/api/v1/functions-runtime")).json()
+    assert found["on"]
+    assert found["started"]
+    assert found["trouble"] == ""
+    assert found["reasons"][found["level"]] == "ok"
+    assert found["workers"] >= 1
+    assert found["pools"][0]["function"] == "echo"
+    assert found["pools"][0]["calls"] == 1
+
+
+async def test_functions_that_are_off_run_nowhere(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path, functions=False) as ready, client(ready, key=ADMIN) as http:
+        await http.put("/api/v1/functions/echo", json={"zip": ZIP, "handler": "app.handler"})
+        answer = await http.post("/api/v1/functions/echo/invoke", json=0)
+        assert answer.status_code == 503
+        assert answer.json()["code"] == "functions_off"
+        assert not (await http.get("/api/v1/functions-runtime")).json()["on"]

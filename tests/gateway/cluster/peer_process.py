@@ -1,0 +1,30 @@
+"""A gateway's mesh in a process of its own, for tests that kill it; its argument is the router's port."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+
+from tests.gateway.cluster.meshes import made, running
+
+
+async def main(port: int) -> None:
+    """Until it is killed."""
+    mesh = made("b", port)
+
+    async def pid(_sender: str, _payload: bytes) -> bytes:
+        return str(os.getpid()).encode()
+
+    async def never(_sender: str, _payload: bytes) -> bytes:
+        await asyncio.Event().wait()
+        return b""
+
+    mesh.on_ask("pid", pid)
+    mesh.on_ask("never", never)
+    async with running(mesh, met=False):
+        await asyncio.Event().wait()
+
+
+if __name__ == "__main__":
+    asyncio.run(main(int(sys.argv[1])))

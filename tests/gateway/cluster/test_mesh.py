@@ -1,0 +1,197 @@
+"""Gateways on real Zenoh routers: order, bounds, questions, and what a lost router or process does."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gateway.cluster.errors import PeerBusyError, PeerGoneError, PeerRefusedError, PeerTimeoutError
+from gateway.cluster.wire import MESSAGE_BYTES
+from gateway.errors import LeaseTakenError
+from metaros.errors import TooLargeError
+from metaros.limits import LIMITS
+from tests.gateway.cluster.meshes import all_met, made, router, running
+from tests.support.ports import free_port
+from tests.support.processes import started
+from tests.support.waiting import wait_until_async
+
+ROOT = Path(__file__).resolve().parents[3]
+PEER = (sys.executable, "-m", "tests.gateway.cluster.peer_process")
+
+
+@pytest.fixture(scope="module")
+def port() -> Iterator[int]:
+    """A router's port."""
+    port = free_port()
+    with router(port):
+        yield port
+
+
+async def test_messages_of_any_size_come_in_order(port: int) -> None:
+    a, b = made("a", port), made("b", port)
+    got: list[tuple[str, bytes]] = []
+    b.on_tell("t", lambda sender, payload: got.append((sender, payload)))
+    b.on_tell("u", lambda _sender, payload: got.append(("u", payload)))
+    sizes = [0, 1, 300_000, 7, 256 * 1024, 5_000_000, *range(200)]
+    sent = [bytes([number % 256]) * size for number, size in enumerate(sizes)]
+    async with running(a, b):
+        assert all(a.tell("b", "t", payload) for payload in sent)
+        await wait_until_async(lambda: len(got) == len(sent))
+        assert got == [("a", payload) for payload in sent]
+        assert a.tell("b", "t", b"x" * MESSAGE_BYTES)
+        await wait_until_async(lambda: len(got) > len(sent))
+        assert len(got[-1][1]) == MESSAGE_BYTES
+        with pytest.raises(TooLargeError):
+            a.tell("b", "t", b"x" * (MESSAGE_BYTES + 1))
+        assert not a.tell("c", "t", b"nobody")
+        a.tell_all("u", b"all")
+        await wait_until_async(lambda: got[-1] == ("u", b"all"))
+        assert (b.counts.lost, b.frames_dropped) == (0, 0)
+
+
+async def test_what_waits_for_a_peer_is_bounded(port: int) -> None:
+    a, b = made("a", port, limits=replace(LIMITS, cluster_queue_bytes=1_000_000)), made("b", port)
+    got: list[int] = []
+    b.on_tell("t", lambda _sender, payload: got.append(payload[0]))
+    async with running(a, b):
+        told = [number for number in range(50) if a.tell("b", "t", bytes([number]) * 400_000)]
+        assert 1 <= len(told) < 50
+        assert a.counts.dropped == 50 - len(told)
+        await wait_until_async(lambda: len(got) == len(told))
+        assert got == told
+        await wait_until_async(lambda: a.queued_bytes == 0)
+        assert a.tell("b", "t", b"again")
+
+
+async def test_what_comes_too_fast_is_dropped_and_the_two_meet_anew(port: int) -> None:
+    a, b = made("a", port), made("b", port, limits=replace(LIMITS, cluster_received_bytes=1_000_000))
+    heard: list[tuple[str, bool]] = []
+    got: list[bytes] = []
+    a.on_peer(lambda gateway, there: heard.append((gateway, there)))
+    b.on_peer(lambda gateway, there: heard.append((gateway, there)))
+    b.on_tell("t", lambda _sender, payload: got.append(payload))
+    async with running(a, b):
+        heard.clear()
+        a.tell("b", "t", b"x" * 8_000_000)
+        a.tell("b", "t", b"after it")
+        await wait_until_async(lambda: len(heard) == 4)
+        assert sorted(heard) == [("a", False), ("a", True), ("b", False), ("b", True)]
+        assert b.frames_dropped > 0
+        assert b"after it" not in got, "nothing comes out of order"
+        assert a.tell("b", "t", b"now")
+        await wait_until_async(lambda: got == [b"now"])
+
+
+async def test_questions(port: int) -> None:
+    a, b = made("a", port, limits=replace(LIMITS, cluster_asks=3)), made("b", port)
+    never = asyncio.Event()
+
+    async def answer(sender: str, payload: bytes) -> bytes:
+        if payload == b"wait":
+            await never.wait()
+        if payload == b"taken":
+            raise LeaseTakenError("alice drives it", holder="alice")
+        if payload == b"bug":
+            raise KeyError("secret")
+        return sender.encode() + payload
+
+    b.on_ask("v", answer)
+    async with running(a, b):
+        assert await a.ask("b", "v", b"!" * 1_000_000, timeout_s=30) == b"a" + b"!" * 1_000_000
+        with pytest.raises(LeaseTakenError) as taken:
+            await a.ask("b", "v", b"taken", timeout_s=30)
+        assert taken.value.holder == "alice"
+        with pytest.raises(PeerRefusedError) as bug:
+            await a.ask("b", "v", b"bug", timeout_s=30)
+        assert bug.value.code == "internal"
+        assert "secret" not in str(bug.value)
+        with pytest.raises(PeerRefusedError, match="knows no 'other'"):
+            await a.ask("b", "other", b"", timeout_s=30)
+        with pytest.raises(PeerGoneError):
+            await a.ask("c", "v", b"", timeout_s=30)
+        with pytest.raises(PeerTimeoutError):
+            await a.ask("b", "v", b"wait", timeout_s=0.05)
+        waiting = [asyncio.create_task(a.ask("b", "v", b"wait", timeout_s=60)) for _ in range(3)]
+        await asyncio.sleep(0)
+        with pytest.raises(PeerBusyError):
+            await a.ask("b", "v", b"one too many", timeout_s=30)
+        await b.close()
+        for result in await asyncio.gather(*waiting, return_exceptions=True):
+            assert isinstance(result, PeerGoneError)
+
+
+async def test_a_killed_gateway_is_heard_of_and_so_is_its_next_life(port: int) -> None:
+    a = made("a", port)
+    heard: list[tuple[str, bool]] = []
+    a.on_peer(lambda gateway, there: heard.append((gateway, there)))
+    async with running(a):
+        for life in (1, 2):
+            with started([*PEER, str(port)], cwd=ROOT) as process:
+                await wait_until_async(lambda life=life: heard.count(("b", True)) == life)
+                assert await a.ask("b", "pid", b"", timeout_s=60) == str(process.pid).encode()
+                waiting = asyncio.create_task(a.ask("b", "never", b"", timeout_s=60))
+                await asyncio.sleep(0)
+                os.kill(process.pid, signal.SIGKILL)
+                with pytest.raises(PeerGoneError):
+                    await waiting
+        assert heard == [("b", True), ("b", False)] * 2
+
+
+async def test_a_gateway_that_hangs_goes_and_comes_back(port: int) -> None:
+    a = made("a", port)
+    heard: list[tuple[str, bool]] = []
+    a.on_peer(lambda gateway, there: heard.append((gateway, there)))
+    async with running(a):
+        with started([*PEER, str(port)], cwd=ROOT) as process:
+            await wait_until_async(lambda: a.peers() == {"b"})
+            os.kill(process.pid, signal.SIGSTOP)
+            try:
+                await wait_until_async(lambda: a.peers() == frozenset())
+            finally:
+                os.kill(process.pid, signal.SIGCONT)
+            await wait_until_async(lambda: a.peers() == {"b"})
+            assert await a.ask("b", "pid", b"", timeout_s=60) == str(process.pid).encode()
+            assert heard == [("b", True), ("b", False), ("b", True)]
+
+
+async def test_gateways_find_each_other_again_when_routers_die() -> None:
+    first, second = free_port(), free_port()
+    a, b = made("a", first, second), made("b", second, first)
+    got: list[bytes] = []
+    heard: list[bool] = []
+    b.on_tell("t", lambda _sender, payload: got.append(payload))
+    b.on_peer(lambda _gateway, there: heard.append(there))
+    with ExitStack() as routers:
+        one, two = routers.enter_context(router(first)), routers.enter_context(router(second, first))
+        async with running(a, b):
+            for dying, again in ((one, (first, second)), (two, None)):
+                met = heard.count(True)
+                dying.kill()
+                dying.wait()
+                await wait_until_async(lambda met=met: heard.count(True) > met)
+                await all_met([a, b])
+                got.clear()
+                assert a.tell("b", "t", b"through")
+                await wait_until_async(lambda: got == [b"through"])
+                if again is not None:
+                    routers.enter_context(router(*again))
+            assert heard[:3] == [True, False, True]
+
+
+async def test_no_router_is_no_error(caplog: pytest.LogCaptureFixture) -> None:
+    port = free_port()
+    a, b = made("a", port), made("b", port)
+    async with running(a, b, met=False):
+        await wait_until_async(lambda: "no router of --cluster answers" in caplog.text)
+        assert not a.linked
+        with router(port):
+            await all_met([a, b])
+            assert a.linked

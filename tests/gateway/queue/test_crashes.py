@@ -1,0 +1,60 @@
+"""Nothing that was accepted is lost, however often the gateways die; only what was under way is delivered twice."""
+
+from __future__ import annotations
+
+import asyncio
+import random  # noqa: TID251 - seeded
+from collections import Counter
+
+import pytest
+
+from gateway.domain.delivery import DeadFilter, Delivery, Done, Policy, Result, Retry, Share
+from tests.gateway.queue.world import Told, World, one
+
+LIVES = 12
+EACH = 60  # accepted in one life
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+async def test_random_deaths_lose_nothing(world: World, seed: int) -> None:
+    rng = random.Random(seed)
+    ends: Counter[str] = Counter()
+    accepted: list[str] = []
+    outstanding = 0  # what was under way at a death: the most that may be delivered twice
+
+    async def act(delivery: Delivery) -> Result:
+        for _ in range(rng.randrange(4)):
+            await asyncio.sleep(0)
+        if rng.random() < 0.1:
+            return Retry("away", after_s=rng.uniform(0.0, 5.0), counts=False)
+        ends[delivery.id] += 1
+        return Done()
+
+    names = "ab" if world.shared else "a"
+    policy = Policy(most_attempts=100)
+    for life in range(LIVES):
+        told = Told(act=act, at_once=20)
+        desk = await world.desk(told, name=names[life % len(names)], seed=rng.getrandbits(32))
+        for _ in range(6):
+            number = EACH // 6
+            accepted += await desk.accept([one(str(rng.randrange(7)), policy=policy) for _ in range(number)])
+            await desk.dispatcher.look()
+            await desk.dispatcher.tend()
+            await desk.dispatcher.step()
+            for _ in range(rng.randrange(60)):
+                await asyncio.sleep(0)
+            world.clock.advance(rng.uniform(0.0, 3.0))
+        outstanding += len(desk.dispatcher.flights)
+        await world.crash(desk)
+
+    last = await world.desk(Told(act=act), name="a", seed=seed)
+    for _ in range(60):
+        await world.drive(last)
+        world.clock.advance(10.0)
+    assert set(ends) == set(accepted)
+    assert len(accepted) == LIVES * EACH
+    assert sum(ends.values()) - len(accepted) <= outstanding
+    assert outstanding > 0
+    assert await last.dead_page(DeadFilter(), limit=9) == []
+    assert await world.counted() == {}
+    assert (await world.totals()).live == Share()

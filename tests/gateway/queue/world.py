@@ -1,0 +1,136 @@
+"""Gateways' desks on one store, with handlers that do as they are told and a clock that moves when told."""
+
+from __future__ import annotations
+
+import asyncio
+import random  # noqa: TID251 - seeded
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from gateway.domain.delivery import Dead, Delivery, Done, Put, Result, Totals
+from gateway.queue.desk import QueueDesk
+from gateway.store import Store
+from gateway.store.retention import Retention
+from metaros.clock import ManualClock
+from metaros.limits import LIMITS, Limits
+
+__all__ = ["Told", "World", "one"]
+
+KIND = "function"
+
+
+def one(target: str = "t", payload: bytes = b"x", **more: object) -> Put:
+    """Something to deliver."""
+    return Put(kind=KIND, target=target, payload=payload, **more)  # type: ignore[arg-type]
+
+
+async def _done(delivery: Delivery) -> Result:
+    return Done()
+
+
+@dataclass(slots=True)
+class Told:
+    """A handler: `act` is what it does, `follow` what it puts as a delivery ends."""
+
+    act: Callable[[Delivery], Awaitable[Result]] = _done
+    follow: Callable[[Delivery, Done | Dead], Sequence[Put]] = lambda delivery, result: ()
+    at_once: int = 100
+    of_target: int = 100
+    longest_s: float = 30.0
+    begun: list[Delivery] = field(default_factory=list)
+    ends: list[tuple[str, Done | Dead]] = field(default_factory=list)
+    under_way: list[str] = field(default_factory=list)
+    most_under_way: int = 0
+
+    def room(self, target: str | None = None) -> int:
+        """How many more it takes."""
+        if target is None:
+            return self.at_once - len(self.under_way)
+        return self.of_target - self.under_way.count(target)
+
+    def timeout_s(self, target: str) -> float:
+        """How long a call may take."""
+        return self.longest_s
+
+    async def deliver(self, delivery: Delivery) -> Result:
+        """As told."""
+        self.begun.append(delivery)
+        self.under_way.append(delivery.put.target)
+        self.most_under_way = max(self.most_under_way, len(self.under_way))
+        try:
+            return await self.act(delivery)
+        finally:
+            self.under_way.remove(delivery.put.target)
+
+    def ended(self, delivery: Delivery, result: Done | Dead) -> Sequence[Put]:
+        """As told."""
+        self.ends.append((delivery.id, result))
+        return self.follow(delivery, result)
+
+
+class World:
+    """One store, a clock, and gateways."""
+
+    def __init__(self, folder: Path, url: str) -> None:
+        self.clock = ManualClock()
+        self.folder, self.url = folder, url
+        self.shared = bool(url)
+        self._stores: dict[str, Store] = {}
+        self._desks: list[QueueDesk] = []
+
+    def store(self, name: str = "a") -> Store:
+        """A gateway's store; by another name another gateway's, where the database can be shared."""
+        if name not in self._stores:
+            retention = Retention(age_s=1e9, size_bytes=1 << 50)
+            store = Store(self.folder / name, clock=self.clock, retention=retention, queue_bytes=1 << 26, url=self.url)
+            store.start()
+            self._stores[name] = store
+        return self._stores[name]
+
+    async def desk(self, handler: Told, *, name: str = "a", seed: int = 1, limits: Limits = LIMITS) -> QueueDesk:
+        """A life of a gateway."""
+        desk = QueueDesk(self.store(name), clock=self.clock, rng=random.Random(seed), limits=limits)
+        desk.handle(KIND, handler)
+        await desk.start()
+        self._desks.append(desk)
+        return desk
+
+    async def drive(self, desk: QueueDesk) -> int:
+        """Deliver what is due now, and what follows from it; how many tries."""
+        tries = 0
+        while True:
+            await desk.dispatcher.look()
+            await desk.dispatcher.tend()
+            begun = await desk.dispatcher.step()
+            await desk.dispatcher.flights.empty(timeout_s=30.0)
+            if not begun:
+                return tries
+            tries += begun
+
+    async def crash(self, desk: QueueDesk) -> None:
+        """End a life without a word: whatever it has leased stays leased."""
+        self._desks.remove(desk)
+        await desk.dispatcher.flights.abort()
+
+    async def totals(self) -> Totals:
+        """What the store counted."""
+        return (await self._any().status()).totals
+
+    async def counted(self) -> dict[str, int]:
+        """What the store really holds, by state."""
+
+        def job(engine: object) -> dict[str, int]:
+            rows = engine.fetch("SELECT state, count(*) FROM deliveries GROUP BY state")  # type: ignore[attr-defined]
+            return {state: int(count) for state, count in rows}
+
+        return await self.store().run(job)
+
+    async def close(self) -> None:
+        """End all of it."""
+        for desk in self._desks:
+            await desk.close(timeout_s=0.0)
+        await asyncio.gather(*(store.close() for store in self._stores.values()))
+
+    def _any(self) -> QueueDesk:
+        return self._desks[-1]

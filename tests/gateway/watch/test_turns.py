@@ -1,0 +1,217 @@
+"""The judge's thread: whatever the instant of a kill, it goes on as if there had been none."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from random import Random  # noqa: TID251 - seeded
+
+import numpy as np
+import pytest
+
+from gateway.domain.finding import Edge
+from gateway.store.writes import StreamWrite
+from gateway.watch import turns as turns_module
+from gateway.watch.bands import Bands
+from gateway.watch.entries import Mark, Turn
+from gateway.watch.intake import Intake
+from gateway.watch.keeper import Keeper
+from gateway.watch.turns import Turns
+from metaros.clock import ManualClock
+from tests.gateway.watch.made import START_S, write
+
+SERIES = ("a.x", "a.y")
+
+
+def wave(made: StreamWrite) -> StreamWrite:
+    """The write with values that a judge has something to say about."""
+    assert made.rows is not None
+    numbers = made.rows.values.copy()
+    made.rows.values[:] = 3.0 * (numbers // 700 % 2) + np.sin(numbers / 9) + numbers * 7919 % 101 / 300
+    made.rows.stamps[:] = START_S * 10**9 + numbers.astype(np.int64) * 10**8
+    return made
+
+
+@dataclass
+class World:
+    """A gateway's store and watch; `kill` leaves files as they are."""
+
+    folder: Path
+    clock: ManualClock = field(default_factory=ManualClock)
+    stored: dict[Mark, int] = field(default_factory=dict)
+    told: dict[Mark, int] = field(default_factory=dict)
+    edges: list[Edge] = field(default_factory=list)
+
+    def start(self) -> None:
+        """The next life."""
+        keeper = Keeper(self.folder, log_bytes=40_000)
+        keeper.begin()
+        self.intake, self.bands = Intake(keeper), Bands()
+        self.turns = Turns(self.intake, self.bands, clock=self.clock)
+        self.told = self.turns.restore(dict(self.stored))
+
+    def ahead(self, made: StreamWrite) -> None:
+        """The store is about to commit."""
+        self.intake.ahead([made])
+
+    def commit(self, made: StreamWrite, *, told: bool = True) -> None:
+        """It did; the loop may not have heard of it."""
+        mark = (made.robot, made.stream_id, made.epoch)
+        self.stored[mark] = made.seq
+        if told:
+            self.told[mark] = made.seq
+
+    def turn(self, *facts: list[object]) -> list[Edge]:
+        """The judge's turn."""
+        self.clock.advance(1.0)
+        marks, self.told = self.told, {}
+        edges = self.turns.turn(Turn(now_s=START_S + 1.0, marks=marks, facts=facts))
+        self.edges += edges
+        return edges
+
+    def settle(self) -> None:
+        """Turns until all is judged: of a robot a turn judges five minutes at most."""
+        for _ in range(8):
+            self.turn()
+
+    def judged(self) -> dict[str, tuple[float, ...]]:
+        """What the judge says of the robot's series."""
+        judge = self.turns.mind.judge
+        return {name: (judge.score(slot), *judge.band(slot), *judge.learned(slot)) for name, slot in judge.series("r1")}
+
+    def dump(self) -> bytes:
+        """Everything that the judge will depend on."""
+        return self.turns.mind.judge.dump()
+
+
+def plain(folder: Path, writes: list[StreamWrite]) -> World:
+    """A world in which nothing ever happened."""
+    world = World(folder)
+    world.start()
+    for made in writes:
+        world.ahead(made)
+        world.commit(made)
+    world.settle()
+    return world
+
+
+def writes_of(rng: Random, rows: int) -> list[StreamWrite]:
+    """The stream, cut by chance."""
+    made, first = [], 1
+    while first <= rows:
+        count = min(rng.randint(1, 120), rows + 1 - first)
+        made.append(wave(write(first, count, series=SERIES)))
+        first += count
+    return made
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_kills_at_any_instant_change_nothing(tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(turns_module, "SNAPSHOT_S", 7.0)
+    monkeypatch.setattr(turns_module, "RETRY_S", 0.0)
+    rng = Random(seed)
+    made = writes_of(rng, 4000)
+    world = World(tmp_path / "killed")
+    world.start()
+    kills = 0
+    for next_write in made:
+        world.ahead(next_write)
+        if rng.random() < 0.1:  # between the log and the commit: the robot sends it again
+            world.start()
+            kills += 1
+            world.ahead(next_write)
+        told = rng.random() < 0.9
+        world.commit(next_write, told=told)
+        if not told or rng.random() < 0.05:  # between the commit and its news, or after it
+            world.start()
+            kills += 1
+        if rng.random() < 0.4:
+            world.turn()
+    world.start()
+    world.settle()
+    calm = plain(tmp_path / "calm", made)
+    assert kills > 5
+    assert world.judged() == calm.judged()
+    assert world.judged()["a.x"][3] > 100
+    assert world.dump() == calm.dump()
+
+
+def test_a_snapshot_that_is_damaged_lets_it_learn_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(turns_module, "SNAPSHOT_S", 5.0)
+    monkeypatch.setattr(turns_module, "RETRY_S", 0.0)
+    world = World(tmp_path)
+    world.start()
+    for made in writes_of(Random(1), 1500):
+        world.ahead(made)
+        world.commit(made)
+        world.turn()
+    (path,) = [path for path in tmp_path.iterdir() if path.name.startswith("snapshot-")]
+    path.write_bytes(path.read_bytes()[:-10])
+    world.start()
+    assert world.judged() == {}
+    again = wave(write(1501, 10, series=SERIES))
+    world.ahead(again)
+    world.commit(again)
+    world.turn()
+    assert set(world.judged()) == set(SERIES)
+
+
+def test_facts_and_teaching_come_again_in_a_replay(tmp_path: Path) -> None:
+    world = World(tmp_path)
+    world.start()
+    for made in writes_of(Random(2), 900):
+        world.ahead(made)
+        world.commit(made)
+    world.turn(["link", "r1", True, START_S], ["robot", "r1", "model=x"], ["rates", "r1", {"/a": 9.5}, START_S + 90.0])
+    world.turn(
+        ["checks", {"novelty": {"severity": "warning"}}],
+        ["accept", "r1", "a.x", "level", 1.5],
+        ["gap", "r1", "s", 3, START_S],
+    )
+    dump = world.dump()
+    world.start()
+    assert world.dump() == dump
+
+
+def test_an_unknown_fact_ends_its_turn_and_nothing_else(tmp_path: Path) -> None:
+    world = World(tmp_path)
+    world.start()
+    assert world.turn(["no such fact", 1]) == []
+    world.turn(["link", "r1", True, START_S])
+    world.start()
+    assert world.dump()
+
+
+def test_wanted_series_have_points_and_learning_says_how_far(tmp_path: Path) -> None:
+    world = World(tmp_path)
+    world.start()
+    world.bands.want("r1", "a.x")
+    for made in writes_of(Random(3), 600):
+        world.ahead(made)
+        world.commit(made)
+        world.turn()
+    points = world.bands.read("r1", "a.x", 0, 1 << 62)
+    assert len(points) > 5
+    assert points == sorted(points, key=lambda point: point.stamp_ns)
+    assert all(math.isfinite(point.value) for point in points)
+    assert points[-1].low is not None
+    assert points[-1].high is not None
+    rows = world.turns.learning("r1")
+    assert [row.series for row in rows] == list(SERIES)
+    assert all(row.seen > 0 for row in rows)
+    assert world.turns.learning("nobody") == []
+
+
+def test_a_store_that_takes_nothing_costs_no_row_twice(tmp_path: Path) -> None:
+    world, calm = World(tmp_path / "a"), plain(tmp_path / "b", [wave(write(1, 600, series=SERIES))])
+    world.start()
+    for first in (1, 101, 201):  # given up
+        world.ahead(wave(write(first, 100, series=SERIES)))
+        world.turn()
+    again = wave(write(1, 600, series=SERIES))
+    world.ahead(again)
+    world.commit(again)
+    world.settle()
+    assert world.judged() == calm.judged()
+    assert world.intake.pending.rows == 0

@@ -1,0 +1,110 @@
+"""The detectors on the development series: the goals at the one fixed threshold, fitted by fold, and the table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.anomaly.parameters import FIXED, THRESHOLD
+from load_tests.anomaly import nab_bench
+from load_tests.anomaly.__main__ import main
+from load_tests.anomaly.nab_files import FilesError, read_folder
+from load_tests.anomaly.nab_scorer import PROFILES, label, result_at
+from load_tests.anomaly.nab_tune import TUNED, candidates, cross_validate, score_all
+from tests.support.data import data_set
+
+GOALS = {"standard": 66.0, "reward_low_FP_rate": 55.0, "reward_low_FN_rate": 72.0}
+
+
+def written(folder: Path, rows: int, *, odd: int = -1) -> Path:
+    """A file of NAB's kind: 5-minute rows of a small wave, one of them far off."""
+    folder.mkdir(parents=True, exist_ok=True)
+    times = np.datetime64("2026-01-01T00:00:00") + np.arange(rows) * np.timedelta64(300, "s")
+    lines = [f"{str(time).replace('T', ' ')},{99.0 if at == odd else at % 12}" for at, time in enumerate(times)]
+    path = folder / "wave.csv"
+    path.write_text("timestamp,value\n" + "\n".join(lines) + "\n")
+    return path
+
+
+def test_one_parameter_set_and_one_threshold_reach_the_goals() -> None:
+    series, labelled = read_folder(data_set("nab_dev"))
+    assert labelled
+    scores = score_all(series, FIXED)
+    assert all(((score >= 0.0) & (score <= 1.0)).all() for score in scores)
+    for profile in PROFILES:
+        result = result_at(label(series, profile), scores, THRESHOLD)
+        assert result.score >= GOALS[profile.name], profile.name
+        assert result.false_per_thousand < 1.0
+
+
+@pytest.mark.slow
+def test_parameters_and_threshold_of_other_files_are_good_for_these() -> None:
+    series, _ = read_folder(data_set("nab_dev"))
+    seen: list[int] = []
+    configs = list(candidates(8))
+    results, folds = cross_validate(series, configs, progress=lambda done, total: seen.append(done))
+    assert seen == list(range(9))
+    assert results["standard"].score >= 62.0
+    assert results["standard"].windows == 71
+    assert len(folds) == 4
+    assert all(fold.config in configs for fold in folds)
+
+
+def test_candidates_differ_in_what_was_tuned_and_are_the_same_each_time() -> None:
+    drawn = list(candidates())
+    assert drawn == list(candidates())
+    assert len(set(drawn)) == len(drawn)
+    for name, options in TUNED.items():
+        assert {getattr(config, name) for config in drawn} == set(options)
+
+
+def test_a_folder_without_labels_says_how_often_it_would_alert(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written(tmp_path, 600, odd=500)
+    assert main([str(tmp_path)]) == 0
+    told = capsys.readouterr().out
+    assert "1 series, 600 rows" in told
+    assert "wave.csv" in told
+    assert "Profile" not in told
+    series, _ = read_folder(tmp_path)
+    (scores,) = score_all(series, FIXED)
+    assert np.flatnonzero(scores >= THRESHOLD).tolist() == [500]
+
+
+def test_a_labelled_folder_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    written(tmp_path / "data" / "mine", 600, odd=500)
+    windows = '{"mine/wave.csv": [["2026-01-02 16:00:00.000000", "2026-01-02 18:00:00.000000"]]}'
+    (tmp_path / "labels").mkdir()
+    (tmp_path / "labels" / "combined_windows.json").write_text(windows)
+    assert main(["nab", str(tmp_path)]) == 0
+    told = capsys.readouterr().out
+    assert "1 of 1" in told
+    assert "mine" in told
+    assert "ARTime" not in told  # those figures are of other files
+
+
+def test_a_folder_that_has_nothing_or_something_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([str(tmp_path / "nowhere")]) == 2
+    assert "no CSV files" in capsys.readouterr().err
+    (tmp_path / "bad.csv").write_text("timestamp,value\n2026-01-01 00:00:00,1\nnever,2\n")
+    with pytest.raises(FilesError, match=r"bad.csv, line 3: .*never,2"):
+        read_folder(tmp_path)
+
+
+def test_what_there_is_to_measure(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    assert main([]) == 2
+    assert capsys.readouterr().out.count("python -m load_tests.anomaly") == 2 * 4
+
+
+def test_the_table_of_folds(capsys: pytest.CaptureFixture[str]) -> None:
+    series, _ = read_folder(data_set("nab_dev"))
+    few = [one for one in series if one.category == "realAdExchange"]
+    results, folds = cross_validate(few, list(candidates(2)), progress=lambda done, total: None)
+    nab_bench._show_folds(results, folds)
+    told = capsys.readouterr().out
+    assert "cross-validation" in told
+    assert "value_limit" in told

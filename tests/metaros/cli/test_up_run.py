@@ -1,0 +1,92 @@
+"""`metaros up` whose ports are taken between its choice and the start of its processes."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from gateway import settings
+from metaros.cli import up_decide, up_run
+from metaros.cli.instance import DataDir, running_instances
+from metaros.cli.options import DEFAULT_ZENOH_PORT
+from metaros.cli.up_decide import UpOptions
+from metaros.cli.up_plan import Plan
+from metaros.cli.up_screen import Screen
+from metaros.clock import SystemClock, system_rng
+from metaros.errors import UnavailableError
+from tests.support.ports import free_port
+from tests.support.waiting import wait_until_async
+
+
+@pytest.fixture
+def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., asyncio.Task[None]]]:
+    """Starts `up` without robots; of each plan, the first `thefts` ones, somebody takes one port at once."""
+    monkeypatch.setenv("METAROS_RUNTIME_DIR", str(tmp_path / "runtime"))
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setattr(up_decide, "HTTP_PORT", free_port())  # whether 8080 is free is not this test's business
+    monkeypatch.setattr(up_decide, "GRPC_PORT", free_port())
+    with ExitStack() as taken:
+
+        def started(port_of: Callable[[Plan], int], *, thefts: int) -> asyncio.Task[None]:
+            left = iter(range(thefts))
+
+            def decide(options: UpOptions, data: DataDir, screen: Screen, *, lost: Sequence[int]) -> Plan:
+                plan = up_decide.decide(options, data, screen, lost=lost)
+                if next(left, None) is not None:
+                    thief = taken.enter_context(socket.socket())
+                    thief.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                    thief.bind(("127.0.0.1", port_of(plan)))
+                    thief.listen(8)
+                return plan
+
+            monkeypatch.setattr(up_run, "decide", decide)
+            options = UpOptions(robots=0, host_robot=False, zenoh_port=free_port(), data_dir=tmp_path / "data")
+            clock = SystemClock()
+            return asyncio.create_task(up_run.run(options, Screen(clock=clock), clock=clock, rng=system_rng()))
+
+        yield started
+
+
+@pytest.mark.parametrize("port_of", [lambda plan: plan.http_port, lambda plan: plan.grpc_port], ids=["http", "grpc"])
+async def test_a_port_that_is_taken_before_the_start_is_replaced(
+    start: Callable[..., asyncio.Task[None]],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    port_of: Callable[[Plan], int],
+) -> None:
+    stops: list[Callable[[], None]] = []
+    monkeypatch.setattr(up_run, "on_stop", lambda loop, ask, hangup: stops.append(ask))
+    running = start(port_of, thefts=1)
+    await wait_until_async(lambda: running.done() or [one.state for one in running_instances()] == ["ready"])
+    stops[-1]()
+    await running
+    text = capsys.readouterr().out
+    assert text.count("starting again with others") == 1
+    assert text.count("Ready") == text.count("stopped") == 1
+    assert len(stops) == 2
+    assert running_instances() == []
+
+
+async def test_whose_ports_are_taken_every_time_gives_up(
+    start: Callable[..., asyncio.Task[None]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(UnavailableError, match="gateway does not stay up"):
+        await start(lambda plan: plan.http_port, thefts=99)
+    assert capsys.readouterr().out.count("starting again with others") == up_run.STARTS - 1
+    assert running_instances() == []
+
+
+def test_who_moves_takes_no_port_that_a_gateway_opens_by_itself() -> None:
+    assert set(up_decide.KNOWN_PORTS) == {
+        settings.DEFAULT_HTTP_PORT,
+        settings.DEFAULT_GRPC_PORT,
+        settings.DEFAULT_API_GRPC_PORT,
+        settings.DEFAULT_FOXGLOVE_PORT,
+        settings.DEFAULT_ROSBRIDGE_PORT,
+        DEFAULT_ZENOH_PORT,
+    }

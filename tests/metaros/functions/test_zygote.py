@@ -1,0 +1,153 @@
+"""The fork server: workers in milliseconds, several at a time, and all of them gone with it or with its gateway."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import pytest
+
+from metaros.errors import LaunchError
+from metaros.functions.launch import Confinement, Program
+from metaros.functions.sandbox.level import Level
+from metaros.functions.zygote import Zygote, zygote_works
+from tests.support.caged import LEVELS, Caged, here
+from tests.support.waiting import wait_until, wait_until_async
+
+pytestmark = pytest.mark.skipif(not zygote_works(), reason="Linux")
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.fixture
+async def zygote() -> AsyncIterator[Zygote]:
+    server = Zygote()
+    await server.start()
+    yield server
+    await server.close()
+
+
+def processes_below(pid: int) -> list[int]:
+    """All of them, at any depth."""
+    found: list[int] = []
+    try:
+        for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+            found += [int(child), *processes_below(int(child))]
+    except OSError:
+        return found
+    return found
+
+
+def runs(pid: int) -> bool:
+    """Whether it is there and no zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+async def test_workers_of_one_zygote_answer_and_know_nothing_of_each_other(
+    zygote: Zygote, level: Level, tmp_path: Path
+) -> None:
+    assert await here(level)
+    async with Caged(level, tmp_path / "a", zygote=zygote) as a, Caged(level, tmp_path / "b", zygote=zygote) as b:
+        await a.ask("import builtins\nbuiltins.told = 'a'\nresult = 0")
+        assert await b.ask("import builtins\nresult = hasattr(builtins, 'told')") is False
+        code = "import os\nresult = [os.getuid(), os.environ['AWS_LAMBDA_RUNTIME_API'], os.environ['OWN']]"
+        (uid_a, api_a, own), (uid_b, api_b, _) = await a.ask(code), await b.ask(code)
+        assert own == "mine"
+        if os.geteuid() == 0:
+            assert uid_a != uid_b
+        assert (api_a == api_b) is (level is Level.L3)  # there each has a loopback of its own
+        assert a.launched.pid != b.launched.pid
+
+
+async def test_many_workers_at_once(zygote: Zygote, tmp_path: Path) -> None:
+    cages = [Caged(Level.L3, tmp_path / str(index), zygote=zygote) for index in range(8)]
+    await asyncio.gather(*(cage.__aenter__() for cage in cages))
+    answers = await asyncio.gather(*(cage.ask(f"result = {index}") for index, cage in enumerate(cages)))
+    assert answers == list(range(8))
+    await asyncio.gather(*(cage.__aexit__(None, None, None) for cage in cages))
+    await wait_until_async(lambda: processes_below(zygote.pid) == [])
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+@pytest.mark.parametrize(
+    ("code", "status"),
+    [
+        ("import os\nos._exit(3)", 3),
+        ("import os\nos.kill(os.getpid(), 9)", -9),
+        ("import os\nos.kill(os.getpid(), 11)", -11),
+        ("import os\nos.abort()", -6),
+    ],
+)
+async def test_how_a_worker_ends_is_told(zygote: Zygote, level: Level, code: str, status: int, tmp_path: Path) -> None:
+    async with Caged(level, tmp_path / "a", zygote=zygote) as cage:
+        asking = asyncio.ensure_future(cage.ask(code))
+        assert await cage.launched.wait() == status
+        asking.cancel()
+        await asyncio.gather(asking, return_exceptions=True)
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+async def test_a_killed_zygote_takes_its_workers_along(level: Level, tmp_path: Path) -> None:
+    zygote = Zygote()
+    await zygote.start()
+    cage = await Caged(level, tmp_path / "a", zygote=zygote).__aenter__()
+    tree = processes_below(zygote.pid)
+    assert cage.launched.pid in tree
+    os.kill(zygote.pid, signal.SIGKILL)
+    assert await cage.launched.wait() == -signal.SIGKILL
+    await wait_until_async(lambda: not any(runs(pid) for pid in tree))
+    assert not zygote.alive
+    program = Program(handler="app.handler", code_dir=cage.code_dir)
+    with pytest.raises(LaunchError, match=r"gone|before it was up"):
+        await zygote.fork(program, Confinement(level=level, tmp_dir=tmp_path / "b"))
+    await cage.__aexit__(None, None, None)
+    await zygote.close()
+
+
+@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
+def test_a_killed_gateway_leaves_no_process(level: Level, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "tests.support.doomed_gateway", str(int(level)), str(tmp_path)]
+    gateway = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert gateway.stdout is not None
+    with gateway.stdout as told:
+        told_ids = json.loads(told.readline())
+    tree = processes_below(gateway.pid)
+    # two servers, and of each worker its keeper, itself, and two children
+    assert len(tree) == 2 + 2 * 4
+    assert {told_ids["zygote"], *told_ids["keepers"]} <= set(tree)
+    gateway.kill()
+    gateway.wait()
+    wait_until(lambda: not any(runs(pid) for pid in tree))
+
+
+async def test_a_sandbox_that_cannot_be_made_is_told_and_leaves_nothing(zygote: Zygote, tmp_path: Path) -> None:
+    program = Program(handler="app.handler", code_dir=tmp_path / "missing")
+    for level in LEVELS:
+        with pytest.raises(LaunchError, match="No such file"):
+            await zygote.fork(program, Confinement(level=level, tmp_dir=tmp_path / "tmp"))
+    await wait_until_async(lambda: processes_below(zygote.pid) == [])
+    huge = Program(handler="app.handler", code_dir=tmp_path, env={"A": "x" * 200_000})
+    with pytest.raises(LaunchError, match="at most 131072"):
+        await zygote.fork(huge, Confinement(level=Level.L1, tmp_dir=tmp_path / "tmp"))
+
+
+async def test_a_closed_zygote_forks_no_more(tmp_path: Path) -> None:
+    zygote = Zygote()
+    await zygote.start()
+    pid = zygote.pid
+    await zygote.close()
+    await zygote.close()
+    assert not runs(pid)
+    with pytest.raises(LaunchError, match="closed"):
+        await zygote.fork(
+            Program(handler="a.b", code_dir=tmp_path), Confinement(level=Level.L1, tmp_dir=tmp_path / "t")
+        )

@@ -1,0 +1,87 @@
+"""A gateway that is no root, and a worker that tries to get at it: `-m tests.support.plain_gateway LEVEL FOLDER`."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import sys
+from pathlib import Path
+
+from metaros.functions.probe import probe
+from metaros.functions.sandbox.level import Level
+from metaros.functions.zygote import Zygote
+from tests.support.caged import Caged, CagedError, listening
+
+TRY = """
+def tried(f, *a):
+    try:
+        return f(*a)
+    except OSError as error:
+        import errno
+        return errno.errorcode.get(error.errno, str(error))
+"""
+ATTACKS = (
+    TRY
+    + """
+import ctypes, os, socket
+libc = ctypes.CDLL(None, use_errno=True)
+header, data = (ctypes.c_uint * 2)(0x20080522, 0), (ctypes.c_uint * 6)()
+assert libc.capget(header, data) == 0
+def unshare():
+    if libc.unshare(0x10000000) < 0:
+        raise OSError(ctypes.get_errno(), "")
+    return "done"
+def tcp():
+    socket.create_connection(("127.0.0.1", port), timeout=5).close()
+    return "open"
+result = dict(uids=os.getresuid(), caps=list(data), secret=tried(lambda: open(secret).read()),
+    environ=tried(lambda: open(f"/proc/{gateway}/environ").read()), victim_tmp=tried(os.listdir, victim_tmp),
+    kill=tried(os.kill, gateway, 0), kill_victim=tried(os.kill, victim, 0), tcp=tried(tcp),
+    unshare=tried(unshare) if walled else "")
+"""
+)
+BOMB = """
+import os, signal
+result = 0
+try:
+    while result < 500:
+        if os.fork() == 0:
+            signal.pause()
+        result += 1
+except BlockingIOError:
+    pass
+"""
+
+
+async def main(level: Level, folder: Path) -> None:
+    found = {"probe": (await asyncio.to_thread(probe)).reasons[level]}
+    (folder / "secret").write_text("s3cret")
+    zygote = Zygote()
+    await zygote.start()
+    with listening() as tcp:
+        async with (
+            Caged(level, folder / "one", zygote=zygote, processes=16) as one,
+            Caged(level, folder / "two") as two,
+        ):
+            found |= await one.ask(
+                ATTACKS,
+                secret=str(folder / "secret"),
+                gateway=os.getpid(),
+                victim=two.launched.pid,
+                victim_tmp=str(two.tmp_dir),
+                port=tcp.getsockname()[1],
+                walled=level >= Level.L2,
+            )
+            found["answer"] = await two.ask("result = 6 * 7")
+            try:
+                found["memory"] = await two.ask("result = len(bytearray(600 << 20))")
+            except CagedError as error:
+                found["memory"] = error.kind
+            found["children"] = await one.ask(BOMB)
+    await zygote.close()
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    asyncio.run(main(Level(int(sys.argv[1])), Path(sys.argv[2])))

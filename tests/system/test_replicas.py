@@ -1,0 +1,122 @@
+"""Three replicas of the gateway on one PostgreSQL: each may be killed under load, or ended, one after the other."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+from pathlib import Path
+
+import httpx
+import pytest
+
+from tests.support.postgres import PostgresServer
+from tests.support.replica_schedules import alerts, fired, schedule, wait_for_all
+from tests.support.replicas import Fleet, Replicas, fleet
+from tests.support.stack import Stack
+from tests.support.uplinks import wait
+
+TIMES = 6  # at which a schedule fires
+EVERY_S = 4
+
+
+async def check_samples(run: Fleet) -> None:
+    """Each accepted sample is stored, once."""
+    for robot in run.robots:
+        found = await run.replicas.stored(robot.name)
+        assert len(found) == len(set(found)), "nothing is stored twice"
+        assert set(found) == set(robot.sent), "nothing is lost"
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+async def test_a_replica_is_killed_under_load_three_times(tmp_path: Path, postgres: PostgresServer) -> None:
+    with Stack(tmp_path) as stack:
+        replicas = Replicas(stack, postgres.schema())
+        async with fleet(replicas) as run:
+            names = await schedule(replicas.all[0], times=TIMES, every_s=EVERY_S)
+            for killed in replicas.all:
+                await wait(lambda: all(run.watcher.seen[run.watcher.at.name, robot.name] for robot in run.robots))
+                had = await run.kill(killed)
+                assert had, "it had robots to lose"
+                await run.back(had)
+                run.watcher.seen.clear()
+                await wait(lambda: all(run.watcher.seen[run.watcher.at.name, robot.name] for robot in run.robots))
+                await replicas.begin(killed)
+            other = replicas.all[1]
+            await wait_for_all(other, names)
+            await run.settle()
+            assert set((await fired(other)).values()) == {1}, "each schedule fired once"
+            opened = await alerts(other)
+            assert len(opened) == len(set(opened))
+            assert len(opened) >= TIMES
+            async with other.client() as http:
+                told = [event["id"] for event in (await http.get("/api/v1/events?after=0&limit=1000")).json()["events"]]
+            await wait(lambda: set(told) <= set(run.watcher.events))
+            heard = run.watcher.events
+            assert len(heard) == len(set(heard)), "a viewer's events go on where they ended, at another replica"
+            moved = [seconds for robot in run.robots for seconds in robot.back_s]
+            print(f"links back after {max(moved):.2f} s at most, of {len(moved)}")
+        await check_samples(run)
+
+
+async def order(run: Fleet, sent: dict[str, str]) -> None:
+    """Give robots commands through whichever replica answers, until cancelled."""
+    body = {"kind": "publish", "durable": True, "expires_s": 600}
+    body["request"] = {"topic": "/word", "type": "std_msgs/msg/String", "message": {"data": "x"}}
+    number = 0
+    while True:
+        robot, key = run.robots[number % len(run.robots)], secrets.token_hex(8)
+        while key not in sent:
+            for replica in run.replicas.others():
+                try:
+                    async with replica.client() as http:
+                        path = f"/api/v1/robots/{robot.name}/commands"
+                        answer = await http.post(path, json=body, headers={"Idempotency-Key": key})
+                except (httpx.HTTPError, OSError):
+                    continue
+                if answer.status_code in (200, 201, 202):
+                    sent[key] = str(answer.json()["id"])
+                    break
+                assert answer.status_code in (401, 503), answer.text  # it ends, or has just begun
+            await asyncio.sleep(0.01)
+        number += 1
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+async def test_replicas_are_restarted_one_after_the_other(tmp_path: Path, postgres: PostgresServer) -> None:
+    sent: dict[str, str] = {}
+    with Stack(tmp_path) as stack:
+        replicas = Replicas(stack, postgres.schema(), options=("--drain-s", "5"))
+        async with fleet(replicas) as run:
+            orders = asyncio.create_task(order(run, sent))
+            for ended in replicas.all:
+                before = len(sent)
+                await wait(lambda before=before: len(sent) > before + 10)
+                had = run.homed(ended)
+                assert had, "it had robots to lose"
+                assert await replicas.end(ended) == 0
+                await run.back(had)
+                await replicas.begin(ended)
+            before = len(sent)
+            await wait(lambda: len(sent) > before + 10)
+            orders.cancel()
+            await asyncio.gather(orders, return_exceptions=True)
+            await run.settle()
+            async with replicas.all[0].client() as http:
+                for command_id in sent.values():
+                    await done(http, command_id)
+            arrived = [command for robot in run.robots for command in robot.commands]
+            assert len(arrived) == len(set(arrived)) >= len(sent)
+        await check_samples(run)
+
+
+async def done(http: httpx.AsyncClient, command_id: str) -> None:
+    """Until the command was carried out."""
+    async with asyncio.timeout(60):
+        while True:
+            command = (await http.get(f"/api/v1/commands/{command_id}")).json()
+            if command["state"] == "done":
+                return
+            assert command["state"] in ("issued", "delivered", "running"), command
+            await asyncio.sleep(0.1)
