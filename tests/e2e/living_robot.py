@@ -12,26 +12,13 @@ from typing import Any, Literal
 from gateway.main import Ready
 from metaros._proto import link_pb2
 from metaros.twin import digest
-from tests.gateway.harness import CONTROL, DATA, ScriptedAgent
+from tests.gateway.harness import CONTROL, ScriptedAgent
 
 __all__ = ["LivingRobot", "living_robot"]
 
 STARTED_S = 60.0
 BEAT_S = 3.0  # after 15 s of silence a link counts as dead
 Mood = Literal["take", "linger", "refuse", "revert"]
-
-
-class OneAtATime(ScriptedAgent):
-    """Several tasks write on its lanes."""
-
-    def __init__(self, ready: Ready, robot: str) -> None:
-        super().__init__(ready, robot, session=robot.encode().ljust(16, b".")[:16])
-        self._writing = asyncio.Lock()
-
-    async def send(self, lane: int = DATA, **frame: Any) -> None:
-        """See ScriptedAgent."""
-        async with self._writing:
-            await super().send(lane, **frame)
 
 
 class LivingRobot:
@@ -122,7 +109,7 @@ def living_robot(ready: Ready, name: str) -> Iterator[LivingRobot]:
     failed: list[BaseException] = []
 
     async def run() -> None:
-        async with OneAtATime(ready, name) as agent:
+        async with ScriptedAgent(ready, name, session=name.encode().ljust(16, b".")[:16]) as agent:
             await robot.begin(agent)
             tasks = [asyncio.create_task(robot.live(agent)), asyncio.create_task(_beat(agent))]
             up.set()

@@ -58,7 +58,6 @@ class StoryRobot(ScriptedAgent):
         self._update: dict[str, str] = {"state": "idle", "version": ""}
         self._nodes: dict[str, Any] = {}
         self._source = Source(folder, ready.url, ssl.create_default_context, SystemClock())
-        self._writing = asyncio.Lock()
         self._tasks: set[asyncio.Task[None]] = set()
         self._updating: asyncio.Task[None] | None = None
 
@@ -85,8 +84,7 @@ class StoryRobot(ScriptedAgent):
             sha256=digest(self.document_bytes),
             reported=json.dumps(reported).encode(),
         )
-        async with self._writing:
-            await self.send(CONTROL, twin=said)
+        await self.send(CONTROL, twin=said)
 
     document_bytes = b"{}"
 
@@ -95,8 +93,7 @@ class StoryRobot(ScriptedAgent):
             frame = await self.frames[CONTROL].get()
             kind = frame.WhichOneof("frame")
             if kind == "heartbeat":
-                async with self._writing:
-                    await self.send(CONTROL, heartbeat=link_pb2.Heartbeat(sent_ns=1, echo_ns=frame.heartbeat.sent_ns))
+                await self.send(CONTROL, heartbeat=link_pb2.Heartbeat(sent_ns=1, echo_ns=frame.heartbeat.sent_ns))
             elif kind == "twin" and frame.twin.revision > self.revision:
                 await self._apply(frame.twin)
             elif kind == "twin_confirmed" and frame.twin_confirmed.revision == self.revision:
