@@ -1,58 +1,55 @@
-"""The table of drivers, and the one way to start one."""
+"""The kinds of drivers there are: every folder here that has a manifest."""
 
 from __future__ import annotations
 
 import importlib
-import threading
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Final, cast
 
+from metaros.drivers.manifest import Manifest, read_manifest
 from metaros.errors import ConfigError
-from metaros.node import Context
 
-__all__ = ["DRIVERS", "Driver", "driver_kinds", "run_driver"]
+if TYPE_CHECKING:
+    from metaros.drivers.probing import Found
+    from metaros.drivers.unit import Device, Unit
 
-Run = Callable[[Context, str, Mapping[str, str], threading.Event], None]
+__all__ = ["FOLDER", "all_manifests", "device_maker", "driver_kinds", "manifest_of", "prober"]
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Driver:
-    """A kind of driver: its package has a manifest.toml and a `node` module with a `run`.
-
-    `run(context, namespace, params, stop)` returns soon after `stop` is set, Ctrl-C, or the context's close.
-    """
-
-    kind: str
-    package: str
-    summary: str
+FOLDER: Final = Path(__file__).resolve().parent
 
 
-DRIVERS: tuple[Driver, ...] = (
-    Driver(kind="camera", package="metaros.drivers.camera", summary="A camera, file, stream or test pattern as JPEG."),
-)
-
-
+@cache
 def driver_kinds() -> tuple[str, ...]:
-    """The kinds there are."""
-    return tuple(driver.kind for driver in DRIVERS)
+    """The kinds there are, by name."""
+    return tuple(sorted(path.parent.name for path in FOLDER.glob("[a-z]*/manifest.toml")))
 
 
-def run_driver(
-    kind: str,
-    params: Mapping[str, str],
-    *,
-    context: Context,
-    namespace: str = "/",
-    stop: threading.Event | None = None,
-) -> None:
-    """Run a driver until `stop` is set, Ctrl-C, or the context's close.
+@cache
+def manifest_of(kind: str) -> Manifest:
+    """The manifest of a kind; ConfigError where there is none."""
+    if kind not in driver_kinds():
+        raise ConfigError(f"no driver {kind!r}; there are {', '.join(driver_kinds())}")
+    return read_manifest(FOLDER / kind / "manifest.toml")
 
-    Raises:
-        ConfigError: no such kind, or a parameter it does not have or cannot use.
-    """
-    for driver in DRIVERS:
-        if driver.kind == kind:
-            run: Run = importlib.import_module(f"{driver.package}.node").run
-            run(context, namespace, params, threading.Event() if stop is None else stop)
-            return
-    raise ConfigError(f"no driver {kind!r}; there are {', '.join(driver_kinds())}")
+
+def all_manifests() -> tuple[Manifest, ...]:
+    """Every kind's manifest."""
+    return tuple(manifest_of(kind) for kind in driver_kinds())
+
+
+def device_maker(kind: str) -> Callable[[Unit], Device]:
+    """`make` of the kind's module `driver`; ConfigError where this machine lacks what it needs."""
+    manifest_of(kind).check_runnable()
+    module = importlib.import_module(f"metaros.drivers.{kind}.driver")
+    return cast("Callable[[Unit], Device]", module.make)
+
+
+def prober(kind: str) -> Callable[[], Sequence[Found]] | None:
+    """`find` of the kind's module `probe`; None where it has none, or its libraries are not installed."""
+    if not (FOLDER / kind / "probe.py").is_file() or manifest_of(kind).missing() or not manifest_of(kind).runs_here:
+        return None
+    module: ModuleType = importlib.import_module(f"metaros.drivers.{kind}.probe")
+    return cast("Callable[[], Sequence[Found]]", module.find)

@@ -8,6 +8,7 @@ from metaros.errors import UnknownTypeError
 from metaros.idl import message_class
 
 _NAMES = [
+    "AudioPacket",
     "Bytes",
     "HostCpu",
     "HostDisk",
@@ -16,8 +17,11 @@ _NAMES = [
     "HostTemperature",
     "Json",
     "NodeEvent",
+    "QuantizedCloud",
     "TopicRate",
     "TopicRates",
+    "VehicleState",
+    "VideoDemand",
     "VideoPacket",
 ]
 

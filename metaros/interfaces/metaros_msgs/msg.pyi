@@ -11,6 +11,24 @@ from metaros.idl import Message
 from metaros.interfaces.builtin_interfaces import msg as builtin_interfaces_msg
 from metaros.interfaces.std_msgs import msg as std_msgs_msg
 
+class AudioPacket(Message):
+    stamp: builtin_interfaces_msg.Time
+    codec: str
+    sample_rate: int
+    channels: int
+    samples: int
+    data: npt.NDArray[np.uint8]
+    def __init__(
+        self,
+        *,
+        stamp: builtin_interfaces_msg.Time = ...,
+        codec: str = ...,
+        sample_rate: int = ...,
+        channels: int = ...,
+        samples: int = ...,
+        data: npt.NDArray[Any] | Sequence[int] | bytes | bytearray | memoryview = ...,
+    ) -> None: ...
+
 class Bytes(Message):
     data: npt.NDArray[np.uint8]
     def __init__(
@@ -129,6 +147,24 @@ class NodeEvent(Message):
         restarts: int = ...,
     ) -> None: ...
 
+class QuantizedCloud(Message):
+    header: std_msgs_msg.Header
+    count: int
+    origin: npt.NDArray[np.float64]
+    step_m: float
+    has_intensity: bool
+    data: npt.NDArray[np.uint8]
+    def __init__(
+        self,
+        *,
+        header: std_msgs_msg.Header = ...,
+        count: int = ...,
+        origin: npt.NDArray[Any] | Sequence[float] = ...,
+        step_m: float = ...,
+        has_intensity: bool = ...,
+        data: npt.NDArray[Any] | Sequence[int] | bytes | bytearray | memoryview = ...,
+    ) -> None: ...
+
 class TopicRate(Message):
     topic: str
     type: str
@@ -155,6 +191,38 @@ class TopicRates(Message):
         *,
         stamp: builtin_interfaces_msg.Time = ...,
         topics: list[TopicRate] = ...,
+    ) -> None: ...
+
+class VehicleState(Message):
+    stamp: builtin_interfaces_msg.Time
+    connected: bool
+    armed: bool
+    mode: str
+    vehicle: str
+    autopilot: str
+    status: str
+    def __init__(
+        self,
+        *,
+        stamp: builtin_interfaces_msg.Time = ...,
+        connected: bool = ...,
+        armed: bool = ...,
+        mode: str = ...,
+        vehicle: str = ...,
+        autopilot: str = ...,
+        status: str = ...,
+    ) -> None: ...
+
+class VideoDemand(Message):
+    key_frame: bool
+    viewers: int
+    bitrate_bps: int
+    def __init__(
+        self,
+        *,
+        key_frame: bool = ...,
+        viewers: int = ...,
+        bitrate_bps: int = ...,
     ) -> None: ...
 
 class VideoPacket(Message):

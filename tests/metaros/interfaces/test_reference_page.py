@@ -9,7 +9,7 @@ import pytest
 
 from metaros.cdr.layout import MAX_DEPTH, MAX_INLINED_FIELDS
 from metaros.cdr.paths import MAX_PATHS
-from metaros.idl import default_catalogue
+from metaros.idl import ServiceDefinition, default_catalogue
 from metaros.idl.catalogue import shipped_names
 from metaros.idl.parser import MAX_FIXED, MAX_TEXT_CHARS
 
@@ -31,7 +31,11 @@ def test_every_type_of_our_own_is_described() -> None:
     for name in shipped_names():
         if name.startswith("metaros_msgs/"):
             (row,) = [line for line in PAGE.splitlines() if line.startswith(f"| `{name.split('/')[2]}`")]
-            assert all(f"`{field.name}" in row for field in catalogue.message(name).fields)
+            definition = catalogue.get(name)
+            parts = (
+                [definition.request, definition.response] if isinstance(definition, ServiceDefinition) else [definition]
+            )
+            assert all(f"`{field.name}" in row for part in parts for field in part.fields)
 
 
 def test_bounds_are_as_described() -> None:

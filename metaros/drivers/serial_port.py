@@ -1,0 +1,69 @@
+"""A serial port as drivers use it: reads that never block long, and UnavailableError when the device is gone."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any, Final
+
+from metaros.drivers.unit import Unit
+from metaros.errors import ConfigError, UnavailableError
+
+__all__ = ["SerialPort"]
+
+READ_S: Final = 0.1
+WRITE_S: Final = 1.0
+
+
+class SerialPort:
+    """Opened on the driver's thread; `write` may come from another."""
+
+    def __init__(self, unit: Unit, port: str, baud: int) -> None:
+        """Raises UnavailableError: no such port now; ConfigError: a port or rate that can never be."""
+        import serial
+
+        self._unit = unit
+        self.port = port
+        if not port:
+            raise ConfigError(f"{unit.manifest.kind}: port is empty; `metaros driver probe` lists serial ports")
+        try:
+            self._serial: Any = serial.Serial(
+                port, baud, timeout=READ_S, write_timeout=WRITE_S, exclusive=None if _is_url(port) else True
+            )
+        except ValueError as error:
+            raise ConfigError(f"{port}: {error}") from None
+        except (OSError, serial.SerialException) as error:
+            raise UnavailableError(f"{port}: {_reason(error)}") from None
+
+    def read(self, at_most: int = 4096) -> bytes:
+        """What came, at most READ_S waited for; nothing when nothing came."""
+        try:
+            waiting = self._serial.in_waiting
+            data = bytes(self._serial.read(max(1, min(waiting, at_most))))
+        except (OSError, TypeError, AttributeError) as error:  # pyserial's own errors are OSError; closed: the others
+            raise UnavailableError(f"{self.port}: {_reason(error)}") from None
+        return self._unit.heard(data) if data else data
+
+    def write(self, data: bytes) -> None:
+        """Send all of it."""
+        try:
+            self._serial.write(data)
+        except (OSError, TypeError, AttributeError) as error:
+            raise UnavailableError(f"{self.port}: {_reason(error)}") from None
+
+    def discard(self) -> None:
+        """Forget what has come so far."""
+        with contextlib.suppress(OSError):
+            self._serial.reset_input_buffer()
+
+    def close(self) -> None:
+        """Let it go."""
+        with contextlib.suppress(OSError):
+            self._serial.close()
+
+
+def _is_url(port: str) -> bool:
+    return "://" in port
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error) or type(error).__name__
