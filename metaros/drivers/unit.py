@@ -15,7 +15,7 @@ from metaros.interfaces.builtin_interfaces.msg import Time
 from metaros.wire import QoSProfile, qos_default, qos_sensor_data
 
 if TYPE_CHECKING:
-    from metaros.node import Publisher
+    from metaros.node import Publisher, Subscription
     from metaros.node.lifecycle import LifecycleNode
 
 __all__ = ["Device", "DriverPublisher", "Unit"]
@@ -105,14 +105,16 @@ class Unit:
         callback: Callable[..., Any],
         qos: QoSProfile | int = qos_default,
         **options: Any,
-    ) -> None:
+    ) -> Subscription:
         """Call `callback(message)` on the executor's thread (`dedicated=True`: on one of its own) while active."""
 
         def guarded(message: Any) -> None:
             if self.active:
                 callback(message)
 
-        self._endpoints.append(self.node.create_subscription(message_type, topic, guarded, qos, **options))
+        made = self.node.create_subscription(message_type, topic, guarded, qos, **options)
+        self._endpoints.append(made)
+        return made
 
     def service(self, service_type: type[Any], name: str, callback: Callable[[Any, Any], Any]) -> None:
         """Serve `name` by `callback(request, response)`, on the executor's thread."""
@@ -121,6 +123,12 @@ class Unit:
     def timer(self, period_s: float, callback: Callable[[], Any]) -> None:
         """Call `callback()` on the executor's thread."""
         self._endpoints.append(self.node.create_timer(period_s, callback))
+
+    def release(self, endpoint: DriverPublisher | Subscription) -> None:
+        """Take back one endpoint before the others."""
+        if endpoint in self._endpoints:
+            self._endpoints.remove(endpoint)
+            endpoint.close()
 
     def close(self) -> None:
         """Take back all endpoints."""
