@@ -45,10 +45,12 @@ class DriverPublisher:
         self._reading = reading
         self.topic = publisher.topic
 
-    def publish(self, message: Any, *, stamp_ns: int | None = None) -> None:
-        """Send one message, unless the driver is silenced."""
+    def publish(self, message: Any, *, stamp_ns: int | None = None, farewell: bool = False) -> None:
+        """Send one message, unless the driver is silenced. A `farewell` goes out also while the driver stops: the zero
+        that stops a base, the state that outputs are left in.
+        """
         unit = self._unit
-        if "silent" in unit.faults.on or not unit.active:
+        if "silent" in unit.faults.on or not (unit.active or farewell):
             return
         self._publisher.publish(message, stamp_ns=stamp_ns)
         if self._reading:
