@@ -14,6 +14,12 @@ from metaros.convert.audio import audio_to_numpy, numpy_to_audio
 from metaros.convert.compressed import compressed_to_numpy, numpy_to_compressed
 from metaros.convert.image import image_to_numpy, numpy_to_image
 from metaros.convert.points import numpy_to_points, points_rgb, points_to_numpy, points_xyz
+from metaros.convert.quantized import (
+    numpy_to_quantized,
+    points_to_quantized,
+    quantized_to_numpy,
+    quantized_to_points,
+)
 from metaros.convert.video import foxglove_to_video, is_key_frame, video_packet, video_to_foxglove
 
 __all__ = [
@@ -26,9 +32,13 @@ __all__ = [
     "numpy_to_compressed",
     "numpy_to_image",
     "numpy_to_points",
+    "numpy_to_quantized",
     "points_rgb",
     "points_to_numpy",
+    "points_to_quantized",
     "points_xyz",
+    "quantized_to_numpy",
+    "quantized_to_points",
     "video_packet",
     "video_to_foxglove",
 ]

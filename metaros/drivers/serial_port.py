@@ -55,6 +55,11 @@ class SerialPort:
         with contextlib.suppress(OSError):
             self._serial.reset_input_buffer()
 
+    def set_dtr(self, on: bool) -> None:
+        """Set the DTR line, which turns some devices' motors; a port that has none does not mind."""
+        with contextlib.suppress(OSError):
+            self._serial.dtr = on
+
     def close(self) -> None:
         """Let it go."""
         with contextlib.suppress(OSError):

@@ -1,0 +1,136 @@
+"""Talking with an RPLIDAR: who it is, how it is, motor on, scan; patient with garbage and late answers."""
+
+from __future__ import annotations
+
+import struct
+from typing import Final
+
+from metaros.drivers.rplidar.protocol import (
+    EXPRESS_SCAN,
+    GET_HEALTH,
+    GET_INFO,
+    RESET,
+    SCAN,
+    SET_PWM,
+    STOP,
+    Descriptor,
+    Health,
+    Info,
+    request,
+    take_descriptor,
+)
+from metaros.drivers.rplidar.samples import EXPRESS, STANDARD, CapsuleStream, NodeStream, SampleStream
+from metaros.drivers.serial_port import SerialPort
+from metaros.drivers.unit import Unit
+from metaros.errors import UnavailableError
+
+__all__ = ["Conversation"]
+
+ANSWER_S: Final = 1.0
+TRIES: Final = 3
+QUIET_S: Final = 0.02  # the protocol asks for 1 ms after a stop; what is on its way comes meanwhile
+REBOOT_S: Final = 1.0
+PWM: Final = 660  # the maker's usual speed, of 1023
+
+
+class Conversation:
+    """One opened port. What it cannot find out is an UnavailableError that says what was missing."""
+
+    def __init__(self, unit: Unit, port: SerialPort) -> None:
+        self._unit = unit
+        self._port = port
+        self.rest = b""  # what came behind the last descriptor
+
+    def hush(self) -> None:
+        """Stop whatever the device was doing."""
+        self._port.write(request(STOP))
+        self._unit.wait(QUIET_S)
+        self._port.discard()
+
+    def info(self) -> Info:
+        """Which device it is."""
+        return Info.parse(self._answer(GET_INFO, Info.DESCRIPTOR, "who it is"))
+
+    def check_health(self) -> Health:
+        """How it is; one that is in error is reset once. UnavailableError where that does not help."""
+        health = self._health()
+        if health.word == "error":
+            self._unit.count("resets")
+            self._unit.warn(f"its health is bad (code {health.code}): reset")
+            self._port.write(request(RESET))
+            self._unit.wait(REBOOT_S)
+            self._port.discard()
+            health = self._health()
+        if health.word == "error":
+            raise UnavailableError(f"{self._port.port}: its health is bad (code {health.code}), also after a reset")
+        return health
+
+    def turn_motor(self, how: str, info: Info) -> None:
+        """`dtr`: by the adapter's line; `pwm`: by a command; `auto`: both where the model needs them; `none`."""
+        if how in ("auto", "dtr"):
+            self._port.set_dtr(False)  # A1's adapter: low turns it
+        if how == "pwm" or (how == "auto" and info.needs_pwm):
+            self._port.write(request(SET_PWM, struct.pack("<H", PWM)))
+
+    def rest_motor(self, how: str) -> None:
+        """Stop scanning and, where we turned it on, the motor."""
+        self._port.write(request(STOP))
+        if how == "pwm":
+            self._port.write(request(SET_PWM, struct.pack("<H", 0)))
+        if how in ("auto", "dtr"):
+            self._port.set_dtr(True)
+
+    def scan(self, mode: str, info: Info) -> tuple[str, SampleStream]:
+        """Begin; says in which mode, and what reads it. `auto`: express where the device answers to it."""
+        if mode == "express" or (mode == "auto" and info.has_express):
+            if self._begins(request(EXPRESS_SCAN, bytes(5)), EXPRESS):
+                return "express", CapsuleStream()
+            if mode == "express":
+                raise UnavailableError(f"{self._port.port}: {info.name} does not answer to express scans")
+            self.hush()
+        if not self._begins(request(SCAN), STANDARD):
+            raise UnavailableError(f"{self._port.port}: {info.name} does not begin to scan")
+        return "standard", NodeStream()
+
+    def _health(self) -> Health:
+        return Health.parse(self._answer(GET_HEALTH, Health.DESCRIPTOR, "how it is"))
+
+    def _begins(self, order: bytes, wanted: Descriptor) -> bool:
+        self._port.write(order)
+        kept = bytearray()
+        if not self._await(kept, wanted):
+            return False
+        self.rest = bytes(kept)
+        return True
+
+    def _answer(self, command: int, wanted: Descriptor, what: str) -> bytes:
+        for attempt in range(TRIES):
+            if attempt:
+                self._unit.count("asked_again")
+                self.hush()
+            self._port.write(request(command))
+            kept = bytearray()
+            if self._await(kept, wanted) and self._fill(kept, wanted.size_bytes):
+                return bytes(kept[: wanted.size_bytes])
+        raise UnavailableError(f"{self._port.port}: no RPLIDAR answers here (asked {TRIES} times {what})")
+
+    def _await(self, kept: bytearray, wanted: Descriptor) -> bool:
+        """Read on to the wanted descriptor; others, and garbage, are passed over."""
+        until_s = self._unit.clock.monotonic_s() + ANSWER_S
+        while not self._unit.stopping:
+            while (found := take_descriptor(kept)) is not None:
+                if found == wanted:
+                    return True
+                self._unit.count("wrong_answers")
+            if self._unit.clock.monotonic_s() > until_s:
+                return False
+            kept += self._port.read()
+        return False
+
+    def _fill(self, kept: bytearray, size_bytes: int) -> bool:
+        until_s = self._unit.clock.monotonic_s() + ANSWER_S
+        while len(kept) < size_bytes and not self._unit.stopping:
+            if self._unit.clock.monotonic_s() > until_s:
+                return False
+            kept += self._port.read()
+        return len(kept) >= size_bytes

@@ -1,0 +1,1 @@
+"""Velodyne VLP-16 (Puck): sixteen lasers over UDP."""
