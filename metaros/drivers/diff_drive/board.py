@@ -1,0 +1,54 @@
+"""A conversation with the motor board: one question, one answer, never waiting long."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from metaros.drivers.diff_drive.protocol import READ_ENCODERS, STOP, is_ok, parse_encoders, speeds
+from metaros.drivers.lines import LineSplitter
+from metaros.drivers.serial_port import SerialPort
+from metaros.drivers.unit import Unit
+
+__all__ = ["Board"]
+
+ANSWER_S: Final = 0.25
+MAX_LINE: Final = 64
+
+
+class Board:
+    """Counts `no_answer` and `bad_answers`."""
+
+    def __init__(self, unit: Unit, port: SerialPort) -> None:
+        self._unit = unit
+        self._port = port
+        self._lines = LineSplitter(max_bytes=MAX_LINE, count=unit.count)
+
+    def encoders(self) -> tuple[int, int] | None:
+        """Left and right; None where no such answer came."""
+        for line in self._ask(READ_ENCODERS):
+            if (counts := parse_encoders(line)) is not None:
+                return counts
+            self._unit.count("bad_answers")
+        return None
+
+    def drive(self, left_ticks: int, right_ticks: int) -> bool:
+        """Ticks in one period of the board's controller; whether it said OK."""
+        for line in self._ask(speeds(left_ticks, right_ticks)):
+            if is_ok(line):
+                return True
+            self._unit.count("bad_answers")
+        return False
+
+    def stop(self) -> None:
+        """Say so, and do not wait for the answer."""
+        self._port.write(STOP)
+
+    def _ask(self, command: bytes) -> Iterator[str]:
+        self._port.discard()  # an answer that came too late belongs to nothing any more
+        self._lines.clear()
+        self._port.write(command)
+        until_s = self._unit.clock.monotonic_s() + ANSWER_S
+        while self._unit.clock.monotonic_s() < until_s and not self._unit.stopping:
+            yield from self._lines.feed(self._port.read())
+        self._unit.count("no_answer")

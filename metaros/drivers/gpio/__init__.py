@@ -1,0 +1,1 @@
+"""Pins of single-board computers: switches that are read, lamps and relays that are set."""

@@ -1,0 +1,1 @@
+"""GPS and other satellite receivers that speak NMEA or u-blox UBX on a serial line."""

@@ -1,0 +1,105 @@
+"""The driver: reads the receiver and publishes its epochs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from metaros.drivers.gps.epoch import NO_FIX, Epoch
+from metaros.drivers.gps.reader import EpochReader, pvt_request
+from metaros.drivers.serial_port import SerialPort
+from metaros.drivers.unit import Unit
+from metaros.interfaces.geometry_msgs.msg import Twist, TwistStamped, Vector3
+from metaros.interfaces.sensor_msgs.msg import NavSatFix, NavSatStatus, TimeReference
+from metaros.interfaces.std_msgs.msg import Header
+
+__all__ = ["GpsDevice", "make"]
+
+
+def make(unit: Unit) -> GpsDevice:
+    """A receiver on the port of the parameters."""
+    return GpsDevice(unit)
+
+
+class GpsDevice:
+    """A fix that is known gets its covariance; one that is not is NaN, so that nobody drives to 0, 0."""
+
+    def __init__(self, unit: Unit) -> None:
+        self._unit = unit
+        self._port: SerialPort | None = None
+        self._fixes = unit.publisher(NavSatFix, "fix")
+        self._velocities = unit.publisher(TwistStamped, "velocity", reading=False)
+        self._times = unit.publisher(TimeReference, "time_reference", reading=False)
+
+    def open(self) -> None:
+        """Open the port."""
+        unit = self._unit
+        self._port = SerialPort(unit, unit["port"], unit["baud"])
+        if unit["request_pvt"]:
+            self._port.write(pvt_request())
+        unit.opened(f"reading {self._port.port}", hardware_id="")
+
+    def run(self) -> None:
+        """Read. The stamp is the moment of the first bytes after a pause or after an epoch."""
+        unit, port = self._unit, self._port
+        assert port is not None
+        reader = EpochReader(unit.count)
+        first_ns: int | None = None
+        while not unit.stopping:
+            data = port.read()
+            if data and first_ns is None:
+                first_ns = unit.clock.wall_ns()
+            for epoch in reader.feed(data, unit.clock.monotonic_s()):
+                self._publish(epoch, first_ns or unit.clock.wall_ns())
+                first_ns = None
+            if not data:
+                first_ns = None
+
+    def close(self) -> None:
+        """Close the port."""
+        port, self._port = self._port, None
+        if port is not None:
+            port.close()
+
+    def _publish(self, epoch: Epoch, first_ns: int) -> None:
+        unit = self._unit
+        self._tell(epoch)
+        stamp_ns = first_ns - round(unit["delay"] * 1e9)
+        header = Header(stamp=unit.stamp(stamp_ns), frame_id=unit["frame_id"])
+        self._fixes.publish(_fix(epoch, header, unit["uere"]), stamp_ns=stamp_ns)
+        if epoch.velocity_m_s is not None:
+            x, y, z = epoch.velocity_m_s
+            twist = Twist(linear=Vector3(x=x, y=y, z=z))
+            self._velocities.publish(TwistStamped(header=header, twist=twist), stamp_ns=stamp_ns)
+        if epoch.utc_ns is not None:
+            reference = TimeReference(header=header, time_ref=unit.stamp(epoch.utc_ns), source="gps")
+            self._times.publish(reference, stamp_ns=stamp_ns)
+
+    def _tell(self, epoch: Epoch) -> None:
+        unit = self._unit
+        unit.fact("protocol", epoch.source)
+        unit.fact("fix", {-1: "none", 0: "satellites", 1: "differential", 2: "RTK"}[epoch.status])
+        if epoch.satellites is not None:
+            unit.fact("satellites", epoch.satellites)
+        if epoch.hdop is not None:
+            unit.fact("hdop", epoch.hdop)
+        unit.warn("no fix" if epoch.status == NO_FIX else "")
+
+
+def _fix(epoch: Epoch, header: Header, uere_m: float) -> NavSatFix:
+    status = NavSatStatus(status=epoch.status, service=NavSatStatus.SERVICE_GPS)
+    fix = NavSatFix(
+        header=header,
+        status=status,
+        latitude=epoch.latitude,
+        longitude=epoch.longitude,
+        altitude=epoch.altitude_m,
+        position_covariance_type=NavSatFix.COVARIANCE_TYPE_UNKNOWN,
+    )
+    if epoch.status != NO_FIX and math.isfinite(epoch.latitude):
+        (east, north, up), told = epoch.variances(uere_m)
+        fix.position_covariance = np.diag((east, north, up)).ravel()
+        known, guessed = NavSatFix.COVARIANCE_TYPE_DIAGONAL_KNOWN, NavSatFix.COVARIANCE_TYPE_APPROXIMATED
+        fix.position_covariance_type = known if told else guessed
+    return fix
