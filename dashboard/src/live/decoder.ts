@@ -17,14 +17,17 @@ export type Order =
   | { kind: "keyring"; text: string }
   | { kind: "decode"; key: string; ticket: number; image: boolean; payload: ArrayBuffer; sealed?: { origin: Origin; seq: number } };
 
-export type Answer = { ticket: number; message?: Message; bitmap?: ImageBitmap; error?: string };
+/** `takenMs`: a picture's own stamp, when it was taken; 0 if it says nothing. */
+export type Answer = { ticket: number; message?: Message; bitmap?: ImageBitmap; takenMs?: number; error?: string };
 
 export interface Decoded {
   channel: Channel;
   stampMs: number;
   seq: number;
+  sizeBytes: number;
   message?: Message;
   bitmap?: ImageBitmap;
+  takenMs?: number;
   error?: string;
 }
 
@@ -54,6 +57,7 @@ interface Waiting {
   channel: Channel;
   stampMs: number;
   seq: number;
+  sizeBytes: number;
   payload: ArrayBuffer;
 }
 
@@ -119,7 +123,7 @@ export class Feed {
 
   push(channel: Channel, record: StreamRecord): void {
     const payload = record.payload.slice().buffer;
-    this.#waiting.push({ channel, stampMs: record.stampMs, seq: record.seq, payload });
+    this.#waiting.push({ channel, stampMs: record.stampMs, seq: record.seq, sizeBytes: payload.byteLength, payload });
     if (this.#waiting.length > this.options.depth) {
       this.#waiting.shift();
       this.dropped += 1;

@@ -1,41 +1,44 @@
 /** A camera: compressed or raw pictures, decoded off the main thread and drawn once a frame. */
 
 import { useSignal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import type { Missing } from "../api/history_types";
-import { fixed } from "../ui/format";
+import type { Decoded } from "../live/decoder";
+import { useLive } from "../ui/context";
 import { Card } from "../ui/parts";
 import { useTopic } from "../ui/use_topic";
+import { usePicture } from "./picture";
 
-export function CameraCard({ robot, topic, title }: { robot: string; topic: string; title: string }) {
-  const canvas = useRef<HTMLCanvasElement>(null);
-  const waiting = useRef<ImageBitmap>(null);
+interface CameraCardProps {
+  robot: string;
+  topic: string;
+  title: string;
+  /** Beside the numbers, and below the picture. */
+  choice?: ComponentChildren;
+  remark?: ComponentChildren;
+}
+
+export function CameraCard({ robot, topic, title, choice, remark }: CameraCardProps) {
+  const { past } = useLive();
+  const { canvas, note, meter, draw } = usePicture(topic, "image");
+  const waiting = useRef<Decoded>(null);
   const frame = useRef(0);
-  const arrivals = useRef<number[]>([]);
-  const note = useRef<HTMLSpanElement>(null);
   const received = useSignal<number | null>(null);
   const missing = useSignal<Missing | null>(null);
   const error = useSignal("");
 
-  const draw = () => {
+  const drawWaiting = () => {
     frame.current = 0;
-    const bitmap = waiting.current;
-    const target = canvas.current;
+    const { bitmap, takenMs, stampMs } = waiting.current ?? {};
     waiting.current = null;
-    if (!bitmap || !target) return;
-    if (target.width !== bitmap.width || target.height !== bitmap.height) {
-      target.width = bitmap.width;
-      target.height = bitmap.height;
-    }
-    target.getContext("2d")!.drawImage(bitmap, 0, 0);
-    target.dataset.frames = String(Number(target.dataset.frames ?? 0) + 1);
-    const hertz = rate(arrivals.current);
-    if (note.current) note.current.textContent = `${bitmap.width}×${bitmap.height}${hertz === null ? "" : ` · ${fixed(hertz, 0)} Hz`}`;
+    if (!bitmap) return;
+    draw(bitmap, bitmap.width, bitmap.height, takenMs || stampMs!, past === null);
     bitmap.close();
   };
   const begin = (_: number, absent: Missing | null) => {
     missing.value = absent;
-    arrivals.current = [];
+    meter.clear();
     received.value = null;
   };
   useTopic({ robot, topic, image: true, onInstant: begin }, (decoded, seenMs) => {
@@ -44,31 +47,26 @@ export function CameraCard({ robot, topic, title }: { robot: string; topic: stri
       return;
     }
     error.value = "";
-    arrivals.current = [...arrivals.current.slice(-19), performance.now()];
+    meter.add(performance.now(), decoded.sizeBytes);
     if (Math.abs(seenMs - (received.peek() ?? 0)) > 1000) received.value = seenMs;
-    waiting.current?.close();
-    waiting.current = decoded.bitmap;
-    frame.current ||= requestAnimationFrame(draw);
+    waiting.current?.bitmap?.close();
+    waiting.current = decoded;
+    frame.current ||= requestAnimationFrame(drawWaiting);
   });
   useEffect(
     () => () => {
       cancelAnimationFrame(frame.current);
-      waiting.current?.close();
+      waiting.current?.bitmap?.close();
     },
     [],
   );
   return (
-    <Card title={title} kind="camera" topic={topic} note={<span ref={note} class="num" />} stampMs={received.value} missing={missing.value}>
+    <Card title={title} kind="camera" topic={topic} note={<>{choice}<span ref={note} class="num" /></>} stampMs={received.value} missing={missing.value}>
       <div class="camera">
         <canvas ref={canvas} width={320} height={240} role="img" aria-label={`Picture of ${topic}`} />
         {error.value && <p class="problem">{error.value}</p>}
       </div>
+      {remark}
     </Card>
   );
-}
-
-/** Pictures a second over the last twenty. */
-function rate(stamps: number[]): number | null {
-  const span = stamps.length > 1 ? stamps.at(-1)! - stamps[0]! : 0;
-  return span > 0 ? ((stamps.length - 1) * 1000) / span : null;
 }

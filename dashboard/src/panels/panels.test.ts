@@ -33,10 +33,26 @@ test("cards by type: a map pairs a scan with the odometry beside it", () => {
     topic("/b/cmd_vel", "geometry_msgs/msg/Twist", 0),
   ]);
   expect(layout.maps).toEqual([{ odom: "/b/odom", scan: "/b/scan" }]);
-  expect(layout.cameras.map((one) => one.topic)).toEqual(["/b/camera/image/compressed"]);
+  expect(layout.cameras).toEqual([{ name: "/b/camera", picture: "/b/camera/image/compressed", video: null }]);
   expect(layout.imus).toHaveLength(1);
   expect(layout.trees.map((one) => one.topic)).toEqual(["/a/scan", "/b/imu", "/b/odom", "/b/scan"]);
   expect(layout.drivable).toBe(true);
+});
+
+test("a camera's pictures and its video are one card; what differs in name is another camera", () => {
+  const layout = layoutOf([
+    topic("/b/front/image_raw", "sensor_msgs/msg/Image"),
+    topic("/b/front/image/compressed", "sensor_msgs/msg/CompressedImage"),
+    topic("/b/front/video", "foxglove_msgs/msg/CompressedVideo"),
+    topic("/b/rear/h264", "foxglove_msgs/msg/CompressedVideo"),
+    topic("/b/idle/video", "foxglove_msgs/msg/CompressedVideo", 0),
+  ]);
+  expect(layout.cameras).toEqual([
+    { name: "/b/front", picture: "/b/front/image_raw", video: null },
+    { name: "/b/front", picture: "/b/front/image/compressed", video: "/b/front/video" },
+    { name: "/b/rear", picture: null, video: "/b/rear/h264" },
+  ].sort((a, b) => a.name.localeCompare(b.name) || (a.picture ?? "").localeCompare(b.picture ?? "")));
+  expect(layout.trees).toEqual([]);
 });
 
 test("a robot gets the plots that it has series for", () => {

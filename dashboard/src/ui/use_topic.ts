@@ -16,6 +16,8 @@ export interface TopicOptions {
   depth?: number;
   image?: boolean;
   enabled?: boolean;
+  /** Another number asks anew: the robot is told that somebody joined. */
+  asks?: number;
   /** In the past: also the messages this long before and after the instant. */
   backS?: number;
   aheadS?: number;
@@ -25,7 +27,7 @@ export interface TopicOptions {
 
 /** `seenMs` is what the message's age counts from: its arrival, or in the past its stamp. */
 export function useTopic(options: TopicOptions, onDecoded: (decoded: Decoded, seenMs: number) => void): void {
-  const { robot, topic, maxRateHz, depth = 1, image = false, enabled = true, backS = 0, aheadS = 0 } = options;
+  const { robot, topic, maxRateHz, depth = 1, image = false, enabled = true, asks = 0, backS = 0, aheadS = 0 } = options;
   const { stream, decoder, past } = useLive();
   const handler = useRef(onDecoded);
   handler.current = onDecoded;
@@ -54,5 +56,5 @@ export function useTopic(options: TopicOptions, onDecoded: (decoded: Decoded, se
       stop();
       feed.close();
     };
-  }, [robot, topic, maxRateHz, depth, image, enabled, past, backS, aheadS]);
+  }, [robot, topic, maxRateHz, depth, image, enabled, asks, past, backS, aheadS]);
 }

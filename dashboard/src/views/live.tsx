@@ -7,8 +7,9 @@ import { ImuCard } from "../panels/imu";
 import { MapCard } from "../panels/map";
 import { MetricPlots, RANGES } from "../panels/metric_plots";
 import { PAST_PLOTS, PLOTS, plotsOf } from "../panels/plot_table";
-import { layoutOf } from "../panels/registry";
+import { layoutOf, readable } from "../panels/registry";
 import { lazy } from "./lazy";
+import { LAZY_CARDS } from "./lazy_cards";
 import { TreeCard } from "../panels/tree";
 import { useLive } from "../ui/context";
 import { Card, MayNot } from "../ui/parts";
@@ -18,6 +19,7 @@ import { place, setParam } from "../ui/url";
 export { TimeBar } from "../panels/time_bar"; // over these cards alone: it comes with them
 
 const TeleopCard = lazy(async () => (await import("../panels/teleop")).TeleopCard);
+const VideoCard = lazy(async () => (await import("../panels/video")).VideoCard, null);
 const PastPlots = lazy(async () => (await import("../panels/past_plots")).PastPlots);
 
 export function LiveTab({ robot, topics, series }: { robot: Robot; topics: Topic[] | null; series: SeriesInfo[] }) {
@@ -30,7 +32,12 @@ export function LiveTab({ robot, topics, series }: { robot: Robot; topics: Topic
   const names = series.map((one) => one.name);
   const plotted = (!past && layout.imus.length > 0) || plotsOf(new Set(names), past ? PAST_PLOTS : PLOTS).length > 0;
   const drivable = layout.drivable && !past; // nobody drives by a picture of an hour ago
-  const side = layout.cameras.length > 0 || drivable;
+  const found = readable(topics);
+  const more = LAZY_CARDS.map((card) => ({ ...card, topics: found.filter(card.takes) })).filter((card) => card.topics.length > 0);
+  const cards = (where: "side" | "wide") =>
+    more.filter(({ place }) => place === where).map(({ kind, Part, topics }) => <Part key={`${robot.id} ${kind}`} robot={robot} topics={topics} />);
+  const [beside, below] = [cards("side"), cards("wide")];
+  const side = layout.cameras.length > 0 || drivable || beside.length > 0;
   return (
     <>
       <div class={`stage ${past ? "stage-past" : ""} ${layout.maps.length > 0 && side ? "stage-split" : ""}`}>
@@ -39,18 +46,24 @@ export function LiveTab({ robot, topics, series }: { robot: Robot; topics: Topic
         ))}
         {side && (
           <div class="stage-side">
-            {layout.cameras.map(({ topic }) => (
-              <CameraCard key={`${robot.id} ${topic}`} robot={robot.id} topic={topic} title={cameraTitle(name(topic))} />
-            ))}
+            {layout.cameras.map(({ name: camera, picture, video }) =>
+              video === null ? (
+                <CameraCard key={`${robot.id} ${picture}`} robot={robot.id} topic={picture!} title={cameraTitle(name(`${camera}/`))} />
+              ) : (
+                <VideoCard key={`${robot.id} ${video}`} robot={robot.id} topic={video} picture={picture} title={cameraTitle(name(`${camera}/`))} />
+              ),
+            )}
             {drivable && !can("robots.drive") && (
               <Card title="Drive" kind="teleop"><div class="pad-in"><MayNot what="drive" /></div></Card>
             )}
             {drivable && can("robots.drive") && (
               <TeleopCard key={robot.id} robot={robot.id} namespace={robot.namespace} online={robot.state === "online"} lease={robot.lease?.holder ?? null} />
             )}
+            {beside}
           </div>
         )}
       </div>
+      {below.length > 0 && <div class="stage">{below}</div>}
       {plotted && <div class="section-head">
         <h2>Plots</h2>
         <div class="segments" role="group" aria-label="Time range">
@@ -81,5 +94,5 @@ export function LiveTab({ robot, topics, series }: { robot: Robot; topics: Topic
   );
 }
 
-/** "camera/image/compressed" is the camera called "camera". */
-const cameraTitle = (topic: string) => topic.split("/").filter((word) => !/^(image|image_raw|compressed)$/.test(word)).join(" ") || topic;
+/** "front/camera" is "front camera"; one without any name of its own is a camera still. */
+const cameraTitle = (name: string) => name.split("/").filter(Boolean).join(" ") || "camera";

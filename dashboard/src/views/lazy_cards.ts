@@ -1,0 +1,29 @@
+/** Cards whose code is fetched when a robot has a topic for them; each is given all of its topics. */
+
+import type { ComponentType } from "preact";
+import type { Robot, Topic } from "../api/types";
+import { isPublished } from "../panels/registry";
+import { lazy } from "./lazy";
+
+export interface LazyCardProps {
+  robot: Robot;
+  topics: Topic[];
+}
+
+export interface LazyCard {
+  kind: string;
+  /** Beside the map, under the cameras; or below them, as wide as it likes. */
+  place: "side" | "wide";
+  /** Whether a topic is one of this card's. */
+  takes: (topic: Topic) => boolean;
+  Part: ComponentType<LazyCardProps>;
+}
+
+export const LAZY_CARDS: LazyCard[] = [
+  {
+    kind: "devices",
+    place: "wide",
+    takes: (topic) => isPublished(topic) && topic.type === "diagnostic_msgs/msg/DiagnosticArray" && topic.topic.endsWith("/diagnostics"),
+    Part: lazy(async () => (await import("../panels/devices")).DevicesCard, null),
+  },
+];
