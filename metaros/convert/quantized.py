@@ -22,6 +22,7 @@ from metaros.interfaces.sensor_msgs.msg import PointCloud2
 __all__ = ["numpy_to_quantized", "points_to_quantized", "quantized_to_numpy", "quantized_to_points"]
 
 _STEPS: Final = 65_535
+_LARGEST: Final = float(np.finfo(np.float32).max)
 _POINT: Final = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
 _POINT_I: Final = np.dtype([*_POINT.descr, ("intensity", "<f4")])
 
@@ -73,7 +74,7 @@ def quantized_to_numpy(message: Any) -> npt.NDArray[Any]:
     grid = data[: count * 6].view("<u2").reshape(count, 3)
     points = np.empty(count, _POINT_I if message.has_intensity else _POINT)
     for axis, name in enumerate("xyz"):
-        points[name] = origin[axis] + grid[:, axis] * step
+        points[name] = np.clip(origin[axis] + grid[:, axis] * step, -_LARGEST, _LARGEST)
     if message.has_intensity:
         points["intensity"] = data[count * 6 : needed]
     return points
