@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, date, datetime, time, timedelta
 from typing import Any, Final
 
 __all__ = ["FIX", "GBAS_FIX", "NO_FIX", "SBAS_FIX", "Epoch", "from_nmea", "from_pvt"]
@@ -54,8 +54,8 @@ def from_nmea(round_: Mapping[str, Any]) -> Epoch | None:
     gga, rmc, gst, vtg = (round_.get(kind) for kind in ("GGA", "RMC", "GST", "VTG"))
     if gga is None and rmc is None:
         return None
-    status = _QUALITIES.get(gga.quality, NO_FIX) if gga is not None else FIX
-    if rmc is not None and rmc.status != "A":
+    status = _QUALITIES.get(_field(gga, "quality"), NO_FIX) if gga is not None else FIX
+    if rmc is not None and _field(rmc, "status") != "A":
         status = NO_FIX
     place = _place(_number(gga or rmc, "lat"), _number(gga or rmc, "lon"))
     if place is None:
@@ -71,7 +71,7 @@ def from_nmea(round_: Mapping[str, Any]) -> Epoch | None:
         deviations_m=_deviations(gst),
         velocity_m_s=_velocity(rmc, vtg) if status != NO_FIX else None,
         utc_ns=_utc_ns(rmc) if status != NO_FIX else None,
-        satellites=None if gga is None or not isinstance(gga.numSV, int) else gga.numSV,
+        satellites=None if math.isnan(_number(gga, "numSV")) else int(_number(gga, "numSV")),
         hdop=_positive(_number(gga, "HDOP")),
     )
 
@@ -99,8 +99,13 @@ def from_pvt(pvt: Any) -> Epoch:
     )
 
 
+def _field(sentence: Any, name: str) -> Any:
+    """pynmeagps has "" for an empty field, and leaves out those that a short sentence lacks."""
+    return getattr(sentence, name, "")
+
+
 def _number(sentence: Any, name: str) -> float:
-    value = getattr(sentence, name, None)
+    value = _field(sentence, name)
     return float(value) if isinstance(value, int | float) else math.nan
 
 
@@ -130,11 +135,11 @@ def _velocity(rmc: Any, vtg: Any) -> tuple[float, float, float] | None:
 
 
 def _utc_ns(rmc: Any) -> int | None:
-    if rmc is None or not rmc.date or not rmc.time:  # pynmeagps has "" for an empty field; midnight is true
+    day, moment = _field(rmc, "date"), _field(rmc, "time")
+    if not (isinstance(day, date) and isinstance(moment, time)):
         return None
-    date, time = rmc.date, rmc.time
-    whole = _calendar_ns(date.year, date.month, date.day, time.hour, time.minute, time.second)
-    return None if whole is None else whole + time.microsecond * 1000
+    whole = _calendar_ns(day.year, day.month, day.day, moment.hour, moment.minute, moment.second)
+    return None if whole is None else whole + moment.microsecond * 1000
 
 
 def _calendar_ns(year: int, month: int, day: int, hour: int, minute: int, second: int) -> int | None:

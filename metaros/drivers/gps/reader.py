@@ -17,6 +17,7 @@ __all__ = ["PREFER_UBX_S", "EpochReader", "pvt_request"]
 PREFER_UBX_S: Final = 3.0
 _NMEA: Final = ("GGA", "RMC", "GST", "VTG")
 _NAV_PVT: Final = b"\xb5\x62\x01\x07"
+_SHORTEST_PVT: Final = 8 + 84  # of u-blox 7; 92 bytes later
 
 
 class EpochReader:
@@ -40,13 +41,13 @@ class EpochReader:
             yield from _made(self._rounds.flush())
 
     def _ubx(self, frame: bytes, now_s: float) -> Iterator[Epoch]:
+        if len(frame) < _SHORTEST_PVT:  # pyubx2 would fill it up with zeros
+            self._count("bad_messages", 1)
+            return
         message = self._parsed(UBXReader.parse, frame)
         if message is not None:
             self._pvt_s = now_s
-            try:
-                yield from_pvt(message)
-            except (AttributeError, TypeError):  # a NAV-PVT of another length
-                self._count("bad_messages", 1)
+            yield from_pvt(message)
 
     def _nmea(self, frame: bytes) -> Iterator[Epoch]:
         if frame[3:6].decode("ascii", "replace") not in _NMEA:

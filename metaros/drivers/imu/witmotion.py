@@ -22,6 +22,7 @@ FRAME_BYTES: Final = 11
 START: Final = 0x55
 _WORDS: Final = struct.Struct("<4h")
 _KINDS: Final = {0x51: "acceleration", 0x52: "rate", 0x53: "angles", 0x54: "magnetic", 0x59: "quaternion"}
+_FIRST_KIND: Final = 0x51  # of each round
 _LAST_KIND: Final = 0x5F
 _FULL: Final = 32768.0
 _ACCELERATION: Final = 16 * GRAVITY_M_S2 / _FULL
@@ -42,6 +43,7 @@ class WitMotionDecoder:
         self._count = count
         self._data = bytearray()
         self._rounds = Rounds()
+        self._turn = 0
 
     def feed(self, data: bytes) -> Iterator[Sample]:
         """Samples that these bytes complete."""
@@ -55,7 +57,8 @@ class WitMotionDecoder:
                 self._count("bad_checksum", 1)
                 at = start + 1
             elif frame[1] in _KINDS:
-                for items in self._rounds.feed(_KINDS[frame[1]], _WORDS.unpack_from(frame, 2)):
+                self._turn += frame[1] == _FIRST_KIND
+                for items in self._rounds.feed(_KINDS[frame[1]], _WORDS.unpack_from(frame, 2), moment=self._turn):
                     yield from _samples(items)
         end = start if start >= 0 else len(self._data)
         self._skipped(end - at)

@@ -56,7 +56,7 @@ STANDARD: Final = Layout(
 
 @dataclass(slots=True)
 class PadState:
-    """The state, from events. No button begins as pressed: one that is held while the pad comes must be pressed anew."""
+    """The state, from events. No button begins as pressed: one held while the pad comes must be pressed anew."""
 
     layout: Layout
     values: dict[int, int] = field(default_factory=dict)
