@@ -31,7 +31,7 @@ __all__ = ["Action", "Commands"]
 
 LOG = logging.getLogger("metaros.agent.commands")
 AT_ONCE = 16
-LEASES = ("grant_lease", "release_lease")
+LEASES = ("grant_lease", "release_lease", "grant_talk", "release_talk")
 Action = Callable[[link_pb2.Command, float], Awaitable[bytes]]  # command and seconds left; the result's payload
 
 
@@ -142,8 +142,10 @@ class Commands:
         match command.WhichOneof("action"):
             case "grant_lease":
                 self._teleop.grant(command.grant_lease.lease_id, command.grant_lease.valid_ms / 1000)
-            case "release_lease":
-                self._teleop.release(command.release_lease.lease_id)
+            case "grant_talk":
+                self._teleop.grant_talk(command.grant_talk.lease_id, command.grant_talk.valid_ms / 1000)
+            case "release_lease" | "release_talk":
+                self._teleop.release(command.release_lease.lease_id or command.release_talk.lease_id)
             case "publish" if self._teleop.is_actuator(command.publish.topic):
                 age_s = event.age_s(self._clock.monotonic_s())
                 self._teleop.publish(command.publish, command.lease_id, age_s=age_s)
@@ -155,7 +157,7 @@ class Commands:
         """Seconds left for the command; ExpiredError when there are none. A lease's way here counts, too."""
         timeout_s, now_s = event.command.timeout_ms / 1000 or LIMITS.command_timeout_s, self._clock.monotonic_s()
         spent_s = now_s - event.arrived_s
-        if event.command.WhichOneof("action") == "grant_lease":
+        if event.command.WhichOneof("action") in ("grant_lease", "grant_talk"):
             spent_s = max(spent_s, event.age_s(now_s) or 0.0)
         if spent_s >= timeout_s:
             raise ExpiredError(f"came {spent_s - timeout_s:.3f} s after its deadline")

@@ -91,6 +91,7 @@ class Settings:
     host_metrics: bool = True
     trace_every: int = 1000  # one sample in so many is followed to viewers and rows; 0 = none
     actuators: tuple[str, ...] = DEFAULT_ACTUATORS
+    talk: bool = True  # whether people may talk through its speaker, one at a time
     state_dir: Path | None = None  # None = ~/.metaros/agent/<name>
     status_file: Path | None = None
     seal_keyring: Path | None = None  # None = seal.keys in the state directory
@@ -186,7 +187,7 @@ def convert(key: str, value: Any, where: str) -> Any:
             return tuple(checked_gateway(text, where) for text in dict.fromkeys(texts))
         case "transport" | "compression" | "zenoh_profile":
             return chosen(key, value, where)
-        case "host_metrics":
+        case "host_metrics" | "talk":
             return expect(value, bool, key, where)
         case "labels":
             table = expect(value, dict, key, where)

@@ -7,6 +7,8 @@ MetarosError (metaros.errors)
 │   │   ├── DuplicateError    its id was executed before                           duplicate
 │   │   ├── LeaseError        an actuator without the current lease                lease_required
 │   │   ├── StaleError        too old to move the robot                            stale
+│   │   ├── TalkOffError      this robot lets nobody talk through its speaker      talk_off
+│   │   ├── PacketError       no packet of speech, or one too many                 bad_packet
 │   │   ├── BusyError         too many commands at once                            busy
 │   │   ├── BlackBoxOffError  there is no black box to cut from                    black_box_off
 │   │   ├── NothingRecordedError  the black box holds nothing of that time         nothing_there
@@ -57,11 +59,13 @@ __all__ = [
     "LinkError",
     "ManyRecordingsError",
     "NothingRecordedError",
+    "PacketError",
     "PinError",
     "RefusedError",
     "ScopeError",
     "StaleError",
     "TakenError",
+    "TalkOffError",
     "TokenFormatError",
     "TwinRulesError",
     "UnprovenError",
@@ -92,6 +96,18 @@ class LeaseError(CommandError):
     """An actuator topic accepts commands only under the current lease."""
 
     code = "lease_required"
+
+
+class TalkOffError(CommandError):
+    """The robot's own settings let nobody talk through its speaker."""
+
+    code = "talk_off"
+
+
+class PacketError(CommandError):
+    """No packet of speech, or one too many."""
+
+    code = "bad_packet"
 
 
 class StaleError(CommandError):

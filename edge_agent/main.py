@@ -35,6 +35,7 @@ from edge_agent.scope import Scope
 from edge_agent.sealing import open_sealing
 from edge_agent.state import AgentState, open_state
 from edge_agent.status import status_file
+from edge_agent.talk_guard import TalkGuard
 from edge_agent.tap import Tap
 from edge_agent.teleop import Teleop
 from edge_agent.twin.services import RosServices
@@ -46,6 +47,7 @@ from edge_agent.uplink.keeper import SessionKeeper
 from edge_agent.uplink.session import Identity, Queues
 from edge_agent.uplink.uplink import Uplink, transports_with
 from edge_agent.uplink_limit import UplinkLimit
+from edge_agent.video.desk import VideoDesk
 from edge_agent.zenoh_profile import session_environ
 from metaros.clock import Clock, SystemClock, system_rng
 from metaros.errors import ConfigError
@@ -136,7 +138,8 @@ class Parts:
         self.box = open_box(settings.black_box, state.directory, state.disk, clock, sealing=box_sealing)
         self.queues = open_queues(settings, state, clock)
         self.publishers = Publishers(node)
-        self.teleop = Teleop(DriveGuard(clock, settings.actuators), self.publishers, self.scope)
+        talk = TalkGuard(clock, on=settings.talk)
+        self.teleop = Teleop(DriveGuard(clock, settings.actuators), talk, self.publishers, self.scope)
         self.limit = UplinkLimit(state.disk, self.queues.budget, clock)
         self.who = identity(settings)
         self.credentials, self.addresses = door_of(settings, state.directory)
@@ -146,6 +149,7 @@ class Parts:
         bundles = self.updates.nodes if known is not None else None
         self.nodes = open_nodes(settings, state.directory, clock, domain=node.context.domain_id, bundles=bundles)
         self.ros = RosDesk(node, self.scope, clock)
+        self.video = VideoDesk(self.queues.channels, self.scope, self.queues.budget, self.publishers.publish, clock)
         self.commands = self._commands()
         self.twin, self.values = state.twin.build(
             RosServices(node, self.scope),
@@ -163,7 +167,7 @@ class Parts:
     def runs(self) -> Iterator[Coroutine[Any, Any, None]]:
         """What runs beside each other until the agent ends."""
         yield from (self.twin.run(), self.values.run(), self.uplink.run(), self.teleop.run())
-        yield from (self.updates.agent.run(), self.nodes.run(), self.ros.run())
+        yield from (self.updates.agent.run(), self.nodes.run(), self.ros.run(), self.video.run())
         if self.renewing is not None:
             yield self.renewing.run()
         if self.settings.host_metrics:
@@ -212,7 +216,7 @@ class Parts:
             wake=lambda: self.uplink.wake(),
             credentials=self.credentials,
             expired=self.renewing.now if self.renewing is not None else lambda: None,
-            desks=[self.commands.durable, self.updates.agent, self.nodes, self.twin, self.ros],
+            desks=[self.commands.durable, self.updates.agent, self.nodes, self.twin, self.ros, self.video],
         )
 
     def _link(self) -> None:

@@ -55,6 +55,10 @@ DEFAULT_TOPICS: tuple[TopicRule, ...] = (
     ),
     TopicRule(match="**/imu", max_rate_hz=20.0, history_hz=1.0, fields=("angular_velocity.z", "linear_acceleration.x")),
     TopicRule(match="**/compressed", max_rate_hz=10.0, history_hz=0.2),
+    TopicRule(match="**/video"),
+    TopicRule(match="**/audio"),  # sound cannot be thinned
+    TopicRule(match="**/audio/opus"),
+    TopicRule(match="**/speaker/talk", forward=False),  # what people say goes to the robot, not back
     TopicRule(match="**/motor_temperature", max_rate_hz=2.0, fields=("temperature",)),
     TopicRule(match="**/host/cpu", max_rate_hz=2.0, fields=("percent", "load_1m")),
     TopicRule(match="**/host/memory", max_rate_hz=2.0, fields=("percent",)),

@@ -32,6 +32,7 @@ from gateway.fleet.presence import Presence
 from gateway.fleet.rollout_side import TwinSide
 from gateway.fleet.rollouts import RolloutDesk
 from gateway.fleet.ros_side import RosSide
+from gateway.fleet.talk import TalkDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.fleet.twin_feature import Twins
 from gateway.history.desk import HistoryDesk
@@ -104,6 +105,7 @@ class Gateway:
         self.reacting = Reacting(settings, self.store, self.objects, master, emit=self._emit, clock=clock)
         self.events = Events(self.store, clock=clock, within=self.reacting.rules.engine.on_events)
         self.leases = LeaseTable(valid_s=LIMITS.lease_s, listener=self.events.on_lease)
+        self.talks = LeaseTable(valid_s=LIMITS.lease_s, door="talk", doing="is talking through")
         beat_s = settings.heartbeat_s
         limits = replace(LIMITS, heartbeat_s=beat_s, dead_after_s=3 * beat_s)
         self.identities = IdentityDesk(self.store, settings.data_dir, identity_choices(settings), clock=clock)
@@ -147,10 +149,12 @@ class Gateway:
         )
         self.commands = CommandDesk(self._send, clock=self.clock)
         self.teleop = TeleopDesk(self.registry.get, self.commands, self.leases, self._send, clock=self.clock)
+        self.talk = TalkDesk(self.registry.get, self.commands, self.talks, self._send, clock=self.clock)
         self.fleet = FleetDesk(
             self.registry.get,
             self.commands,
             self.leases,
+            self.talks,
             clock=self.clock,
             actuator_topics=self.settings.actuator_topics,
         )
@@ -367,6 +371,7 @@ class Gateway:
         if not online:
             self.commands.on_offline(robot_id)
             self.teleop.on_offline(robot_id)
+            self.talk.on_offline(robot_id)
         self.recordings.on_online(robot_id, online)
         self.ros.on_online(robot_id, online)
         self.twins.on_online(robot_id, online)
@@ -382,3 +387,4 @@ class Gateway:
             await asyncio.sleep(TICK_S)
             self.links.tick()
             self.leases.expire(now_s=self.clock.monotonic_s())
+            self.talks.expire(now_s=self.clock.monotonic_s())

@@ -40,6 +40,7 @@ def services_of(gateway: Gateway) -> Services:
         offers=gateway.ros.offers,
         orders=gateway.orders,
         teleop=gateway.teleop,
+        talk=gateway.talk,
         twins=gateway.twins,
         nodes=gateway.nodes,
         updates=gateway.updates,

@@ -35,6 +35,7 @@ class Limits(FunctionLimits):
     recordings: int = 16  # clips on the robot's disk that wait for the gateway; more are refused
     recordings_bytes: int = 1024 * MIB  # the same, in bytes
     live_bytes: int = 8 * MIB  # live samples that wait in the agent's memory; the oldest yields
+    video_wait_s: float = 1.0  # of one video topic in there; then only its newest group of frames is kept
     ingress_bytes: int = 64 * MIB  # samples taken from Zenoh but not yet handled by an executor or the agent
     uplink_least_bytes_per_s: int = 1000  # the smallest byte budget that a robot may be given
     heartbeat_s: float = 5.0
@@ -105,7 +106,10 @@ class Limits(FunctionLimits):
     rollout_robots: int = 20_000  # of one rollout
     rollouts_open: int = 64  # that run, wait or were halted; more are refused
     teleop_fresh_s: float = 0.3  # D13: an actuator without a fresh command for so long is stopped
-    lease_s: float = 3.0  # a teleop lease not renewed for so long is free again
+    lease_s: float = 3.0  # a teleop or talk lease not renewed for so long is free again
+    talk_fresh_s: float = 0.5  # a packet of speech older than this is not played; without one for so long talk is over
+    talk_packet_bytes: int = 4 * KIB  # of sound in one packet of speech: 20 ms of it, packed or not
+    talk_packets_per_s: float = 100.0  # of one talker; half of that is enough
     command_timeout_s: float = 10.0
     commands_remembered: int = 20_000  # ids of executed commands that an agent keeps, also over restarts
     commands_waiting: int = 256  # commands that wait for their ids to be on the robot's disk

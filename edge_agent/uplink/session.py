@@ -220,6 +220,7 @@ class AgentSession:
             case "demand":
                 entries = frame.demand.entries
                 self._queues.channels.demand({entry.channel_id: entry.max_rate_hz for entry in entries})
+                return [Told(frame, self._heard_s)]
             case "command":
                 if frame.command.sent_ns:
                     self.offset.saw(frame.command.sent_ns)
@@ -227,6 +228,9 @@ class AgentSession:
             case "teleop":
                 self.offset.saw(frame.teleop.sent_ns)
                 return [TeleopArrived(frame.teleop, self.offset.age_s(frame.teleop.sent_ns) or 0.0)]
+            case "talk":
+                self.offset.saw(frame.talk.sent_ns)
+                return [TeleopArrived(frame.talk, self.offset.age_s(frame.talk.sent_ns) or 0.0)]
             case str() as kind if kind in DESK_FRAMES:
                 return [Told(frame, self._heard_s)]
             case None:

@@ -76,7 +76,7 @@ from gateway.api.rosbridge import socket as rosbridge
 from gateway.api.services import Services
 from gateway.api.static import Dashboard
 from gateway.api.viewer_doors import QueryToken
-from gateway.api.ws import link, stream, teleop
+from gateway.api.ws import link, stream, talk, teleop
 
 __all__ = ["ROUTERS", "create_api", "route_paths"]
 
@@ -129,6 +129,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     audit.router,
     ops.router,
     stream.router,
+    talk.router,
     teleop.router,
     foxglove.router,
     link.router,

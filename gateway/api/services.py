@@ -22,6 +22,7 @@ from gateway.fleet.node_feature import Nodes
 from gateway.fleet.offers import OfferDesk
 from gateway.fleet.orders import OrderDesk
 from gateway.fleet.rollouts import RolloutDesk
+from gateway.fleet.talk import TalkDesk
 from gateway.fleet.teleop import TeleopDesk
 from gateway.fleet.twin_feature import Twins
 from gateway.functions.feature import Functions
@@ -78,6 +79,7 @@ class Services:
     offers: OfferDesk
     orders: OrderDesk
     teleop: TeleopDesk
+    talk: TalkDesk
     twins: Twins
     nodes: Nodes
     updates: Repository

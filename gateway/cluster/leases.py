@@ -1,4 +1,4 @@
-"""Teleop leases over several gateways: the home of a robot's link decides, the others ask it and are told.
+"""Leases to drive and to talk over several gateways: the home of a robot's link decides, others ask it and are told.
 
 All gateways know who drives and the lease's mark, so that each lists it and lets nobody else at an actuator. The id is
 with its holder, the home, and the gateway that asked for it. When the home goes the lease is over everywhere, and the
@@ -21,7 +21,6 @@ from metaros.limits import LIMITS
 
 __all__ = ["Drivers", "LeaseRelay"]
 
-TAKE, RENEW, END, TOLD = "lease.take", "lease.renew", "lease.end", "lease.told"
 TELL_S = 0.5  # how often all leases are told again: renewals are not told one by one
 ASK_S = 6.0  # the home asks the robot's agent
 
@@ -43,7 +42,7 @@ class Drivers(Protocol):
 
 
 class LeaseRelay:
-    """An arbiter for `TeleopDesk`; lives on the event loop."""
+    """An arbiter for a `LeaseDesk`; lives on the event loop."""
 
     def __init__(
         self,
@@ -51,11 +50,13 @@ class LeaseRelay:
         table: LeaseTable,
         desk: Drivers,
         *,
+        kind: str = "lease",
         home_of: HomeOf,
         linked: Callable[[str], bool],
         clock: Clock,
     ) -> None:
-        """`linked`: a robot's link is at this very gateway."""
+        """`kind` is what its messages' names begin with; `linked`: a robot's link is at this very gateway."""
+        self._kind = kind
         self._mesh = mesh
         self._linked = linked
         self._table = table
@@ -65,9 +66,9 @@ class LeaseRelay:
         self._told = 0  # the number of what was told last
         self._tell = asyncio.Event()
         self._learned: dict[str, tuple[str, int]] = {}  # robot -> its home, and the number that it was told with
-        for verb, answer in ((TAKE, self._on_take), (RENEW, self._on_renew), (END, self._on_end)):
-            mesh.on_ask(verb, answer)
-        mesh.on_tell(TOLD, self._on_told)
+        for verb, answer in (("take", self._on_take), ("renew", self._on_renew), ("end", self._on_end)):
+            mesh.on_ask(f"{kind}.{verb}", answer)
+        mesh.on_tell(f"{kind}.told", self._on_told)
         mesh.on_peer(self._on_peer)
         table.changed = self._tell.set
 
@@ -86,7 +87,7 @@ class LeaseRelay:
             GatewayError: what the robot's agent, or the way to its home, says.
         """
         home, said = self._home_of(robot), {"robot": robot, "holder": holder, "lease": lease_id}
-        answer = json.loads(await self._ask(home, TAKE, robot, said))
+        answer = json.loads(await self._ask(home, "take", robot, said))
         if not home or self._home_of(robot) != home:
             raise RobotOfflineError(f"robot {robot} lost its link while its lease was taken")
         lease = Lease(lease_id, robot, holder, self._clock.monotonic_s() + LIMITS.lease_s, mark_of(lease_id))
@@ -96,7 +97,7 @@ class LeaseRelay:
 
     async def renew(self, robot: str, lease_id: str) -> Lease:
         """More time, at its home; LeaseRequiredError where it is not the living one."""
-        answer = await self._ask(self._home_of(robot), RENEW, robot, {"robot": robot, "lease": lease_id})
+        answer = await self._ask(self._home_of(robot), "renew", robot, {"robot": robot, "lease": lease_id})
         holder, until_s = str(json.loads(answer)["holder"]), self._clock.monotonic_s() + LIMITS.lease_s
         lease = Lease(lease_id, robot, holder, until_s, mark_of(lease_id))
         known = self._table.find(robot)
@@ -110,7 +111,7 @@ class LeaseRelay:
         if known is not None and known.proven_by(lease_id):
             self._table.learn(robot, None)
         try:
-            await self._ask(home, END, robot, {"robot": robot, "lease": lease_id})
+            await self._ask(home, "end", robot, {"robot": robot, "lease": lease_id})
         except GatewayError:
             return
 
@@ -118,7 +119,7 @@ class LeaseRelay:
         if not home:
             raise RobotOfflineError(f"robot {robot} has no link now")
         payload = json.dumps(said).encode()
-        return await ask_home(self._mesh, home, verb, payload, robot=robot, timeout_s=ASK_S)
+        return await ask_home(self._mesh, home, f"{self._kind}.{verb}", payload, robot=robot, timeout_s=ASK_S)
 
     def on_away(self, robot: str, online: bool) -> None:
         """A robot elsewhere came or went: with its link its lease is over."""
@@ -194,7 +195,7 @@ class LeaseRelay:
 
     def tell(self, gateway: str) -> None:
         """All leases, to a gateway that thinks otherwise of one."""
-        self._mesh.tell(gateway, TOLD, self._said())
+        self._mesh.tell(gateway, f"{self._kind}.told", self._said())
 
     def _said(self) -> bytes:
         self._told += 1
@@ -216,4 +217,4 @@ class LeaseRelay:
                 pass
             self._tell.clear()
             told = bool(self._table.own(now_s=self._clock.monotonic_s()))
-            self._mesh.tell_all(TOLD, self._said())
+            self._mesh.tell_all(f"{self._kind}.told", self._said())

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -51,7 +51,7 @@ class Commands(Protocol):
 
 
 class Drives(Protocol):
-    """Who drives."""
+    """Who drives, or who talks."""
 
     def relayed(self, robot_id: str, teleop: link_pb2.Teleop) -> None:
         """A drive command of another gateway's driver; LeaseRequiredError, RobotOfflineError."""
@@ -119,12 +119,13 @@ class Relay:
         mesh: Mesh,
         links: Links,
         commands: Commands,
-        drives: Drives,
+        drives: Mapping[str, Drives],
         offers: Offers,
         *,
         home_of: HomeOf,
         clock: Clock,
     ) -> None:
+        """`drives`: the desks whose messages go under a lease, by the frame that brings them."""
         self._mesh = mesh
         self._links = links
         self._commands = commands
@@ -134,7 +135,7 @@ class Relay:
         self._asked = _Ledger(clock)  # of this gateway, at others
         self._owed = _Ledger(clock)  # of others, at robots that are linked here
         self.came_up: CameUp = lambda robot, frame: None  # of a robot elsewhere for this gateway alone, but for results
-        self.refused_drive: Callable[[str], None] = lambda gateway: None  # a driver there has no lease any more
+        self.refused: Mapping[str, Callable[[str], None]] = {}  # by frame: somebody there has no lease any more
         mesh.on_tell(DOWN, self._on_down)
         mesh.on_tell(UP, self._on_up)
         mesh.on_tell(LOST, self._on_lost)
@@ -198,11 +199,11 @@ class Relay:
             case "command":
                 self._owed.add(frame.command, robot, sender)
                 self._links.send(robot, frame)
-            case "teleop":
+            case "teleop" | "talk" as kind:
                 try:
-                    self._drives.relayed(robot, frame.teleop)
+                    self._drives[kind].relayed(robot, frame.teleop if kind == "teleop" else frame.talk)
                 except LeaseRequiredError:
-                    self.refused_drive(sender)
+                    self.refused[kind](sender)
             case "offers":
                 self._offers.put(robot, sender, frame.offers)
             case "offer_answer":
@@ -226,7 +227,8 @@ class Relay:
             left = "lost its link; the outcome is not known" if parcel.number else "has no link now"
             self._commands.lost(parcel.robot, parcel.frame, f"robot {parcel.robot} {left}")
         elif not parcel.frame and not self._links.has(parcel.robot):
-            self._drives.on_offline(parcel.robot)
+            for desk in self._drives.values():
+                desk.on_offline(parcel.robot)
 
     def _on_peer(self, gateway: str, there: bool) -> None:
         if there:

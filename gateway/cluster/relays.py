@@ -17,7 +17,7 @@ from gateway.cluster.relay_nudges import Courier, Nudges, Orders, Recordings
 from gateway.cluster.relay_ros import RosRelay, RosSide
 from gateway.cluster.relay_wire import Parcel
 from gateway.domain.lease import LeaseTable
-from gateway.fleet.teleop import Arbiter
+from gateway.fleet.lease_desk import Arbiter
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 
@@ -100,6 +100,14 @@ class Around(Protocol):
         """Who may drive."""
 
     @property
+    def talk(self) -> _Teleop:
+        """Who talks."""
+
+    @property
+    def talks(self) -> LeaseTable:
+        """Who may talk."""
+
+    @property
     def ros(self) -> _Ros:
         """Graphs, goals, offers."""
 
@@ -133,14 +141,19 @@ class Relays:
         self.leases = LeaseRelay(
             mesh, around.leases, around.teleop, home_of=home_of, linked=around.links.has, clock=clock
         )
-        self.frames = Relay(mesh, around.links, around.commands, around.teleop, self.ros, home_of=home_of, clock=clock)
+        self.talks = LeaseRelay(
+            mesh, around.talks, around.talk, kind="talk", home_of=home_of, linked=around.links.has, clock=clock
+        )
+        self._lease_relays = (self.leases, self.talks)
+        drives = {"teleop": around.teleop, "talk": around.talk}
+        self.frames = Relay(mesh, around.links, around.commands, drives, self.ros, home_of=home_of, clock=clock)
         self.nudges = Nudges(mesh, around.orders, around.recordings, around.twins.courier, home_of=home_of)
         functions = around.reacting.functions
         self.errands = Errands(mesh, functions.invoker, on=functions.choices.on)
         self.ros.tell_one = self.frames.tell_asker
         self.frames.came_up = around.ros.on_frame
-        self.frames.refused_drive = self.leases.tell
-        around.teleop.arbiter = self.leases
+        self.frames.refused = {"teleop": self.leases.tell, "talk": self.talks.tell}
+        around.teleop.arbiter, around.talk.arbiter = self.leases, self.talks
         mesh.on_tell(BEGUN, self._on_begun)
 
     @property
@@ -165,7 +178,8 @@ class Relays:
         self.ros.on_online(robot, online)
         if online:
             self._homes.pop(robot, None)
-            self.leases.on_online(robot)
+            for relay in self._lease_relays:
+                relay.on_online(robot)
             self._mesh.tell_all(BEGUN, Parcel(robot, self._around.links.process_of(robot)).pack())
         else:
             self.frames.on_offline(robot)
@@ -179,7 +193,8 @@ class Relays:
         if before:
             self._around.commands.on_offline(robot)
             self._around.ros.on_online(robot, False)
-            self.leases.on_away(robot, False)
+            for relay in self._lease_relays:
+                relay.on_away(robot, False)
         if home:
             self._homes[robot] = home
             self._around.ros.on_online(robot, True)
@@ -198,4 +213,5 @@ class Relays:
         """Until cancelled."""
         async with asyncio.TaskGroup() as group:
             group.create_task(self.ros.run())
-            group.create_task(self.leases.run())
+            for relay in self._lease_relays:
+                group.create_task(relay.run())

@@ -1,4 +1,4 @@
-"""The teleop lease: at most one holder drives a robot, and only as long as it keeps renewing.
+"""Leases to drive a robot and to talk through it: at most one holder of each, and only as long as it keeps renewing.
 
 Of several gateways the one that has the robot's link decides. The others are told who drives and the mark of the
 lease's id: by it they know the id when somebody shows it, and nobody can make the id of it.
@@ -17,7 +17,7 @@ __all__ = ["Lease", "LeaseTable", "mark_of"]
 
 @dataclass(frozen=True, slots=True)
 class Lease:
-    """Who may drive which robot until when (monotonic seconds).
+    """Who may drive, or talk through, which robot until when (monotonic seconds).
 
     `lease_id` is "" where another gateway gave the lease to somebody who did not ask here; `mark` is told then.
     """
@@ -45,8 +45,20 @@ def mark_of(lease_id: str) -> str:
 class LeaseTable:
     """Leases by robot; pure, `now_s` comes from the caller."""
 
-    def __init__(self, *, valid_s: float, listener: Callable[[str, str, bool], None] | None = None) -> None:
-        """`listener` hears a robot, a holder, and whether they drive it from now on or do no more."""
+    def __init__(
+        self,
+        *,
+        valid_s: float,
+        listener: Callable[[str, str, bool], None] | None = None,
+        door: str = "teleop",
+        doing: str = "is driving",
+    ) -> None:
+        """`listener` hears a robot, a holder, and whether they drive it from now on or do no more.
+
+        `door` is where one takes a lease, and `doing` what its holder does, as people are told it.
+        """
+        self._door = door
+        self._doing = doing
         self._valid_s = valid_s
         self._leases: dict[str, Lease] = {}
         self._learned: dict[str, Lease] = {}  # of robots whose link is at another gateway
@@ -72,7 +84,7 @@ class LeaseTable:
         """Give the robot to `holder`; LeaseTakenError while another lease is alive."""
         held = self.holder_of(robot, now_s=now_s)
         if held is not None:
-            raise LeaseTakenError(f"{held.holder!r} is driving {robot}", holder=held.holder)
+            raise LeaseTakenError(f"{held.holder!r} {self._doing} {robot}", holder=held.holder)
         lease = Lease(lease_id, robot, holder, now_s + self._valid_s)
         self._leases[robot] = lease
         self._tell(lease, True)
@@ -88,7 +100,9 @@ class LeaseTable:
         """The living lease of that id, or LeaseRequiredError."""
         held = self.holder_of(robot, now_s=now_s)
         if held is None or not held.proven_by(lease_id):
-            raise LeaseRequiredError(f"{robot} needs a valid teleop lease; take one at /api/v1/robots/{robot}/teleop")
+            raise LeaseRequiredError(
+                f"{robot} needs a valid {self._door} lease; take one at /api/v1/robots/{robot}/{self._door}"
+            )
         return held
 
     def release(self, robot: str, lease_id: str) -> bool:

@@ -13,6 +13,7 @@ from gateway.fleet.commands import CommandDesk
 from gateway.fleet.graph import RobotGraph
 from gateway.fleet.robots import FindRobot, require_online
 from gateway.fleet.ros_errors import UnknownServiceError
+from gateway.fleet.talk import TALK_TOPICS
 from gateway.fleet.typed import LARGE_BYTES, catalogue_for, decode, encode, is_large
 from gateway.fleet.types import TypeBook, full_type_name
 from metaros._proto import link_pb2
@@ -36,6 +37,7 @@ class FleetDesk:
         find: FindRobot,
         commands: CommandDesk,
         leases: LeaseTable,
+        talks: LeaseTable | None = None,
         *,
         clock: Clock,
         actuator_topics: Iterable[str] = ("**/cmd_vel",),
@@ -43,8 +45,10 @@ class FleetDesk:
         self._find = find
         self._commands = commands
         self._leases = leases
+        self._talks = talks
         self._clock = clock
         self._actuators = tuple(Glob(pattern) for pattern in actuator_topics)
+        self._talk = tuple(Glob(pattern) for pattern in TALK_TOPICS)
         self._types = TypeBook()
         self._graph_of: Callable[[str], RobotGraph] = lambda robot_id: RobotGraph(robot=robot_id)
 
@@ -204,6 +208,8 @@ class FleetDesk:
         return decode(f"{call.type_name}_Response", payload, catalogue)
 
     def check_lease(self, robot_id: str, full: str, lease_id: str) -> None:
-        """LeaseRequiredError when a topic, service or action moves the robot and its lease is not held."""
-        if any(glob.matches(full) for glob in self._actuators):
+        """LeaseRequiredError when a topic, service or action moves the robot, or is its voice, without that lease."""
+        if self._talks is not None and any(glob.matches(full) for glob in self._talk):
+            self._talks.check(robot_id, lease_id, now_s=self._clock.monotonic_s())
+        elif any(glob.matches(full) for glob in self._actuators):
             self._leases.check(robot_id, lease_id, now_s=self._clock.monotonic_s())

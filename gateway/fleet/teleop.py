@@ -6,90 +6,33 @@ the robot by themselves. What the gateway adds is the lease, and a zero command 
 
 from __future__ import annotations
 
-import asyncio
 import math
-import secrets
-from dataclasses import dataclass, field
-from typing import Protocol
 
 from gateway.domain.lease import Lease, LeaseTable
-from gateway.errors import InvalidRequestError, LeaseRequiredError, RobotError
+from gateway.errors import InvalidRequestError, RobotError
 from gateway.fleet.commands import CommandDesk
-from gateway.fleet.robots import FindRobot, RobotView, SendFrame, require_online
+from gateway.fleet.lease_desk import Drive, LeaseDesk
+from gateway.fleet.robots import FindRobot, RobotView, SendFrame
 from gateway.fleet.types import TypeBook
 from metaros._proto import link_pb2
 from metaros.clock import Clock
-from metaros.idl import names
-from metaros.limits import LIMITS
 
-__all__ = ["Arbiter", "Drive", "TeleopDesk"]
+__all__ = ["TWIST", "TWIST_STAMPED", "TeleopDesk"]
 
 TWIST = "geometry_msgs/msg/Twist"
 TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
-GRANT_S = 2.0
-MAX_HOLDER_CHARS = 64
 
 
-@dataclass(slots=True)
-class Drive:
-    """One holder at the wheel of one robot."""
-
-    robot: str
-    holder: str
-    lease_id: str
-    topic: str
-    seq: int = 0
-    gone: asyncio.Event = field(default_factory=asyncio.Event)  # the robot's link went: take the lease again
-
-    @property
-    def lost(self) -> bool:
-        """Whether the robot's link went since the lease was taken."""
-        return self.gone.is_set()
-
-
-class Arbiter(Protocol):
-    """Decides on leases of robots that are linked to other gateways, by asking those; what they say is raised here."""
-
-    def decides(self, robot: str) -> bool:
-        """Whether the robot's link is at another gateway."""
-
-    async def take(self, robot: str, holder: str, lease_id: str) -> Lease:
-        """The lease, taken there and at the robot's agent; LeaseTakenError."""
-
-    async def renew(self, robot: str, lease_id: str) -> Lease:
-        """More time for it; LeaseRequiredError."""
-
-    async def end(self, robot: str, lease_id: str) -> None:
-        """Stop the robot and give the lease back; nothing happens to one that is over."""
-
-
-class TeleopDesk:
+class TeleopDesk(LeaseDesk):
     """Takes, keeps and ends drives; lives on the event loop."""
+
+    topic = "cmd_vel"
 
     def __init__(
         self, find: FindRobot, commands: CommandDesk, leases: LeaseTable, send: SendFrame, *, clock: Clock
     ) -> None:
-        self._find = find
-        self._commands = commands
-        self._leases = leases
-        self._send = send
-        self._clock = clock
+        super().__init__(find, commands, leases, send, clock=clock)
         self._types = TypeBook()
-        self._drives: dict[str, Drive] = {}
-        self.arbiter: Arbiter | None = None  # where this gateway is one of several
-
-    async def take(self, robot_id: str, holder: str, *, lease_id: str = "") -> Drive:
-        """Take the robot's lease here and at its agent; LeaseTakenError names who has it.
-
-        `lease_id` is one that was made at another gateway of the robot's link here.
-        """
-        if not 1 <= len(holder) <= MAX_HOLDER_CHARS:
-            raise InvalidRequestError(f"holder is a name of 1 to {MAX_HOLDER_CHARS} characters")
-        view = require_online(self._find(robot_id))
-        topic = names.resolve("cmd_vel", view.robot.namespace)
-        drive = Drive(robot_id, holder, lease_id or secrets.token_urlsafe(16), topic)
-        await self._grant(drive)
-        return drive
 
     async def drive(self, drive: Drive, *, linear: float, angular: float, sent_ns: int = 0) -> Lease:
         """Send one drive command (m/s, rad/s) and renew the lease; a lease that lapsed unclaimed is taken again.
@@ -98,12 +41,7 @@ class TeleopDesk:
         """
         if not (math.isfinite(linear) and math.isfinite(angular)):
             raise InvalidRequestError("linear and angular are finite numbers")
-        if drive.lost:
-            raise LeaseRequiredError(f"robot {drive.robot} lost its link: take the lease again")
-        try:
-            lease = self._leases.renew(drive.robot, drive.lease_id, now_s=self._clock.monotonic_s())
-        except LeaseRequiredError:
-            lease = await self._grant(drive)
+        lease = await self._renewed(drive)
         self._command(drive, linear, angular, sent_ns=sent_ns)
         return lease
 
@@ -115,103 +53,20 @@ class TeleopDesk:
             except RobotError:
                 drive.gone.set()
 
-    async def release(self, drive: Drive) -> None:
-        """Stop and give the lease back."""
-        self.stop(drive)
-        if self._drives.get(drive.robot) is drive:
-            del self._drives[drive.robot]
-        if (arbiter := self._elsewhere(drive.robot)) is not None:
-            await arbiter.end(drive.robot, drive.lease_id)
-            return
-        if not self._leases.release(drive.robot, drive.lease_id) or drive.lost:
-            return
-        command = link_pb2.Command(release_lease=link_pb2.ReleaseLease(lease_id=drive.lease_id))
-        try:
-            await self._commands.run(drive.robot, command, timeout_s=GRANT_S)
-        except RobotError:
-            drive.gone.set()
+    def _granting(self, grant: link_pb2.GrantLease) -> link_pb2.Command:
+        return link_pb2.Command(grant_lease=grant)
 
-    async def renew(self, robot_id: str, lease_id: str) -> Lease:
-        """More time for a lease, here and at the agent; LeaseRequiredError when it is not the robot's living one."""
-        if (arbiter := self._elsewhere(robot_id)) is not None:
-            return await arbiter.renew(robot_id, lease_id)
-        lease = self._leases.renew(robot_id, lease_id, now_s=self._clock.monotonic_s())
-        await self._tell_grant(robot_id, lease_id, lease.holder)
-        return lease
+    def _releasing(self, lease_id: str) -> link_pb2.Command:
+        return link_pb2.Command(release_lease=link_pb2.ReleaseLease(lease_id=lease_id))
 
-    async def end(self, robot_id: str, lease_id: str) -> None:
-        """Stop and give a lease back by its id; nothing happens to one that is over."""
-        if (arbiter := self._elsewhere(robot_id)) is not None:
-            await arbiter.end(robot_id, lease_id)
-            return
-        drive = self._drives.get(robot_id)
-        if drive is not None and lease_id and drive.lease_id == lease_id:
-            await self.release(drive)
-
-    def relayed(self, robot_id: str, teleop: link_pb2.Teleop) -> None:
-        """A drive command that was made at another gateway, for the robot's link here; it renews the lease.
-
-        Raises:
-            LeaseRequiredError: it is not under the robot's living lease, and is not sent.
-            RobotOfflineError: the robot has no link now.
-        """
-        self._leases.renew(robot_id, teleop.lease_id, now_s=self._clock.monotonic_s())
-        drive = self._drives.get(robot_id)
-        if drive is not None and drive.lease_id == teleop.lease_id:
-            drive.seq = max(drive.seq, teleop.seq)  # a stop from here is newer
-        self._send(robot_id, link_pb2.GatewayFrame(teleop=teleop))
-
-    def rtt_ms(self, robot_id: str) -> float | None:
-        """The link's last measured round trip."""
-        rtt_s = self._find(robot_id).rtt_s
-        return None if rtt_s is None else rtt_s * 1000
-
-    def on_offline(self, robot_id: str) -> None:
-        """The robot's link is gone, and with it the lease: the agent has stopped the robot by itself."""
-        drive = self._drives.pop(robot_id, None)
-        if drive is not None:
-            drive.gone.set()
-            self._leases.release(robot_id, drive.lease_id)
-
-    def _elsewhere(self, robot_id: str) -> Arbiter | None:
-        """Whom to ask about a robot whose link is not here."""
-        return self.arbiter if self.arbiter is not None and self.arbiter.decides(robot_id) else None
-
-    async def _grant(self, drive: Drive) -> Lease:
-        if (arbiter := self._elsewhere(drive.robot)) is not None:
-            lease = await arbiter.take(drive.robot, drive.holder, drive.lease_id)
-            self._drives[drive.robot] = drive
-            return lease
-        now_s = self._clock.monotonic_s()
-        lease = self._leases.take(drive.robot, drive.holder, lease_id=drive.lease_id, now_s=now_s)
-        self._drives[drive.robot] = drive
-        try:
-            await self._tell_grant(drive.robot, drive.lease_id, drive.holder)
-        except BaseException:
-            self._leases.release(drive.robot, drive.lease_id)
-            raise
-        return lease
-
-    async def _tell_grant(self, robot_id: str, lease_id: str, holder: str) -> None:
-        grant = link_pb2.GrantLease(lease_id=lease_id, holder=holder, valid_ms=round(LIMITS.lease_s * 1000))
-        await self._commands.run(robot_id, link_pb2.Command(grant_lease=grant), timeout_s=GRANT_S)
+    def _frame(self, teleop: link_pb2.Teleop) -> link_pb2.GatewayFrame:
+        return link_pb2.GatewayFrame(teleop=teleop)
 
     def _command(self, drive: Drive, linear: float, angular: float, *, sent_ns: int = 0) -> None:
-        now_ns = self._clock.wall_ns()
         view = self._find(drive.robot)
         name, value = self._message(view, drive.topic, linear, angular)
         payload, type_hash = self._types.encode(name, value, view.channel_of(drive.topic))
-        drive.seq += 1
-        teleop = link_pb2.Teleop(
-            lease_id=drive.lease_id,
-            seq=drive.seq,
-            sent_ns=min(sent_ns or now_ns, now_ns),
-            topic=drive.topic,
-            type_name=name,
-            type_hash=type_hash,
-            payload=payload,
-        )
-        self._send(drive.robot, link_pb2.GatewayFrame(teleop=teleop))
+        self._put(drive, name, type_hash, payload, sent_ns=sent_ns)
 
     def _message(self, view: RobotView, topic: str, linear: float, angular: float) -> tuple[str, dict[str, object]]:
         twist: dict[str, object] = {"linear": {"x": linear}, "angular": {"z": angular}}

@@ -61,6 +61,7 @@ PERMISSIONS: tuple[Permission, ...] = (
     Permission("robots.publish", _O, "publish on a robot", robots=True, mutates=True),
     Permission("robots.call", _O, "call a robot's service", robots=True, mutates=True),
     Permission("robots.drive", _O, "drive a robot", robots=True, mutates=True),
+    Permission("robots.talk", _O, "talk through a robot's speaker", robots=True, mutates=True),
     Permission("robots.configure", _O, "change a robot's byte budget", robots=True, mutates=True),
     Permission("events.read", _V, "what happened: events of robots, nodes, commands, rollouts"),
     Permission("twin.read", _V, "a robot's desired and reported state, templates", robots=True),

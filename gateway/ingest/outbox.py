@@ -1,4 +1,7 @@
-"""What waits to be written to one lane: frames in order, bounded in bytes, with one place for the newest teleop."""
+"""What waits to be written to one lane: frames in order, bounded in bytes, with one place for the newest teleop.
+
+Speech keeps its order, and what does not go at once is dropped: late speech is worth nothing, and no reason to hang up.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,8 @@ from metaros._proto import link_pb2
 
 __all__ = ["LaneOutbox"]
 
+TALK_WAITING = 25  # half a second of speech
+
 
 class LaneOutbox:
     """Filled and emptied on the event loop. When it is full the lane is too slow to live: `put` answers False."""
@@ -18,17 +23,22 @@ class LaneOutbox:
         self._bytes = 0
         self._frames: deque[link_pb2.GatewayFrame] = deque()
         self._teleop: link_pb2.GatewayFrame | None = None
+        self._talk_waiting = 0
         self._closed = asyncio.Event()
         self._wake = asyncio.Event()
 
     def put(self, frame: link_pb2.GatewayFrame) -> bool:
         """Queue a frame; a newer teleop replaces a waiting one. False when the bound would be passed."""
         size_bytes = frame.ByteSize()
+        speech = frame.WhichOneof("frame") == "talk"
+        if speech and (self._talk_waiting >= TALK_WAITING or self._bytes + size_bytes > self._max_bytes):
+            return True
         if frame.WhichOneof("frame") == "teleop":
             self._teleop = frame
         elif self._bytes + size_bytes > self._max_bytes or self._closed.is_set():
             return False
         else:
+            self._talk_waiting += speech
             self._frames.append(frame)
             self._bytes += size_bytes
         self._wake.set()
@@ -52,6 +62,7 @@ class LaneOutbox:
             if self._frames:
                 frame = self._frames.popleft()
                 self._bytes -= frame.ByteSize()
+                self._talk_waiting -= frame.WhichOneof("frame") == "talk"
                 return frame
             if self._closed.is_set():
                 return None

@@ -65,6 +65,7 @@ EXPECTED = {
     "robots.publish": "ssf++bf",
     "robots.call": "ssf++bf",
     "robots.drive": "ssf++bf",
+    "robots.talk": "ssf++bf",
     "robots.configure": "ssf++bf",
     "keys.manage": "ssff+bf",
     "users.manage": "ssff+bf",

@@ -15,6 +15,7 @@ from gateway.errors import RobotOfflineError
 from gateway.fleet.commands import CommandDesk
 from gateway.fleet.desk import FleetDesk
 from gateway.fleet.ros_side import RosSide
+from gateway.fleet.talk import TalkDesk
 from gateway.fleet.teleop import TeleopDesk
 from metaros._proto import link_pb2
 from metaros.clock import ManualClock
@@ -44,7 +45,9 @@ class Half:
         self.commands = CommandDesk(self._to_robot, clock=clock)
         self.leases = LeaseTable(valid_s=LIMITS.lease_s)
         self.teleop = TeleopDesk(self.find, self.commands, self.leases, self._to_robot, clock=clock)
-        self.fleet = FleetDesk(self.find, self.commands, self.leases, clock=clock)
+        self.talks = LeaseTable(valid_s=LIMITS.lease_s, door="talk", doing="is talking through")
+        self.talk = TalkDesk(self.find, self.commands, self.talks, self._to_robot, clock=clock)
+        self.fleet = FleetDesk(self.find, self.commands, self.leases, self.talks, clock=clock)
         self.ros = RosSide(self.find, self.commands, self.fleet, self._to_robot, clock=clock)
         self.told: list[tuple[Any, ...]] = []  # what the nudges did
         self.orders = SimpleNamespace(
@@ -104,6 +107,7 @@ class Half:
         if not online:
             self.commands.on_offline(ROBOT)
             self.teleop.on_offline(ROBOT)
+            self.talk.on_offline(ROBOT)
         self.ros.on_online(ROBOT, online)
         self.relays.on_online(ROBOT, online)
 

@@ -12,8 +12,8 @@ from gateway.api.grpc.fields import document, speed, stamp
 from gateway.api.rest.orders import check_kind, seen_command
 from gateway.domain.command import Command
 from gateway.domain.lease import Lease
+from gateway.fleet.lease_desk import Drive
 from gateway.fleet.orders import Order
-from gateway.fleet.teleop import Drive
 from gateway.ingest.registry import RobotRecord
 from metaros._proto import fleet_pb2
 from metaros.limits import LIMITS

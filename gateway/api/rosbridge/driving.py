@@ -11,7 +11,7 @@ import asyncio
 
 from gateway.api.visitor import Visitor
 from gateway.errors import LeaseRequiredError
-from gateway.fleet.teleop import Drive
+from gateway.fleet.lease_desk import Drive
 from metaros.limits import LIMITS
 
 __all__ = ["Wheel"]

@@ -140,6 +140,14 @@ class TopicInterest(_message.Message):
     max_rate_hz: float
     def __init__(self, topic: _Optional[str] = ..., max_rate_hz: _Optional[float] = ...) -> None: ...
 
+class KeyFrameWanted(_message.Message):
+    __slots__ = ("robot", "topic")
+    ROBOT_FIELD_NUMBER: _ClassVar[int]
+    TOPIC_FIELD_NUMBER: _ClassVar[int]
+    robot: str
+    topic: str
+    def __init__(self, robot: _Optional[str] = ..., topic: _Optional[str] = ...) -> None: ...
+
 class Forwarded(_message.Message):
     __slots__ = ("runs",)
     RUNS_FIELD_NUMBER: _ClassVar[int]

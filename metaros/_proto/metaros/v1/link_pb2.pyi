@@ -90,7 +90,7 @@ class AgentFrame(_message.Message):
     def __init__(self, hello: _Optional[_Union[Hello, _Mapping]] = ..., announce: _Optional[_Union[Announce, _Mapping]] = ..., batches: _Optional[_Union[Batches, _Mapping]] = ..., metrics: _Optional[_Union[MetricBatch, _Mapping]] = ..., gap: _Optional[_Union[Gap, _Mapping]] = ..., statistics: _Optional[_Union[TopicStatistics, _Mapping]] = ..., result: _Optional[_Union[CommandResult, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., resumed: _Optional[_Union[Resumed, _Mapping]] = ..., recording: _Optional[_Union[RecordingPart, _Mapping]] = ..., proof: _Optional[_Union[Proof, _Mapping]] = ..., twin: _Optional[_Union[TwinReport, _Mapping]] = ..., leases_taken: _Optional[_Union[LeasesTaken, _Mapping]] = ..., graph: _Optional[_Union[GraphReport, _Mapping]] = ..., goals: _Optional[_Union[GoalEvents, _Mapping]] = ..., offer_states: _Optional[_Union[OfferStates, _Mapping]] = ..., asked: _Optional[_Union[OfferAsked, _Mapping]] = ...) -> None: ...
 
 class GatewayFrame(_message.Message):
-    __slots__ = ("welcome", "ack", "demand", "command", "teleop", "heartbeat", "goodbye", "retry_later", "recording_wanted", "challenge", "twin", "twin_confirmed", "node_leases", "result_stored", "offers", "offer_answer")
+    __slots__ = ("welcome", "ack", "demand", "command", "teleop", "heartbeat", "goodbye", "retry_later", "recording_wanted", "challenge", "twin", "twin_confirmed", "node_leases", "result_stored", "offers", "offer_answer", "talk")
     WELCOME_FIELD_NUMBER: _ClassVar[int]
     ACK_FIELD_NUMBER: _ClassVar[int]
     DEMAND_FIELD_NUMBER: _ClassVar[int]
@@ -107,6 +107,7 @@ class GatewayFrame(_message.Message):
     RESULT_STORED_FIELD_NUMBER: _ClassVar[int]
     OFFERS_FIELD_NUMBER: _ClassVar[int]
     OFFER_ANSWER_FIELD_NUMBER: _ClassVar[int]
+    TALK_FIELD_NUMBER: _ClassVar[int]
     welcome: Welcome
     ack: Ack
     demand: Demand
@@ -123,7 +124,8 @@ class GatewayFrame(_message.Message):
     result_stored: ResultStored
     offers: Offers
     offer_answer: OfferAnswer
-    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ack: _Optional[_Union[Ack, _Mapping]] = ..., demand: _Optional[_Union[Demand, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., teleop: _Optional[_Union[Teleop, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ..., retry_later: _Optional[_Union[RetryLater, _Mapping]] = ..., recording_wanted: _Optional[_Union[RecordingWanted, _Mapping]] = ..., challenge: _Optional[_Union[Challenge, _Mapping]] = ..., twin: _Optional[_Union[TwinDesired, _Mapping]] = ..., twin_confirmed: _Optional[_Union[TwinConfirmed, _Mapping]] = ..., node_leases: _Optional[_Union[NodeLeases, _Mapping]] = ..., result_stored: _Optional[_Union[ResultStored, _Mapping]] = ..., offers: _Optional[_Union[Offers, _Mapping]] = ..., offer_answer: _Optional[_Union[OfferAnswer, _Mapping]] = ...) -> None: ...
+    talk: Teleop
+    def __init__(self, welcome: _Optional[_Union[Welcome, _Mapping]] = ..., ack: _Optional[_Union[Ack, _Mapping]] = ..., demand: _Optional[_Union[Demand, _Mapping]] = ..., command: _Optional[_Union[Command, _Mapping]] = ..., teleop: _Optional[_Union[Teleop, _Mapping]] = ..., heartbeat: _Optional[_Union[Heartbeat, _Mapping]] = ..., goodbye: _Optional[_Union[Goodbye, _Mapping]] = ..., retry_later: _Optional[_Union[RetryLater, _Mapping]] = ..., recording_wanted: _Optional[_Union[RecordingWanted, _Mapping]] = ..., challenge: _Optional[_Union[Challenge, _Mapping]] = ..., twin: _Optional[_Union[TwinDesired, _Mapping]] = ..., twin_confirmed: _Optional[_Union[TwinConfirmed, _Mapping]] = ..., node_leases: _Optional[_Union[NodeLeases, _Mapping]] = ..., result_stored: _Optional[_Union[ResultStored, _Mapping]] = ..., offers: _Optional[_Union[Offers, _Mapping]] = ..., offer_answer: _Optional[_Union[OfferAnswer, _Mapping]] = ..., talk: _Optional[_Union[Teleop, _Mapping]] = ...) -> None: ...
 
 class Hello(_message.Message):
     __slots__ = ("protocol", "robot_id", "session_id", "session_number", "lane", "agent_version", "namespace", "hostname", "labels", "streams", "writers", "epochs", "certificates")
@@ -470,15 +472,19 @@ class Demand(_message.Message):
     def __init__(self, revision: _Optional[int] = ..., entries: _Optional[_Iterable[_Union[DemandEntry, _Mapping]]] = ...) -> None: ...
 
 class DemandEntry(_message.Message):
-    __slots__ = ("channel_id", "max_rate_hz")
+    __slots__ = ("channel_id", "max_rate_hz", "viewers", "key_frames")
     CHANNEL_ID_FIELD_NUMBER: _ClassVar[int]
     MAX_RATE_HZ_FIELD_NUMBER: _ClassVar[int]
+    VIEWERS_FIELD_NUMBER: _ClassVar[int]
+    KEY_FRAMES_FIELD_NUMBER: _ClassVar[int]
     channel_id: int
     max_rate_hz: float
-    def __init__(self, channel_id: _Optional[int] = ..., max_rate_hz: _Optional[float] = ...) -> None: ...
+    viewers: int
+    key_frames: int
+    def __init__(self, channel_id: _Optional[int] = ..., max_rate_hz: _Optional[float] = ..., viewers: _Optional[int] = ..., key_frames: _Optional[int] = ...) -> None: ...
 
 class Command(_message.Message):
-    __slots__ = ("command_id", "timeout_ms", "lease_id", "publish", "call_service", "grant_lease", "release_lease", "set_uplink", "save_recording", "node_verb", "read_log", "send_goal", "cancel_goal", "expires_ns", "durable", "sent_ns")
+    __slots__ = ("command_id", "timeout_ms", "lease_id", "publish", "call_service", "grant_lease", "release_lease", "set_uplink", "save_recording", "node_verb", "read_log", "send_goal", "cancel_goal", "grant_talk", "release_talk", "expires_ns", "durable", "sent_ns")
     COMMAND_ID_FIELD_NUMBER: _ClassVar[int]
     TIMEOUT_MS_FIELD_NUMBER: _ClassVar[int]
     LEASE_ID_FIELD_NUMBER: _ClassVar[int]
@@ -492,6 +498,8 @@ class Command(_message.Message):
     READ_LOG_FIELD_NUMBER: _ClassVar[int]
     SEND_GOAL_FIELD_NUMBER: _ClassVar[int]
     CANCEL_GOAL_FIELD_NUMBER: _ClassVar[int]
+    GRANT_TALK_FIELD_NUMBER: _ClassVar[int]
+    RELEASE_TALK_FIELD_NUMBER: _ClassVar[int]
     EXPIRES_NS_FIELD_NUMBER: _ClassVar[int]
     DURABLE_FIELD_NUMBER: _ClassVar[int]
     SENT_NS_FIELD_NUMBER: _ClassVar[int]
@@ -508,10 +516,12 @@ class Command(_message.Message):
     read_log: ReadLog
     send_goal: SendGoal
     cancel_goal: CancelGoal
+    grant_talk: GrantLease
+    release_talk: ReleaseLease
     expires_ns: int
     durable: bool
     sent_ns: int
-    def __init__(self, command_id: _Optional[bytes] = ..., timeout_ms: _Optional[int] = ..., lease_id: _Optional[str] = ..., publish: _Optional[_Union[PublishMessage, _Mapping]] = ..., call_service: _Optional[_Union[CallService, _Mapping]] = ..., grant_lease: _Optional[_Union[GrantLease, _Mapping]] = ..., release_lease: _Optional[_Union[ReleaseLease, _Mapping]] = ..., set_uplink: _Optional[_Union[SetUplink, _Mapping]] = ..., save_recording: _Optional[_Union[SaveRecording, _Mapping]] = ..., node_verb: _Optional[_Union[NodeVerb, _Mapping]] = ..., read_log: _Optional[_Union[ReadLog, _Mapping]] = ..., send_goal: _Optional[_Union[SendGoal, _Mapping]] = ..., cancel_goal: _Optional[_Union[CancelGoal, _Mapping]] = ..., expires_ns: _Optional[int] = ..., durable: _Optional[bool] = ..., sent_ns: _Optional[int] = ...) -> None: ...
+    def __init__(self, command_id: _Optional[bytes] = ..., timeout_ms: _Optional[int] = ..., lease_id: _Optional[str] = ..., publish: _Optional[_Union[PublishMessage, _Mapping]] = ..., call_service: _Optional[_Union[CallService, _Mapping]] = ..., grant_lease: _Optional[_Union[GrantLease, _Mapping]] = ..., release_lease: _Optional[_Union[ReleaseLease, _Mapping]] = ..., set_uplink: _Optional[_Union[SetUplink, _Mapping]] = ..., save_recording: _Optional[_Union[SaveRecording, _Mapping]] = ..., node_verb: _Optional[_Union[NodeVerb, _Mapping]] = ..., read_log: _Optional[_Union[ReadLog, _Mapping]] = ..., send_goal: _Optional[_Union[SendGoal, _Mapping]] = ..., cancel_goal: _Optional[_Union[CancelGoal, _Mapping]] = ..., grant_talk: _Optional[_Union[GrantLease, _Mapping]] = ..., release_talk: _Optional[_Union[ReleaseLease, _Mapping]] = ..., expires_ns: _Optional[int] = ..., durable: _Optional[bool] = ..., sent_ns: _Optional[int] = ...) -> None: ...
 
 class NodeVerb(_message.Message):
     __slots__ = ("node", "verb", "signal")
