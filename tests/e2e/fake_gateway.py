@@ -26,7 +26,7 @@ from tests.e2e.fake_graph import FakeGraph
 from tests.e2e.fake_history import FakeHistory
 from tests.e2e.fake_recordings import FakeRecordings
 from tests.e2e.fake_rules import FakeRules
-from tests.e2e.fake_world import TOPICS, FakeRobot, FakeTopic
+from tests.e2e.fake_world import FakeRobot, FakeTopic
 
 __all__ = ["STATIC", "FakeGateway", "account"]
 
@@ -47,6 +47,7 @@ class FakeGateway:
         self.robots = robots
         self.teleop: list[dict[str, Any]] = []
         self.called: list[dict[str, Any]] = []
+        self.watched: list[str] = []  # topics that a page follows now, once a subscription
         self.lease_holder: str | None = None
         self.refuses_uplink = False
         self.account = account(Role.OPERATOR)
@@ -126,7 +127,7 @@ class FakeGateway:
 
     async def _topics(self, robot_id: str) -> dict[str, Any]:
         robot = self._robot(robot_id)
-        return {"topics": [robot.describe_topic(i, topic) for i, topic in enumerate(TOPICS, 1)]}
+        return {"topics": [robot.describe_topic(i, topic) for i, topic in enumerate(robot.topics, 1)]}
 
     async def _metrics(self, robot_id: str) -> dict[str, Any]:
         names = self._robot(robot_id).metrics(0.0)
@@ -207,8 +208,15 @@ class FakeGateway:
             await asyncio.sleep(0.5)
 
     async def _feed_topic(self, socket: WebSocket, wanted: dict[str, Any]) -> None:
+        self.watched.append(wanted["topics"])
+        try:
+            await self._send_topic(socket, wanted)
+        finally:
+            self.watched.remove(wanted["topics"])
+
+    async def _send_topic(self, socket: WebSocket, wanted: dict[str, Any]) -> None:
         for robot in self.robots:
-            for number, topic in enumerate(TOPICS, 1):
+            for number, topic in enumerate(robot.topics, 1):
                 if robot.id == wanted["robots"] and robot.topic(topic.name) == wanted["topics"] and topic.rate_hz:
                     await socket.send_json(robot.describe_channel(number, topic))
                     rate_hz = min(topic.rate_hz, wanted.get("max_rate_hz") or math.inf)
@@ -222,7 +230,9 @@ class FakeGateway:
         while True:
             seq += 1
             now = self.seconds()
-            payload = robot.encode(topic, now)
+            if not (payload := robot.encode(topic, now)):  # lost on its way
+                await asyncio.sleep(1 / rate_hz)
+                continue
             padded = -(-len(payload) // 8) * 8
             stamp_ns = int(now * 1e9)
             header = struct.pack("<IIIIQqq", 40 + padded, subscription, number, len(payload), seq, stamp_ns, stamp_ns)

@@ -14,12 +14,12 @@ from typing import Annotated, Any
 from fastapi import FastAPI, Query
 from fastapi.responses import Response
 
-from tests.e2e.fake_world import TOPICS, FakeRobot, FakeTopic
+from tests.e2e.fake_world import FakeRobot, FakeTopic
 
 __all__ = ["KEPT_HZ", "FakeHistory"]
 
 KEPT_HZ = {"odom": 2.0, "scan": 1.0, "imu": 1.0, "camera/image/compressed": 0.2, "battery_state": 1.0}
-KEPT_HZ |= {"motor_temperature": 1.0, "note": 1.0}
+KEPT_HZ |= {"motor_temperature": 1.0, "note": 1.0, "diagnostics": 2.0, "camera/video": 2.0}
 RELATIVE = {"s": 1, "m": 60, "h": 3600, "d": 86400}
 Names = Annotated[list[str], Query()]
 
@@ -82,7 +82,7 @@ class FakeHistory:
         span = {"first": None if self.empty else iso(self.first_s), "last": None if self.empty else iso(self.seconds())}
         topics = [
             {"topic": robot.topic(t.name), "type": t.type, "class": "bulk", "samples": 7200, "bytes": 1_000_000, **span}
-            for t in TOPICS
+            for t in robot.topics
             if t.name in KEPT_HZ and not self.empty
         ]
         return {"topics": topics, "series": 0 if self.empty else 8, **span}
@@ -101,7 +101,7 @@ class FakeHistory:
     async def _at(self, robot_id: str, t: str, topic: Names, max_age: str = "10s") -> Response:
         self.asked.append(f"at {t}")
         robot, at_s, age_s = self._robot(robot_id), self._time(t), float(max_age.rstrip("s"))
-        known = {robot.topic(one.name): one for one in TOPICS}
+        known = {robot.topic(one.name): one for one in robot.topics}
         channels, missing, frame = [], [], b""
         for number, name in enumerate(topic, 1):
             one = known[name]
@@ -121,10 +121,10 @@ class FakeHistory:
     async def _messages(self, robot_id: str, topic: Names, start: str, end: str, limit: int = 100) -> dict[str, Any]:
         robot = self._robot(robot_id)
         found = []
-        for one in TOPICS:
+        for one in robot.topics:
             if robot.topic(one.name) in topic:
                 for at_s in self._stamps(self._time(start), self._time(end), KEPT_HZ.get(one.name, 1)):
-                    cdr = base64.b64encode(robot.encode(one, at_s)).decode()
+                    cdr = base64.b64encode(robot.stored(one, at_s)).decode()
                     row = {"topic": robot.topic(one.name), "type": one.type, "stamp": iso(at_s), "cdr": cdr}
                     found.append(row | {"stamp_ms": at_s * 1000, "seq": int(at_s), "epoch": "0", "class": "bulk"})
         return {"messages": found[:limit], "gaps": [], "next": None}
@@ -152,7 +152,7 @@ class FakeHistory:
 
 def _record(robot: FakeRobot, number: int, topic: FakeTopic, at_s: float) -> bytes:
     """The binary record of a stored message."""
-    payload = robot.encode(topic, at_s)
+    payload = robot.stored(topic, at_s)
     padded = -(-len(payload) // 8) * 8
     stamp_ns = int(at_s * 1e9)
     header = struct.pack("<IIIIQqq", 40 + padded, 0, number, len(payload), int(at_s * 10), stamp_ns, stamp_ns)

@@ -64,6 +64,11 @@ class FakeRobot:
     alerts: dict[str, int] = field(default_factory=lambda: {"open": 0, "error": 0, "warning": 0})
     driven: list[dict[str, Any]] = field(default_factory=list)
 
+    @property
+    def topics(self) -> tuple[FakeTopic, ...]:
+        """What it publishes and subscribes to."""
+        return TOPICS
+
     def topic(self, name: str) -> str:
         """The full name of one of its topics."""
         return f"{self.namespace}/{name}"
@@ -102,6 +107,10 @@ class FakeRobot:
         stamp = _message("builtin_interfaces/msg/Time", sec=int(at_s), nanosec=int(at_s % 1 * 1e9))
         header = _message("std_msgs/msg/Header", stamp=stamp, frame_id="base")
         return codec(topic.type).encode(getattr(self, f"_{topic.name.split('/')[0]}")(header, at_s))
+
+    def stored(self, topic: FakeTopic, at_s: float) -> bytes:
+        """The CDR bytes of what a store has of that instant."""
+        return self.encode(topic, at_s)
 
     def _odom(self, header: Any, at_s: float) -> Any:
         x, y, yaw = self.pose(at_s)
@@ -160,7 +169,7 @@ class FakeRobot:
             "agent_version": "2.0.0",
             "labels": {},
             "link": self.describe_link(),
-            "channels": len(TOPICS),
+            "channels": len(self.topics),
             "counts": {"samples": 1, "bytes": 1, "duplicates": 0, "gaps": 0, "lost": 0},
             "lease": None,
             "latest": {},

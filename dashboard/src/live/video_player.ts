@@ -31,7 +31,7 @@ export interface VideoEvents {
 
 /** The part of WebCodecs that is used, so that a test can be the other end. */
 export interface Codecs {
-  decoder: (init: VideoDecoderInit) => Pick<VideoDecoder, "configure" | "decode" | "reset" | "close" | "state" | "decodeQueueSize">;
+  decoder: (init: VideoDecoderInit) => Pick<VideoDecoder, "configure" | "decode" | "close" | "state" | "decodeQueueSize">;
   chunk: (init: EncodedVideoChunkInit) => EncodedVideoChunk;
 }
 

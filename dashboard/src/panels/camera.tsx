@@ -14,7 +14,7 @@ interface CameraCardProps {
   robot: string;
   topic: string;
   title: string;
-  /** Beside the numbers, and below the picture. */
+  /** On the picture, and below it. */
   choice?: ComponentChildren;
   remark?: ComponentChildren;
 }
@@ -61,9 +61,10 @@ export function CameraCard({ robot, topic, title, choice, remark }: CameraCardPr
     [],
   );
   return (
-    <Card title={title} kind="camera" topic={topic} note={<>{choice}<span ref={note} class="num" /></>} stampMs={received.value} missing={missing.value}>
+    <Card title={title} kind="camera" topic={topic} note={<span ref={note} class="num" />} stampMs={received.value} missing={missing.value}>
       <div class="camera">
         <canvas ref={canvas} width={320} height={240} role="img" aria-label={`Picture of ${topic}`} />
+        {choice}
         {error.value && <p class="problem">{error.value}</p>}
       </div>
       {remark}

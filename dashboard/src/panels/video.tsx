@@ -103,9 +103,10 @@ function Video({ robot, topic, title, choice }: { robot: string; topic: string; 
     keyless.value = past && player.waits;
   });
   return (
-    <Card title={title} kind="camera" topic={topic} note={<>{choice}<span ref={note} class="num" /></>} stampMs={received.value} missing={missing.value}>
+    <Card title={title} kind="camera" topic={topic} note={<span ref={note} class="num" />} stampMs={received.value} missing={missing.value}>
       <div class="camera" data-codec="h264">
         <canvas ref={canvas} width={640} height={360} role="img" aria-label={`Video of ${topic}`} />
+        {choice}
         {problem.value && <p class="problem">{problem.value}</p>}
       </div>
       {keyless.value && <p class="video-why">Not shown here: the key frame that this part of the video builds on is not stored.</p>}
