@@ -1,0 +1,183 @@
+"""The RPLIDAR driver on a pty: both modes, bad health, late and wrong answers, garbage, unplugging."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from metaros.interfaces.sensor_msgs.msg import LaserScan
+from tests.support.drivers import RunningDriver, running
+from tests.support.pty_device import PtyDevice
+from tests.support.room import AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M
+from tests.support.rplidar_emulator import RplidarEmulator
+from tests.support.serial_peer import answering
+from tests.support.waiting import wait_until
+
+
+@pytest.fixture
+def device(tmp_path: Path) -> Iterator[PtyDevice]:
+    with PtyDevice(tmp_path) as made:
+        yield made
+
+
+def scanning(lidar: RplidarEmulator) -> bytes:
+    return lidar.samples(96) if lidar.scanning else b""
+
+
+def assert_room(scan: LaserScan) -> None:
+    """Its walls are where they are."""
+    at = {degrees: nearest(scan, degrees) for degrees in (-90, 0, 90, 178)}
+    assert at == pytest.approx({-90: RIGHT_M, 0: AHEAD_M, 90: LEFT_M, 178: BEHIND_M}, abs=0.02)
+
+
+def nearest(scan: LaserScan, degrees: float) -> float:
+    """The range at an angle, or beside it where no ray fell."""
+    middle = round((degrees + 180) / 360 * len(scan.ranges))
+    around = np.array(scan.ranges[middle - 2 : middle + 3])
+    return float(np.nanmedian(around))
+
+
+def seen(scans: list[LaserScan], more: int = 2) -> LaserScan:
+    """The newest scan once so many more have come."""
+    goal = len(scans) + more
+    wait_until(lambda: len(scans) >= goal)
+    return scans[-1]
+
+
+def told(driver: RunningDriver, **wanted: Any) -> None:
+    """Wait until the diagnostics have these values."""
+    wait_until(lambda: wanted.items() <= driver.facts().items())
+
+
+@pytest.mark.parametrize(
+    ("mode", "express", "found"),
+    [
+        ("auto", True, "express"),
+        ("auto", False, "standard"),
+        ("standard", True, "standard"),
+        ("express", True, "express"),
+    ],
+)
+def test_scans_of_a_room(device: PtyDevice, zenoh_router: str, mode: str, express: bool, found: str) -> None:
+    lidar = RplidarEmulator(device.write, express=express)
+    parameters = {"port": device.path, "mode": mode}
+    with answering(device, lidar.heard, lambda: scanning(lidar)):
+        with running("rplidar", parameters, zenoh_router=zenoh_router) as driver:
+            scans = driver.messages(LaserScan, "scan")
+            assert_room(seen(scans))
+            told(driver, mode=found, firmware="1.29", health="good", state="working")
+            assert "RPLIDAR A1" in driver.status().message or "RPLIDAR A1" in driver.node.standing.detail
+            assert driver.status().hardware_id == bytes(range(16)).hex().upper()
+        wait_until(lambda: lidar.scanning is None)  # it is told to stop
+
+
+def test_an_old_firmware_is_not_asked_for_express_scans(device: PtyDevice, zenoh_router: str) -> None:
+    lidar = RplidarEmulator(device.write)
+    lidar.firmware = (1, 15)
+    with answering(device, lidar.heard, lambda: scanning(lidar)):
+        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+            assert_room(seen(driver.messages(LaserScan, "scan")))
+    assert 0x82 not in lidar.commands
+
+
+def test_an_a2_is_told_how_fast_to_turn(device: PtyDevice, zenoh_router: str) -> None:
+    lidar = RplidarEmulator(device.write, model=0x28)
+    with answering(device, lidar.heard, lambda: scanning(lidar)):
+        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+            assert_room(seen(driver.messages(LaserScan, "scan")))
+    assert lidar.pwm == [660]
+
+
+def test_bad_health_is_reset(device: PtyDevice, zenoh_router: str) -> None:
+    lidar = RplidarEmulator(device.write)
+    lidar.status = 2
+    with answering(device, lidar.heard, lambda: scanning(lidar)):
+        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+            assert_room(seen(driver.messages(LaserScan, "scan")))
+            told(driver, resets="1", health="good")
+    assert 0x40 in lidar.commands
+
+
+def test_bad_health_that_stays_is_said_and_tried_again(device: PtyDevice, zenoh_router: str) -> None:
+    lidar = RplidarEmulator(device.write)
+    lidar.status, lidar.heals = 2, False
+    with answering(device, lidar.heard, lambda: scanning(lidar)):
+        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+            wait_until(lambda: "health is bad (code 32769)" in driver.status().message)
+            scans = driver.messages(LaserScan, "scan")
+            lidar.heals = True
+            assert_room(seen(scans))
+
+
+def test_a_warning_is_told(device: PtyDevice, zenoh_router: str) -> None:
+    lidar = RplidarEmulator(device.write)
+    lidar.status = 1
+    with answering(device, lidar.heard, lambda: scanning(lidar)):
+        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+            told(driver, health="warning")
+            wait_until(lambda: "health: warning" in driver.status().message)
+
+
+def test_answers_that_come_late_or_are_of_another_question(device: PtyDevice, zenoh_router: str) -> None:
+    lidar = RplidarEmulator(device.write)
+    lidar.mute, lidar.wrong_answers = 2, True
+    with answering(device, lidar.heard, lambda: scanning(lidar)):
+        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+            assert_room(seen(driver.messages(LaserScan, "scan")))
+            told(driver, asked_again="2")
+            assert int(driver.facts()["wrong_answers"]) >= 3
+
+
+def test_a_device_that_is_none_is_said(device: PtyDevice, zenoh_router: str) -> None:
+    with answering(device, lambda _: None, lambda: b"$GPGGA,,,,,,0,,,,,,,,*66\r\n"):
+        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+            wait_until(lambda: "no RPLIDAR answers here" in driver.status().message)
+
+
+@pytest.mark.parametrize("express", [True, False])
+def test_through_garbage(device: PtyDevice, zenoh_router: str, express: bool) -> None:
+    lidar, noise = RplidarEmulator(device.write, express=express), np.random.default_rng(3)
+
+    def dirty() -> bytes:
+        if not lidar.scanning:
+            return b""
+        data = bytearray(lidar.samples(1024))
+        data[2000] ^= 0x08
+        data[2500] ^= 0x01
+        return bytes(data) + noise.integers(0, 256, 333, dtype=np.uint8).tobytes()
+
+    with answering(device, lidar.heard, dirty):
+        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+            assert_room(seen(driver.messages(LaserScan, "scan"), 4))
+            bad = "bad_checksum" if express else "bad_check"
+            wait_until(lambda: int(driver.facts().get(bad, 0)) > 0)
+            assert int(driver.facts()["skipped_bytes"]) > 300
+
+
+def test_unplugged_and_plugged_in_again(device: PtyDevice, zenoh_router: str) -> None:
+    lidar = RplidarEmulator(device.write)
+    with answering(device, lidar.heard, lambda: scanning(lidar)):
+        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+            scans = driver.messages(LaserScan, "scan")
+            seen(scans)
+            device.unplug()
+            lidar.scanning = None
+            told(driver, state="waiting")
+            device.replug()
+            assert_room(seen(scans))
+            told(driver, state="working")
+
+
+def test_one_that_falls_silent_is_asked_anew(device: PtyDevice, zenoh_router: str) -> None:
+    lidar = RplidarEmulator(device.write)
+    with answering(device, lidar.heard, lambda: scanning(lidar)):
+        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+            scans = driver.messages(LaserScan, "scan")
+            seen(scans)
+            lidar.scanning = None  # it lost its power for a moment
+            wait_until(lambda: lidar.scanning is not None)
+            assert_room(seen(scans))
