@@ -71,4 +71,6 @@ def _is_url(port: str) -> bool:
 
 
 def _reason(error: Exception) -> str:
+    if "returned no data" in str(error):  # pyserial's guess at why a port is ready and empty
+        return "unplugged"
     return getattr(error, "strerror", None) or str(error) or type(error).__name__
