@@ -18,6 +18,8 @@ from edge_agent.topics import DEFAULT_TOPICS, TopicRule, TopicTable, series_name
         ("/host/cpu", "auto", 2.0, "percent"),
         ("/sim_1/host/network", "auto", 2.0, "rx_bytes_per_s"),
         ("/sim_1/scan", "auto", 10.0, None),
+        ("/sim_1/diagnostics", "auto", 50.0, None),
+        ("/diagnostics", "auto", 50.0, None),
         ("/rosout", "event", 0.0, None),
         ("/sim_1/functions/results", "event", 0.0, None),
         ("/sim_1/anything/else", "auto", 10.0, None),

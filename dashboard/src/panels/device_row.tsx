@@ -45,15 +45,17 @@ export function DeviceRow({ device, namespace, atMs }: { device: Device; namespa
   const { name, kind, state, message, hardwareId, rateHz, rates, values, seenMs } = device;
   const silent = state === "silent";
   const ageMs = atMs - seenMs;
+  const runs = !silent && rateHz !== null && rateHz > 0;
   const troubles = values.filter(({ key, rising }) => rising && isTrouble(key));
+  const title = relativeTopic(name, namespace);
   const said = silent ? `said nothing for ${ageText(ageMs)}; then: ${message}` : message === state ? "" : message;
   return (
     <details class={`device device-${TONES[state]}`} data-device={name} data-state={state}>
       <summary>
         <svg class="device-icon" viewBox="0 0 16 16" aria-hidden="true"><path d={ICONS[iconOf(kind)]} /></svg>
         <span class="device-name">
-          <b>{relativeTopic(name, namespace)}</b>
-          {kind && <small>{kind}</small>}
+          <b>{title}</b>
+          {kind && kind !== title && <small>{kind}</small>}
         </span>
         <span class={`device-state device-tone-${TONES[state]}`}>
           <svg viewBox="0 0 12 12" aria-hidden="true"><path d={SHAPES[TONES[state]]} fill-rule="evenodd" /></svg>
@@ -64,8 +66,8 @@ export function DeviceRow({ device, namespace, atMs }: { device: Device; namespa
           {troubles.map(({ key, text }) => <span key={key} class="device-trouble">{key.replaceAll("_", " ")} {text} ↑</span>)}
         </span>
         <span class="device-rate num">
-          {!silent && <Spark values={rates} top={Math.max(...rates, 1e-9)} />}
-          {rateHz !== null && !silent && rateHz > 0 && <span>{short(rateHz)}{"\u202f"}Hz</span>}
+          {runs && <Spark values={rates} top={1.25 * Math.max(...rates)} />}
+          {runs && <span class="device-hertz">{short(rateHz)}{"\u202f"}Hz</span>}
           {ageMs > CURRENT_MS && !silent && <span class="age">{ageText(ageMs)} old</span>}
         </span>
       </summary>
