@@ -103,7 +103,7 @@ def points_of(
     begun_us: npt.NDArray[np.float32],
     dual: bool,
 ) -> Points:
-    """The points of n blocks, in order of measuring; rays without a return are left out.
+    """The points of n blocks, in the packets' order; rays without a return are left out.
 
     `azimuths` (n,), `returns` (n, 32), `begun_us` (n,) when each block began, from which the points' `time` (s) counts.
     """
