@@ -8,6 +8,7 @@
 import type { Channel } from "../api/types";
 import { SEALED_CDR } from "../seal/encoding";
 import type { Origin } from "../seal/envelope";
+import type { Cloud } from "./cloud";
 import type { StreamRecord } from "./records";
 
 export type Message = Record<string, unknown>;
@@ -15,10 +16,10 @@ export type Message = Record<string, unknown>;
 export type Order =
   | { kind: "schema"; key: string; schema: string }
   | { kind: "keyring"; text: string }
-  | { kind: "decode"; key: string; ticket: number; image: boolean; payload: ArrayBuffer; sealed?: { origin: Origin; seq: number } };
+  | { kind: "decode"; key: string; ticket: number; image: boolean; cloud: boolean; payload: ArrayBuffer; sealed?: { origin: Origin; seq: number } };
 
 /** `takenMs`: a picture's own stamp, when it was taken; 0 if it says nothing. */
-export type Answer = { ticket: number; message?: Message; bitmap?: ImageBitmap; takenMs?: number; error?: string };
+export type Answer = { ticket: number; message?: Message; bitmap?: ImageBitmap; takenMs?: number; cloud?: Cloud; error?: string };
 
 export interface Decoded {
   channel: Channel;
@@ -28,6 +29,7 @@ export interface Decoded {
   message?: Message;
   bitmap?: ImageBitmap;
   takenMs?: number;
+  cloud?: Cloud;
   error?: string;
 }
 
@@ -64,6 +66,8 @@ interface Waiting {
 export interface FeedOptions {
   depth: number;
   image: boolean;
+  /** Points as typed arrays, in place of the message. */
+  cloud?: boolean;
   /** How many messages may be in the worker at once; pictures of more than one may come out of order. */
   ahead?: number;
 }
@@ -94,7 +98,7 @@ export class Decoder {
     return ids;
   }
 
-  decode(waiting: Waiting, image: boolean, done: (answer: Answer) => void): void {
+  decode(waiting: Waiting, { image, cloud = false }: FeedOptions, done: (answer: Answer) => void): void {
     const { channel, payload, seq } = waiting;
     const key = `${channel.type}|${channel.type_hash}|${channel.schema.length}`;
     if (!this.#known.has(key)) {
@@ -105,7 +109,7 @@ export class Decoder {
     this.#tickets.set(ticket, done);
     const { robot, topic, type, type_hash } = channel;
     const sealed = channel.encoding === SEALED_CDR ? { origin: { robot, topic, type, type_hash }, seq } : undefined;
-    this.worker.postMessage({ kind: "decode", key, ticket, image, payload, sealed }, [payload]);
+    this.worker.postMessage({ kind: "decode", key, ticket, image, cloud, payload, sealed }, [payload]);
   }
 }
 
@@ -140,7 +144,7 @@ export class Feed {
     const next = this.#busy >= (this.options.ahead ?? 1) ? undefined : this.#waiting.shift();
     if (!next) return;
     this.#busy += 1;
-    this.decoder.decode(next, this.options.image, (answer) => {
+    this.decoder.decode(next, this.options, (answer) => {
       this.#busy -= 1;
       if (this.#closed) answer.bitmap?.close();
       else this.onDecoded({ ...next, ...answer });

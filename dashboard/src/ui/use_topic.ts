@@ -15,6 +15,7 @@ export interface TopicOptions {
   /** How many messages may wait for the decoder: 1 shows only the newest, more keeps what arrives in bursts. */
   depth?: number;
   image?: boolean;
+  cloud?: boolean;
   enabled?: boolean;
   /** Another number asks anew: the robot is told that somebody joined. */
   asks?: number;
@@ -27,7 +28,7 @@ export interface TopicOptions {
 
 /** `seenMs` is what the message's age counts from: its arrival, or in the past its stamp. */
 export function useTopic(options: TopicOptions, onDecoded: (decoded: Decoded, seenMs: number) => void): void {
-  const { robot, topic, maxRateHz, depth = 1, image = false, enabled = true, asks = 0, backS = 0, aheadS = 0 } = options;
+  const { robot, topic, maxRateHz, depth = 1, image = false, cloud = false, enabled = true, asks = 0, backS = 0, aheadS = 0 } = options;
   const { stream, decoder, past } = useLive();
   const handler = useRef(onDecoded);
   handler.current = onDecoded;
@@ -35,7 +36,7 @@ export function useTopic(options: TopicOptions, onDecoded: (decoded: Decoded, se
   instant.current = options.onInstant;
   useEffect(() => {
     if (!enabled) return;
-    const newFeed = () => decoder.feed({ depth, image, ahead: past && !image ? AHEAD : 1 }, (decoded) => handler.current(decoded, past ? decoded.stampMs : Date.now()));
+    const newFeed = () => decoder.feed({ depth, image, cloud, ahead: past && !image && !cloud ? AHEAD : 1 }, (decoded) => handler.current(decoded, past ? decoded.stampMs : Date.now()));
     let feed = newFeed();
     const stop = past
       ? past.watch({
@@ -56,5 +57,5 @@ export function useTopic(options: TopicOptions, onDecoded: (decoded: Decoded, se
       stop();
       feed.close();
     };
-  }, [robot, topic, maxRateHz, depth, image, enabled, asks, past, backS, aheadS]);
+  }, [robot, topic, maxRateHz, depth, image, cloud, enabled, asks, past, backS, aheadS]);
 }

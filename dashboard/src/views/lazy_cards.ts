@@ -19,7 +19,15 @@ export interface LazyCard {
   Part: ComponentType<LazyCardProps>;
 }
 
+const CLOUDS = ["sensor_msgs/msg/PointCloud2", "metaros_msgs/msg/QuantizedCloud"];
+
 export const LAZY_CARDS: LazyCard[] = [
+  {
+    kind: "cloud",
+    place: "wide",
+    takes: (topic) => isPublished(topic) && CLOUDS.includes(topic.type),
+    Part: lazy(async () => (await import("../panels/cloud")).CloudCards, null),
+  },
   {
     kind: "devices",
     place: "wide",
