@@ -6,9 +6,12 @@ from dataclasses import dataclass, field
 
 from edge_agent.select import MetricExtractor, SampleDeadband, Selector
 from edge_agent.topics import Delivery, TopicRule
+from edge_agent.video.line import VideoLine
+from edge_agent.video.select import VideoSelector
 from metaros._proto import link_pb2
 from metaros.idl import Catalogue
 from metaros.seal.envelope import SEALED_CDR
+from metaros.video_frames import VIDEO_TYPES
 
 __all__ = ["CLASS_NUMBERS", "Channel"]
 
@@ -30,7 +33,6 @@ class Channel:
     rule: TopicRule
     delivery: Delivery
     max_rate_hz: float
-    selector: Selector
     metrics: MetricExtractor | None
     schema: bytes
     qos: str = ""
@@ -48,7 +50,22 @@ class Channel:
     copy: Channel | None = None
     keeps_all: bool = False  # a publisher is reliable and keeps all
     catalogue: Catalogue | None = None  # what reads its type's fields; None: unknown
+    selector: Selector = field(init=False)
+    video: VideoLine | None = field(init=False, default=None)  # of a video topic: what waits of it
     _last: tuple[int, int, int] = field(default=(0, 0, 0))  # monotonic ns, messages, bytes at the last statistics
+
+    def __post_init__(self) -> None:
+        if self.type_name in VIDEO_TYPES:
+            self.video = VideoLine()
+        self.use(self.rule, self.max_rate_hz)
+
+    def use(self, rule: TopicRule, max_rate_hz: float) -> None:
+        """Another row of the topic table from now on."""
+        self.rule, self.max_rate_hz = rule, max_rate_hz
+        if self.video is None:
+            self.selector = Selector(rule, self.delivery, max_rate_hz=max_rate_hz)
+        else:
+            self.selector = VideoSelector(self.type_name, self.video, rule, self.delivery, max_rate_hz=max_rate_hz)
 
     @property
     def encoding(self) -> str:

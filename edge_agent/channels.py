@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from edge_agent.channel import CLASS_NUMBERS, Channel
 from edge_agent.outbox import ChannelId, IdLog, SeriesId
-from edge_agent.select import MetricExtractor, SampleDeadband, Selector
+from edge_agent.select import MetricExtractor, SampleDeadband
 from edge_agent.topics import Delivery, TopicRule, TopicTable, series_name
 from metaros._proto import link_pb2
 from metaros.cdr import field_reader
@@ -129,7 +129,6 @@ class Channels:
             rule=rule,
             delivery=delivery,
             max_rate_hz=max_rate_hz,
-            selector=Selector(rule, delivery, max_rate_hz=max_rate_hz),
             metrics=None,
             schema=schema_text(type_name, known).encode() if known else b"",
             sealed=rule.sealed,
@@ -172,7 +171,6 @@ class Channels:
             rule=rule,
             delivery="bulk",
             max_rate_hz=rule.max_rate_hz,
-            selector=Selector(rule, "bulk", max_rate_hz=rule.max_rate_hz),
             metrics=None,
             schema=schema,
             history=True,
@@ -208,8 +206,7 @@ class Channels:
     def _adapt(self, channel: Channel, rule: TopicRule, max_rate_hz: float) -> None:
         """Another row for a channel that stays what it is."""
         wanted_hz = channel.selector.wanted_hz
-        channel.rule, channel.max_rate_hz = rule, max_rate_hz
-        channel.selector = Selector(rule, channel.delivery, max_rate_hz=max_rate_hz)
+        channel.use(rule, max_rate_hz)
         channel.selector.demand(wanted_hz)
         channel.metrics = channel.deadband = None
         if channel.catalogue is not None:
@@ -253,7 +250,6 @@ class Channels:
             rule=rule,
             delivery=as_delivery(known.delivery),
             max_rate_hz=max_rate_hz,
-            selector=Selector(rule, delivery, max_rate_hz=max_rate_hz),
             metrics=None,
             schema=schema,
             sealed=known.sealed,

@@ -1,6 +1,7 @@
 """Topics of which only the newest sample is worth keeping: while the outbox is behind it waits here, and is replaced.
 
 What waits here is not accepted yet: it is gone when the agent ends, and no gap is declared for what it replaced.
+Of video only key frames wait, and what followed one that was replaced is left out with it.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Callable
 
 from edge_agent.channels import Channel
 from edge_agent.outbox import CLASSES, Outbox
+from metaros.video_frames import Frame, frame_of
 
 __all__ = ["LatestOnly"]
 
@@ -23,6 +25,7 @@ class LatestOnly:
         self._outbox = outbox
         self._wake_writer = wake_writer
         self._held: dict[int, tuple[Channel, int, bytes]] = {}
+        self._broken: set[int] = set()  # video channels that miss frames, up to their next key frame
         self._looking = False
 
     def __len__(self) -> int:
@@ -30,6 +33,9 @@ class LatestOnly:
 
     def put(self, channel: Channel, stamp_ns: int, payload: bytes) -> None:
         """Take a sample over: into the outbox, or in place of the one that waits."""
+        if channel.video is not None and not self._decodable(channel, payload):
+            channel.thinned += 1
+            return
         if channel.channel_id in self._held:
             channel.thinned += 1
         self._held[channel.channel_id] = (channel, stamp_ns, payload)
@@ -44,6 +50,15 @@ class LatestOnly:
         if self._held and not self._looking:
             self._looking = True
             asyncio.get_running_loop().call_later(_LOOK_S, self._look)
+
+    def _decodable(self, channel: Channel, payload: bytes) -> bool:
+        """Whether a frame may follow what was taken over of its channel before."""
+        number = channel.channel_id
+        if frame_of(channel.type_name, payload) is not Frame.DELTA:
+            self._broken.discard(number)
+        elif number in self._held or self._behind(channel.delivery):
+            self._broken.add(number)
+        return number not in self._broken
 
     def _behind(self, delivery: str) -> bool:
         """Whether a sample of this class would wait: the link is down, or more than a batch is before it."""

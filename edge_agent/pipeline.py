@@ -11,6 +11,7 @@ from edge_agent.latest import LatestOnly
 from edge_agent.live import LiveQueue
 from edge_agent.outbox import Outbox
 from edge_agent.sample_trace import Tracer
+from edge_agent.video.select import VideoSelector
 from metaros.errors import DecodeError
 from metaros.limits import LIMITS, Limits
 from metaros.seal.envelope import OVERHEAD_BYTES
@@ -72,9 +73,9 @@ class Pipeline:
         metrics = channel.metrics
         if metrics is not None and metrics.due(arrival.arrived_s):
             self._rows(channel, arrival)
-        if channel.copy is not None and channel.copy.selector.admit(arrival.arrived_s):
+        if channel.copy is not None and admits(channel.copy, arrival):
             self._sample(channel.copy, arrival)
-        return self._sample(channel, arrival) if channel.selector.admit(arrival.arrived_s) else 0
+        return self._sample(channel, arrival) if admits(channel, arrival) else 0
 
     def _rows(self, channel: Channel, arrival: Arrival) -> None:
         assert channel.metrics is not None
@@ -107,3 +108,11 @@ class Pipeline:
         else:
             self._outbox.append(channel.channel_id, channel.delivery, arrival.stamp_ns, payload)
         return 0
+
+
+def admits(channel: Channel, arrival: Arrival) -> bool:
+    """Whether a sample of that channel leaves the robot."""
+    selector = channel.selector
+    if isinstance(selector, VideoSelector):
+        return selector.takes(arrival.payload, arrival.gid, arrival.sequence, arrival.arrived_s)
+    return selector.admit(arrival.arrived_s)

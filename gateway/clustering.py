@@ -61,6 +61,7 @@ class Clustering:
         self._mirror.on_elsewhere(self._relays.on_elsewhere)
         self._mirror.on_orphan(self._orphaned)
         self._live.on_wanted(parts.demand.wants_changed)
+        self._live.on_key_wanted(parts.demand.key_wanted)
         parts.demand.others = self._live.wanted
 
     @property

@@ -56,6 +56,10 @@ class Live:
         """Who is told that viewers elsewhere want more of a robot, or less."""
         self._home.on_wanted = callback
 
+    def on_key_wanted(self, callback: Callable[[str, str], None]) -> None:
+        """Who is told that a viewer elsewhere needs a key frame of a robot's topic."""
+        self._home.on_key_wanted = callback
+
     def wanted(self, robot: str) -> dict[str, float]:
         """What viewers elsewhere want of a robot: topic -> rate (0: every sample)."""
         return self._home.wanted(robot)

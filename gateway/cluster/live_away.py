@@ -11,7 +11,7 @@ from typing import Final
 from google.protobuf.message import DecodeError
 
 from gateway.cluster.interest import InterestBook
-from gateway.cluster.live_home import INTEREST, LIVE
+from gateway.cluster.live_home import INTEREST, KEYS, LIVE
 from gateway.cluster.ports import Mesh
 from gateway.domain.channel import Channel
 from gateway.domain.sample import Run
@@ -51,6 +51,7 @@ class LiveAway:
         self._fresh: set[str] = set()  # gateways that were told nothing yet
         self._stirred = asyncio.Event()
         hub.on_interest_elsewhere = self._stirred.set
+        hub.on_key_wanted_elsewhere = self._want_key
         mesh.on_tell(LIVE, self._on_samples)
         mesh.on_peer(self._on_peer)
 
@@ -130,6 +131,13 @@ class LiveAway:
             wants = self._book.of(robot) if home == gateway or (gone and known) else {}
             if wants != known:
                 yield robot, wants
+
+    def _want_key(self, robot: str, topic: str) -> None:
+        """Its home asks the robot. Where so much waits that this is not sent, the viewer wants it again later."""
+        record = self._registry.find(robot)
+        if record is not None and record.home and not record.here:
+            wanted = cluster_pb2.KeyFrameWanted(robot=robot, topic=topic)
+            self._mesh.tell(record.home, KEYS, wanted.SerializeToString())
 
     def _later(self) -> None:
         """All of what is due is looked at again."""

@@ -19,13 +19,16 @@ from gateway.cluster.wire import MESSAGE_BYTES
 from gateway.domain.sample import Run
 from gateway.ingest.registry import Registry
 from gateway.live.demand import merge_rates
+from gateway.live.video import is_video
 from metaros._proto import cluster_pb2, link_pb2
 from metaros.clock import Clock
 from metaros.limits import LIMITS
+from metaros.video_frames import KEYS_ONLY_HZ, Frame, frame_of
 
-__all__ = ["INTEREST", "LIVE", "LiveHome"]
+__all__ = ["INTEREST", "KEYS", "LIVE", "LiveHome"]
 
 INTEREST: Final = "interest"
+KEYS: Final = "keys"
 LIVE: Final = "live"
 TOGETHER_BYTES: Final = 256 * 1024  # in one message, or one run that is larger
 LENGTH: Final = np.dtype("<u4")
@@ -87,6 +90,7 @@ class LiveHome:
 
     def __init__(self, mesh: Mesh, registry: Registry, *, clock: Clock, tick_s: float) -> None:
         self.on_wanted: Callable[[str], None] = lambda robot: None  # other gateways want more of a robot, or less
+        self.on_key_wanted: Callable[[str, str], None] = lambda robot, topic: None  # a viewer there needs a key frame
         self.sent_samples = self.sent_bytes = self.dropped = 0
         self._mesh = mesh
         self._registry = registry
@@ -97,6 +101,7 @@ class LiveHome:
         self._flushed_s = float("-inf")
         self._timer: asyncio.TimerHandle | None = None
         mesh.on_tell(INTEREST, self._on_interest)
+        mesh.on_tell(KEYS, self._on_key_wanted)
         mesh.on_peer(self._on_peer)
 
     @property
@@ -122,7 +127,7 @@ class LiveHome:
             want = topics.get(run.channel.topic)
             if want is None:
                 continue
-            if want.rate_hz <= 0:
+            if want.rate_hz <= 0 or (is_video(run.channel) and want.rate_hz > KEYS_ONLY_HZ):
                 whole = whole or self._encoded(run)
                 self._put(gateway, whole, run.count)
             else:
@@ -179,6 +184,10 @@ class LiveHome:
             }
             self._want(sender, item.robot, topics)
 
+    def _on_key_wanted(self, sender: str, payload: bytes) -> None:
+        told = cluster_pb2.KeyFrameWanted.FromString(payload)
+        self.on_key_wanted(told.robot, told.topic)
+
     def _want(self, gateway: str, robot: str, topics: dict[str, _Want]) -> None:
         if self._registry.find(robot) is None:
             return
@@ -207,9 +216,9 @@ class LiveHome:
 
 
 def _thinned(run: Run, want: _Want) -> Iterator[Run]:
-    """Those of a run's samples that pass, each alone: their numbers are no row any more."""
+    """Those of a run's samples that pass, of video key frames only; each alone: their numbers are no row any more."""
     for index, (seq, stamp_ns, payload) in enumerate(run.columns.samples()):
-        if want.passes(stamp_ns):
+        if can_be_thinned(run, payload) and want.passes(stamp_ns):
             columns = replace(
                 run.columns,
                 first_seq=seq,
@@ -218,3 +227,11 @@ def _thinned(run: Run, want: _Want) -> Iterator[Run]:
                 payload=bytes(payload),
             )
             yield replace(run, columns=columns, trace=None)
+
+
+def can_be_thinned(run: Run, payload: bytes | memoryview) -> bool:
+    """Whether a sample is of use without those before it."""
+    channel = run.channel
+    if not is_video(channel) or channel.encoding != "cdr":
+        return True
+    return frame_of(channel.schema_name, bytes(payload)) is not Frame.DELTA

@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from gateway.domain.channel import LIVE, Channel
 from gateway.live.demand import DemandBook, merge_rates
 from gateway.live.hub import Hub
+from gateway.live.video import is_video
+from gateway.live.video_book import VideoBook
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 
@@ -37,11 +39,13 @@ class DemandDesk:
         self._send = send
         self._clock = clock
         self._book = DemandBook()
+        self._video = VideoBook()
         self._revision = 0
         self._stale: set[str] = set()
         self._stirred = asyncio.Event()
         self.others: Others = lambda robot: {}  # what viewers at other gateways want of a robot: topic -> rate
         hub.on_interest = self.interests_changed
+        hub.on_key_wanted = self.key_wanted
 
     def told(self, robot_id: str) -> dict[str, float]:
         """What the robot was told last: topic -> rate (0: every sample)."""
@@ -57,6 +61,13 @@ class DemandDesk:
         self._stale.add(robot_id)
         self._stirred.set()
 
+    def key_wanted(self, robot_id: str, topic: str) -> None:
+        """A viewer needs a key frame of a video topic of a robot that is linked here."""
+        channels = self._channels_of(robot_id) or ()
+        if any(channel.topic == topic and is_video(channel) for channel in channels):
+            self._video.want_key(robot_id, topic)
+            self.wants_changed(robot_id)
+
     def channels_changed(self, robot_id: str) -> None:
         """A robot announced something."""
         self._stale.add(robot_id)
@@ -66,6 +77,7 @@ class DemandDesk:
     def link_changed(self, robot_id: str) -> None:
         """A robot's link is new, or gone: it was told nothing."""
         self._book.forget(robot_id)
+        self._video.forget(robot_id)
         self.channels_changed(robot_id)
 
     async def run(self) -> None:
@@ -78,7 +90,7 @@ class DemandDesk:
                 pass
             self._stirred.clear()
             stale, self._stale = self._stale, set()
-            for robot_id in {*stale, *self._book.releasing()}:
+            for robot_id in {*stale, *self._book.releasing(), *self._video.waiting()}:
                 self._tell(robot_id)
                 await asyncio.sleep(0)
 
@@ -89,16 +101,29 @@ class DemandDesk:
         live, now_s = [channel for channel in channels if channel.delivery == LIVE], self._clock.monotonic_s()
         self._book.want(robot_id, self._wanted(robot_id, live), now_s=now_s)
         demand = self._book.due(robot_id, now_s=now_s)
-        if demand is None:
+        told = self._book.told(robot_id)
+        video = self._video.due(robot_id, self._viewers(robot_id, live, told), now_s=now_s)
+        if demand is None and video is None:
             return
         self._revision += 1
-        entries = [
-            link_pb2.DemandEntry(channel_id=channel.channel_id, max_rate_hz=demand[channel.topic])
-            for channel in live
-            if channel.topic in demand
-        ]
+        entries = [self._entry(channel, told[channel.topic]) for channel in live if channel.topic in told]
         frame = link_pb2.Demand(revision=self._revision, entries=entries)
         self._send(robot_id, link_pb2.GatewayFrame(demand=frame))
+
+    def _entry(self, channel: Channel, rate_hz: float) -> link_pb2.DemandEntry:
+        viewers, key_frames = self._video.told(channel.robot).get(channel.topic, (0, 0))
+        return link_pb2.DemandEntry(
+            channel_id=channel.channel_id, max_rate_hz=rate_hz, viewers=viewers, key_frames=key_frames
+        )
+
+    def _viewers(self, robot_id: str, live: Sequence[Channel], told: Mapping[str, float]) -> dict[str, int]:
+        """How many look at each video topic that is wanted; those at all other gateways count as one."""
+        others = self.others(robot_id)
+        return {
+            channel.topic: self._hub.lookers(channel) + (channel.topic in others)
+            for channel in live
+            if channel.topic in told and is_video(channel)
+        }
 
     def _wanted(self, robot_id: str, live: Sequence[Channel]) -> dict[str, float]:
         """What is wanted of a robot's live channels, here and elsewhere."""

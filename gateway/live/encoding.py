@@ -66,7 +66,11 @@ class Block:
 
     def rest(self, start: int) -> Block:
         """The block without its first `start` samples."""
-        return Block(self.channel, self.records[start:]) if start else self
+        return self.only(self.records[start:]) if start else self
+
+    def only(self, records: Sequence[Record]) -> Block:
+        """A block of some of its samples."""
+        return Block(self.channel, records)
 
 
 def _viewed(view: View[T], channel: Channel, record: Record) -> T | None:

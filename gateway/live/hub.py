@@ -20,10 +20,12 @@ from gateway.live.feeds import Feeds
 from gateway.live.selection import Selection
 from gateway.live.sink import Sink
 from gateway.live.subscription import Identity, TopicSubscription
+from gateway.live.video import VideoBlock, VideoSelection, is_video
 from gateway.live.viewer import OnDropped, Viewer
 from gateway.live.views import Views
 from metaros.clock import Clock, SystemClock
 from metaros.limits import LIMITS, Limits
+from metaros.video_frames import Frame
 
 __all__ = ["Hub", "Timer"]
 
@@ -56,6 +58,8 @@ class Hub:
         """`later` calls a function in so many seconds: the running loop's `call_later`, unless a test has another."""
         self.on_interest: Callable[[], None] = lambda: None  # somebody wants more, or less
         self.on_interest_elsewhere: Callable[[], None] = lambda: None  # the same, for robots of other gateways
+        self.on_key_wanted: Callable[[str, str], None] = lambda robot, topic: None  # a viewer needs a key frame
+        self.on_key_wanted_elsewhere: Callable[[str, str], None] = lambda robot, topic: None
         self.on_written: Callable[[Run], None] = lambda run: None  # of runs with a followed sample: see traces
         self._followed: list[Run] = []
         self._dropped = 0  # by subscriptions that are over
@@ -119,7 +123,8 @@ class Hub:
         if run.trace is not None:
             self._followed = [*self._followed, run][-FOLLOWED:]
             self._followed_s = self._clock.monotonic_s()
-        records = _records(run, only_newest=all(latest for latest, _ in selections))
+        only_newest = all(latest for latest, _ in selections) and not is_video(run.channel)
+        records = _records(run, only_newest=only_newest)
         for selection in selections.values():
             if selection.offer(records):
                 self._dirty.append(selection)
@@ -150,6 +155,11 @@ class Hub:
                 if rates:
                     wanted[channel.topic] = merge_rates(rates)
         return wanted
+
+    def lookers(self, channel: Channel) -> int:
+        """How many subscriptions there are to a channel."""
+        selections = self._index.get(channel.identity, {}).values()
+        return sum(len(members) for selection in selections for members in selection.groups.values())
 
     def number_of(self, channel: Channel) -> int:
         """A number for the channel that all connections of this gateway may use, so that they share what they get."""
@@ -200,6 +210,20 @@ class Hub:
         """Stop the thread that makes slow views."""
         self._views.close()
 
+    def passes(self, viewer: Viewer, subscription: TopicSubscription, block: Block) -> bool:
+        """Whether a block may go out to a viewer that has room; where a key frame is needed for that, ask for one."""
+        if not isinstance(block, VideoBlock):
+            return True
+        stand = subscription.stand(block.channel)
+        if not stand.lacks(block):
+            return True
+        self._ask_key(subscription, block.channel)
+        if block.frame is Frame.ALONE:
+            return True
+        if stand.began:
+            viewer.lost(subscription, len(block.records))
+        return False
+
     def now_s(self) -> float:
         """The time, seconds that never run backwards."""
         return self._clock.monotonic_s()
@@ -243,19 +267,35 @@ class Hub:
             else:
                 self._views.make(selection, block, encoding)
 
+    def _deliver_video(self, selection: Selection, block: Block, encoding: Encoding) -> None:
+        """Each viewer by itself: they do not all stand at the same frame."""
+        for viewer, subscription in selection.groups[encoding]:
+            if viewer.write is None:
+                viewer.hold(subscription, block, encoding)
+            elif self.passes(viewer, subscription, block):
+                viewer.write(block.encoded(encoding))
+
+    def _ask_key(self, subscription: TopicSubscription, channel: Channel) -> None:
+        if subscription.stand(channel).may_ask(self._clock.monotonic_s()):
+            self.on_key_wanted(channel.robot, channel.topic)
+            self.on_key_wanted_elsewhere(channel.robot, channel.topic)
+
     def _deliver_viewed(self, selection: Selection, block: Block, encoding: Encoding) -> None:
         if encoding in selection.groups:
             self._deliver(selection, block, encoding)
 
     def _deliver(self, selection: Selection, block: Block, encoding: Encoding) -> None:
         """The hot loop: once per block and viewer, whose objects are in no cache any more since the last tick."""
-        data = block.encoded(encoding)
-        for viewer, subscription in selection.groups[encoding]:
-            write = viewer.write
-            if write is not None:
-                write(data)
-            else:
-                viewer.hold(subscription, block, encoding)
+        if isinstance(block, VideoBlock):
+            self._deliver_video(selection, block, encoding)
+        else:
+            data = block.encoded(encoding)
+            for viewer, subscription in selection.groups[encoding]:
+                write = viewer.write
+                if write is not None:
+                    write(data)
+                else:
+                    viewer.hold(subscription, block, encoding)
         for run in self._followed:
             if run.channel.identity == block.channel.identity and _holds(block, run):
                 self.on_written(run)
@@ -287,10 +327,13 @@ class Hub:
         key = (subscription.latest, subscription.max_rate_hz)
         selection = self._index[identity].get(key)
         if selection is None:
-            selection = Selection(channel, latest=subscription.latest, rate_hz=subscription.max_rate_hz)
+            kind = VideoSelection if is_video(channel) else Selection
+            selection = kind(channel, latest=subscription.latest, rate_hz=subscription.max_rate_hz)
             self._index[identity][key] = selection
         selection.add(viewer, subscription, subscription.encoding(channel))
         self._places[subscription].append(identity)
+        if is_video(channel):
+            self._ask_key(subscription, channel)
 
     def _forget(self, identity: Identity) -> None:
         """The oldest channel makes room; whoever wants it finds it again with its next sample."""

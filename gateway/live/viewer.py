@@ -34,6 +34,9 @@ class Interests(Protocol):
     def left(self, viewer: Viewer, /) -> None:
         """The viewer is gone."""
 
+    def passes(self, viewer: Viewer, subscription: TopicSubscription, block: Block, /) -> bool:
+        """Whether a block may go out now: of video only what can be decoded after what went out before."""
+
     def now_s(self) -> float:
         """The time, seconds that never run backwards."""
 
@@ -130,7 +133,8 @@ class Viewer:
                 wrote = True
                 block, encoding = found
                 self.size_bytes -= block.size_bytes
-                sink.write(block.encoded(encoding))
+                if self._hub.passes(self, subscription, block):
+                    sink.write(block.encoded(encoding))
                 self._topics[number] = self._topics.pop(number)  # it goes last next time: none starves the others
             if not wrote and sink.ready():
                 self.write = sink.write  # nothing waits any more

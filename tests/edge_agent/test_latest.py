@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 
 from edge_agent.channels import Channel
 from edge_agent.latest import LatestOnly
-from edge_agent.select import Selector
 from edge_agent.topics import TopicRule
 from tests.support.waiting import wait_until_async
 
@@ -39,7 +38,6 @@ def channel(number: int = 1) -> Channel:
         rule=rule,
         delivery="bulk",
         max_rate_hz=0.0,
-        selector=Selector(rule, "bulk", max_rate_hz=0.0),
         metrics=None,
         schema=b"",
     )

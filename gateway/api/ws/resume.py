@@ -171,7 +171,7 @@ class Filling:
             last_ns = self._last_ns.get((block.channel.robot, block.channel.topic), -1)
             new = [record for record in block.records if record.stamp_ns > last_ns]
             if new:
-                self._viewer.hold(self._live, Block(block.channel, new), encoding)
+                self._viewer.hold(self._live, block.only(new), encoding)
         self._viewer.drain()
 
 

@@ -15,7 +15,7 @@ from gateway.live.encoding import Block, View
 from gateway.live.hub import Hub
 from gateway.live.subscription import TopicSubscription
 from metaros.clock import SystemClock
-from tests.gateway.live.test_hub import ListSink, make_run
+from tests.support.hub_rig import ListSink, make_run
 
 made_by: list[str] = []
 gate = threading.Event()
