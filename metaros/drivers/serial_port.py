@@ -26,7 +26,7 @@ class SerialPort:
         if not port:
             raise ConfigError(f"{unit.manifest.kind}: port is empty; `metaros driver probe` lists serial ports")
         try:
-            self._serial: Any = serial.Serial(
+            self._serial: Any = serial.serial_for_url(
                 port, baud, timeout=READ_S, write_timeout=WRITE_S, exclusive=None if _is_url(port) else True
             )
         except ValueError as error:
