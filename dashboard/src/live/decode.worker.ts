@@ -8,7 +8,7 @@ import type { Answer, Order } from "./decoder";
 import { rawToRgba, type RawImage } from "./raw_image";
 
 /** Of a cloud: what a page draws smoothly, also where a graphics card is missing. */
-const CLOUD_BUDGET = { points: 200_000, ms: 12 };
+const CLOUD_BUDGET = { points: 200_000, ms: 30 };
 
 const readers = new Map<string, MessageReader>();
 const clouds = new CloudReader(CLOUD_BUDGET);
