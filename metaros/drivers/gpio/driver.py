@@ -41,10 +41,9 @@ class GpioDevice:
         import gpiozero
 
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # of each way to the pins that this machine lacks
-                for each in self._pins:
-                    each.open()
+            warnings.simplefilter("ignore", gpiozero.GPIOZeroWarning)  # of each way to the pins that this machine lacks
+            for each in self._pins:
+                each.open()
         except gpiozero.BadPinFactory:
             raise ConfigError(
                 "gpio: this machine has no pins that gpiozero can reach; on a Raspberry Pi install lgpio "

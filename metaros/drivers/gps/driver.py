@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from metaros.interfaces.sensor_msgs.msg import NavSatFix, NavSatStatus, TimeRefe
 from metaros.interfaces.std_msgs.msg import Header
 
 __all__ = ["GpsDevice", "make"]
+
+PAUSE_NS: Final = 30_000_000
 
 
 def make(unit: Unit) -> GpsDevice:
@@ -41,20 +44,20 @@ class GpsDevice:
         unit.opened(f"reading {self._port.port}", hardware_id="")
 
     def run(self) -> None:
-        """Read. The stamp is the moment of the first bytes after a pause or after an epoch."""
+        """Read. The stamp of an epoch is the moment of its first bytes: those after a pause, or after the epoch before."""
         unit, port = self._unit, self._port
         assert port is not None
         reader = EpochReader(unit.count)
-        first_ns: int | None = None
+        begun_ns, heard_ns = None, 0
         while not unit.stopping:
-            data = port.read()
-            if data and first_ns is None:
-                first_ns = unit.clock.wall_ns()
+            data, now_ns = port.read(), unit.clock.wall_ns()
+            if data:
+                if begun_ns is None or now_ns - heard_ns > PAUSE_NS:
+                    begun_ns = now_ns
+                heard_ns = now_ns
             for epoch in reader.feed(data, unit.clock.monotonic_s()):
-                self._publish(epoch, first_ns or unit.clock.wall_ns())
-                first_ns = None
-            if not data:
-                first_ns = None
+                self._publish(epoch, begun_ns or now_ns)
+                begun_ns = None
 
     def close(self) -> None:
         """Close the port."""
@@ -62,10 +65,10 @@ class GpsDevice:
         if port is not None:
             port.close()
 
-    def _publish(self, epoch: Epoch, first_ns: int) -> None:
+    def _publish(self, epoch: Epoch, begun_ns: int) -> None:
         unit = self._unit
         self._tell(epoch)
-        stamp_ns = first_ns - round(unit["delay"] * 1e9)
+        stamp_ns = begun_ns - round(unit["delay"] * 1e9)
         header = Header(stamp=unit.stamp(stamp_ns), frame_id=unit["frame_id"])
         self._fixes.publish(_fix(epoch, header, unit["uere"]), stamp_ns=stamp_ns)
         if epoch.velocity_m_s is not None:

@@ -17,7 +17,7 @@ from metaros.drivers.joystick.events import EV_ABS, EV_KEY
 from metaros.drivers.joystick.layout import STANDARD, AxisRange, Layout
 from metaros.errors import UnavailableError
 
-__all__ = ["InputDevice"]
+__all__ = ["InputDevice", "read_request"]
 
 _ABSINFO: Final = struct.Struct("@6i")
 _ABS_CODES: Final = 0x40
@@ -73,15 +73,19 @@ class InputDevice:
         return Layout(name, axes, tuple(code for code in keys if code >= _FIRST_BUTTON))
 
     def _request(self, number: int, size_bytes: int) -> bytes:
-        """ioctl _IOC(read, 'E', number, size)."""
         if sys.platform != "linux":
             raise OSError("only Linux has it")
         else:
             import fcntl
 
             buffer = array.array("B", bytes(size_bytes))
-            fcntl.ioctl(self._file, 2 << 30 | size_bytes << 16 | ord("E") << 8 | number, buffer)
+            fcntl.ioctl(self._file, read_request(number, size_bytes), buffer)
             return buffer.tobytes()
+
+
+def read_request(number: int, size_bytes: int) -> int:
+    """The kernel's _IOC(_IOC_READ, 'E', number, size)."""
+    return 2 << 30 | size_bytes << 16 | ord("E") << 8 | number
 
 
 def _bits(mask: bytes) -> list[int]:
