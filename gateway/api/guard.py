@@ -46,11 +46,12 @@ _HEADERS = (
     (b"cross-origin-resource-policy", b"same-origin"),
     (b"x-permitted-cross-domain-policies", b"none"),
     (b"x-frame-options", b"DENY"),  # for browsers that do not know frame-ancestors
-    # Nothing of a machine's own but the gamepad, which drives robots, and the whole screen for a camera's picture.
+    # Nothing of a machine's own but the gamepad, which drives robots, the microphone, by which people talk through
+    # them, and the whole screen for a camera's picture.
     (
         b"permissions-policy",
         b"accelerometer=(), camera=(), display-capture=(), geolocation=(), gyroscope=(), hid=(), magnetometer=(), "
-        b"microphone=(), midi=(), payment=(), serial=(), usb=(), gamepad=(self), fullscreen=(self)",
+        b"microphone=(self), midi=(), payment=(), serial=(), usb=(), gamepad=(self), fullscreen=(self)",
     ),
 )
 _NO_STORE = (b"cache-control", b"no-store")  # what the API says is of now, and for who asked

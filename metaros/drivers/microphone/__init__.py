@@ -1,0 +1,1 @@
+"""Microphones: sound as PCM or Opus packets of 20 ms."""

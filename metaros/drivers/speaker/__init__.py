@@ -1,0 +1,1 @@
+"""Speakers: streams, speech from afar, spoken texts and files, mixed by priority."""
