@@ -44,7 +44,7 @@ class GpsDevice:
         unit.opened(f"reading {self._port.port}", hardware_id="")
 
     def run(self) -> None:
-        """Read. The stamp of an epoch is the moment of its first bytes: those after a pause, or after the epoch before."""
+        """Read. An epoch's stamp is the moment of its first bytes: after a pause, or after the epoch before."""
         unit, port = self._unit, self._port
         assert port is not None
         reader = EpochReader(unit.count)
