@@ -1,0 +1,199 @@
+"""What may move the vehicle, and what stops it. The times here are the driver's own, on a real clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+import metaros
+from metaros.interfaces.geometry_msgs.msg import Twist, Vector3
+from metaros.interfaces.metaros_msgs.msg import VehicleState
+from metaros.interfaces.metaros_msgs.srv import SetMode
+from metaros.interfaces.std_srvs.srv import SetBool
+from tests.support.autopilot import Autopilot, UdpCable
+from tests.support.drivers import RunningDriver, running
+from tests.support.ports import free_port
+from tests.support.waiting import wait_until
+
+ALLOWED = {"allow_arm": True, "allow_mode": True, "allow_velocity": True}
+ARM, MODE = dialect.MAV_CMD_COMPONENT_ARM_DISARM, dialect.MAV_CMD_DO_SET_MODE
+SETPOINT = "SET_POSITION_TARGET_LOCAL_NED"
+
+
+@contextmanager
+def flying(
+    zenoh_router: str, params: dict[str, Any] | None = None, **vehicle: Any
+) -> Iterator[tuple[RunningDriver, Autopilot]]:
+    port = free_port()
+    given = {"link": f"udp:127.0.0.1:{port}", **(ALLOWED if params is None else params)}
+    with (
+        Autopilot(UdpCable(port), **vehicle) as pilot,
+        running("mavlink", given, zenoh_router=zenoh_router) as driver,
+    ):
+        wait_until(lambda: driver.state() == "working")
+        yield driver, pilot
+
+
+def arm(driver: RunningDriver, on: bool) -> Any:
+    client = driver.viewer.create_client(SetBool, "/r1/vehicle/arm")
+    assert client.wait_for_service(60)
+    return client.call(SetBool.Request(data=on), 30)
+
+
+def set_mode(driver: RunningDriver, mode: str) -> Any:
+    client = driver.viewer.create_client(SetMode, "/r1/vehicle/set_mode")
+    assert client.wait_for_service(60)
+    return client.call(SetMode.Request(mode=mode), 30)
+
+
+def command(x: float = 0.0, y: float = 0.0, z: float = 0.0, turn: float = 0.0) -> Twist:
+    return Twist(linear=Vector3(x=x, y=y, z=z), angular=Vector3(z=turn))
+
+
+def test_without_permission_there_is_nothing_to_command_it_by(zenoh_router: str) -> None:
+    with flying(zenoh_router, {}) as (driver, pilot):
+        velocities = driver.viewer.create_publisher(Twist, "/r1/vehicle/cmd_vel", metaros.qos_command)
+        states = driver.messages(VehicleState, "vehicle/state", metaros.qos_transient_local)
+        clients = [
+            driver.viewer.create_client(kind, f"/r1/vehicle/{service}")
+            for service, kind in (("arm", SetBool), ("set_mode", SetMode))
+        ]
+        for _ in range(10):
+            velocities.publish(command(1.0))
+            seen = len(states)
+            wait_until(lambda seen=seen: len(states) > seen)  # type: ignore[misc]
+        assert (pilot.commands(ARM), pilot.commands(MODE), pilot.of_type(SETPOINT)) == ([], [], [])
+        assert not any(client.service_is_ready() for client in clients)
+
+
+def test_arm_and_disarm(zenoh_router: str) -> None:
+    with flying(zenoh_router) as (driver, pilot):
+        assert arm(driver, on=True).success
+        assert pilot.armed
+        assert arm(driver, on=False).success
+        assert not pilot.armed
+        assert [message.param2 for message in pilot.commands(ARM)] == [0.0, 0.0]  # never forced
+        assert {(message.target_system, message.target_component) for message in pilot.commands(ARM)} == {(1, 1)}
+
+
+def test_a_refusal_is_told(zenoh_router: str) -> None:
+    with flying(zenoh_router) as (driver, pilot):
+        pilot.refuses = dialect.MAV_RESULT_DENIED
+        answer = arm(driver, on=True)
+        assert (answer.success, answer.message) == (False, "the vehicle answers: denied")
+        assert len(pilot.commands(ARM)) == 1
+
+
+def test_a_lost_command_is_sent_again_and_says_so(zenoh_router: str) -> None:
+    with flying(zenoh_router) as (driver, pilot):
+        pilot.deaf_to = 2
+        assert arm(driver, on=True).success
+        assert [message.confirmation for message in pilot.commands(ARM)] == [0, 1, 2]
+
+
+def test_no_answer(zenoh_router: str) -> None:
+    with flying(zenoh_router) as (driver, pilot):
+        pilot.deaf_to = 99
+        assert arm(driver, on=True).message == "no answer to 3 tries"
+        assert not pilot.armed
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "vehicle", "mode", "custom", "sub"),
+    [
+        (dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, dialect.MAV_TYPE_QUADROTOR, "guided", 4, 0),
+        (dialect.MAV_AUTOPILOT_ARDUPILOTMEGA, dialect.MAV_TYPE_GROUND_ROVER, "GUIDED", 15, 0),
+        (dialect.MAV_AUTOPILOT_PX4, dialect.MAV_TYPE_QUADROTOR, "LAND", 4, 6),
+    ],
+)
+def test_modes(autopilot: int, vehicle: int, mode: str, custom: int, sub: int, zenoh_router: str) -> None:
+    with flying(zenoh_router, autopilot=autopilot, vehicle=vehicle) as (driver, pilot):
+        assert set_mode(driver, mode).success
+        (message,) = pilot.commands(MODE)
+        assert (message.param1, message.param2, message.param3) == (1, custom, sub)
+        answer = set_mode(driver, "WARP")
+        assert not answer.success
+        assert "no mode 'WARP'; there are " in answer.message
+        assert len(pilot.commands(MODE)) == 1
+
+
+def test_velocity_is_turned_limited_and_ends_by_zero_then_silence(zenoh_router: str) -> None:
+    with flying(zenoh_router, {**ALLOWED, "max_horizontal": 2.0}) as (driver, pilot):
+        velocities = driver.viewer.create_publisher(Twist, "/r1/vehicle/cmd_vel", metaros.qos_command)
+
+        def told() -> bool:
+            velocities.publish(command(6.0, 8.0, 0.5, 0.25))
+            return bool(pilot.of_type(SETPOINT))
+
+        wait_until(told, every_s=0.05)
+        message = pilot.of_type(SETPOINT)[0]
+        assert (message.vx, message.vy, message.vz) == pytest.approx((1.2, -1.6, -0.5))
+        assert (message.yaw_rate, message.coordinate_frame, message.type_mask) == (-0.25, 8, 0x5C7)
+        wait_until(lambda: pilot.of_type(SETPOINT)[-1].vx == 0)
+        # Silence: ours are still heard (heartbeats), and no setpoint among them.
+        wait_until(lambda: driver.node._device._pilot._gate._until_s == -math.inf)  # type: ignore[union-attr]
+        beats = len(pilot.of_type("HEARTBEAT"))
+        wait_until(lambda: len(pilot.of_type("HEARTBEAT")) > beats)
+        said = len(pilot.of_type(SETPOINT))
+        beats = len(pilot.of_type("HEARTBEAT"))
+        wait_until(lambda: len(pilot.of_type("HEARTBEAT")) > beats)
+        assert len(pilot.of_type(SETPOINT)) == said
+
+
+def test_what_is_no_number_moves_nothing(zenoh_router: str) -> None:
+    with flying(zenoh_router) as (driver, pilot):
+        velocities = driver.viewer.create_publisher(Twist, "/r1/vehicle/cmd_vel", metaros.qos_command)
+
+        def refused() -> bool:
+            velocities.publish(command(math.nan))
+            return int(driver.facts().get("refused_commands", 0)) > 3
+
+        wait_until(refused, every_s=0.05)
+        assert pilot.of_type(SETPOINT) == []
+
+
+def test_after_a_lost_link_nothing_moves_until_a_new_command(zenoh_router: str) -> None:
+    with flying(zenoh_router) as (driver, pilot):
+        velocities = driver.viewer.create_publisher(Twist, "/r1/vehicle/cmd_vel", metaros.qos_command)
+
+        def told() -> bool:
+            velocities.publish(command(1.0))
+            return bool(pilot.of_type(SETPOINT))
+
+        wait_until(told, every_s=0.05)
+        pilot.silent = True
+        wait_until(lambda: driver.state() == "waiting")
+        assert not arm(driver, on=True).success
+        for _ in range(10):
+            velocities.publish(command(1.0))  # while it is away: refused
+        wait_until(lambda: int(driver.facts().get("refused_commands", 0)) > 1)
+        pilot.received.clear()
+        pilot.silent = False
+        wait_until(lambda: driver.state() == "working" and len(pilot.of_type("HEARTBEAT")) > 1)
+        assert (pilot.of_type(SETPOINT), pilot.commands(ARM)) == ([], [])
+        assert not pilot.armed
+        wait_until(told, every_s=0.05)
+
+
+def test_the_driver_s_end_is_a_zero(zenoh_router: str) -> None:
+    with flying(zenoh_router) as (driver, pilot):
+        velocities = driver.viewer.create_publisher(Twist, "/r1/vehicle/cmd_vel", metaros.qos_command)
+
+        def told() -> bool:
+            velocities.publish(command(1.0))
+            return bool(pilot.of_type(SETPOINT))
+
+        wait_until(told, every_s=0.05)
+        driver.node.trigger("deactivate")
+        wait_until(lambda: pilot.of_type(SETPOINT)[-1].vx == 0)
+
+
+def test_only_the_robot_s_own_settings_allow_it(zenoh_router: str) -> None:
+    with flying(zenoh_router, {}) as (driver, _):
+        for name in ALLOWED:
+            assert driver.node.parameters.describe(name).read_only
