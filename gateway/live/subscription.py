@@ -13,6 +13,7 @@ from collections.abc import Callable
 from gateway.domain.channel import Channel
 from gateway.live.encoding import Block, Encoding
 from gateway.live.video import VideoBlock, VideoStand
+from metaros.limits import LIMITS
 
 __all__ = ["TopicSubscription"]
 
@@ -50,7 +51,12 @@ class TopicSubscription:
 
     def stand(self, channel: Channel) -> VideoStand:
         """How far it is with a video channel."""
-        return self._stands.setdefault(channel.identity, VideoStand())
+        stand = self._stands.get(channel.identity)
+        if stand is None:
+            if len(self._stands) >= LIMITS.channels_per_robot:
+                del self._stands[next(iter(self._stands))]
+            stand = self._stands[channel.identity] = VideoStand()
+        return stand
 
     def hold(self, block: Block, encoding: Encoding) -> int:
         """Let a block wait; returns by how many bytes the waiting data grew (or shrank)."""
