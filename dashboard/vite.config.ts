@@ -12,7 +12,7 @@ const EVERYWHERE = new RegExp(
     "src.live.(age|backoff|decoder|fleet|link_history|records|rights|stream)\\.ts",
     "src.panels.save_button",
     "src.ui.(context|format|parts|reasons|theme|url|use_topic)\\.tsx?",
-    "src.views.(account_menu|app|lazy)",
+    "src.views.(account_menu|app|lazy)\\.",
   ].join("|"),
 );
 

@@ -3,17 +3,20 @@
 import { useSignal, useSignalEffect } from "@preact/signals";
 import { useRef } from "preact/hooks";
 import type { Missing } from "../api/history_types";
-import { useTrail } from "../history/trail";
 import type { Message } from "../live/decoder";
 import { useCanvas } from "../ui/canvas";
+import { useLive } from "../ui/context";
 import { fixed } from "../ui/format";
 import { Card } from "../ui/parts";
 import { palette } from "../ui/theme";
 import { useTopic } from "../ui/use_topic";
+import { lazy } from "../views/lazy";
 import { drawMap } from "./map_draw";
 import { MapModel, yawOf, type Pose, type Scan } from "./map_model";
 import { MapView } from "./map_view";
 import { FADE_EVERY_M, WallTiles } from "./wall_tiles";
+
+const Trail = lazy(async () => (await import("../history/trail")).Trail, null);
 
 /** Enough to hold a burst of a replay; what is older than that is not needed. */
 const DEPTH = 64;
@@ -101,10 +104,11 @@ export function MapCard({ robot, namespace, odom, scan }: { robot: string; names
     problem.value = scanProblem.value = "";
     redraw();
   };
-  useTrail(robot, namespace, odom, (trail) => {
+  const { past } = useLive();
+  const showTrail = (trail: number[]) => {
     model.current!.trail = trail;
     redraw();
-  });
+  };
   useTopic({ robot, topic: odom, depth: DEPTH, backS: POSES_BACK_S, aheadS: POSES_AHEAD_S, onInstant: begin }, ({ message, error, stampMs }, seenMs) => {
     problem.value = message ? "" : (error ?? "");
     if (!message) return;
@@ -134,6 +138,7 @@ export function MapCard({ robot, namespace, odom, scan }: { robot: string; names
   };
   return (
     <Card title="Map" kind="map" topic={odom} note={<span ref={note} class="num" />} stampMs={received.value} missing={missing.value}>
+      {past && <Trail robot={robot} namespace={namespace} odom={odom} onTrail={showTrail} />}
       {(problem.value || scanProblem.value) && <p class="problem">{problem.value || scanProblem.value}</p>}
       <div class="map">
         <canvas

@@ -10,7 +10,6 @@ import { moment } from "../history/moment";
 import { ageText, now } from "../live/age";
 import { concerns, health, robots } from "../live/fleet";
 import { SEALED_CDR } from "../seal/encoding";
-import { Unlock } from "../seal/lock";
 import { useLive } from "../ui/context";
 import { bytes, bytesPerSecond, fixed, integer } from "../ui/format";
 import { Link, StateBadge } from "../ui/parts";
@@ -27,6 +26,7 @@ const ConfigTab = lazy(async () => (await import("../fleet_ops/config")).ConfigT
 const CommandsTab = lazy(async () => (await import("./commands")).CommandsTab);
 const PastTab = lazy(async () => (await import("./past")).PastTab);
 
+const Unlock = lazy(async () => (await import("../seal/lock")).Unlock, null);
 const RobotAlerts = lazy(async () => (await import("../alerts/on_robot")).RobotAlerts, <div class="alert-strip" />);
 
 const REFRESH_MS = 2000;
