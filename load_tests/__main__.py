@@ -26,6 +26,7 @@ BENCHMARKS = {
     "fanout": "one topic to 1 to 500 WebSocket viewers, beside foxglove-sdk; JSON; one viewer that never reads",
     "history": "24 h of a series in 1000 buckets out of ten million stored rows, on SQLite and PostgreSQL",
     "ingest": "metric rows and samples through a real gateway",
+    "lidar": "a VLP-16 at full rate: parsing, beside a plain loop and velodyne-decoder; all the way to a subscriber",
     "memory": "resident size over an hour of 1 kHz, accelerated, and over images in shared memory",
     "peers": "Meta-ROS beside raw zenoh, cyclonedds-python, pyzmq, metaros 1.1.5 and rospy",
     "pubsub": "typed publish and receive against raw eclipse-zenoh",

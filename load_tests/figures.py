@@ -45,7 +45,7 @@ class Run:
     peers: dict[str, str] = field(default_factory=dict)  # versions of those that are installed
 
 
-PEERS = ("eclipse-zenoh", "foxglove-sdk", "mcap", "moto", "pyzmq", "rosbags")
+PEERS = ("eclipse-zenoh", "foxglove-sdk", "mcap", "moto", "pyzmq", "rosbags", "velodyne-decoder")
 _runs: list[Run] = []
 
 

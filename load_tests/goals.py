@@ -141,6 +141,9 @@ GOALS: tuple[Goal, ...] = (
     Goal(benchmark="functions", figure="p99, engine", unit="ms", peer=_RIE),
     Goal(benchmark="functions", figure=f"p99, {_RIE} ÷ engine", unit="×", least=3, less=False),
     Goal(benchmark="functions", figure=f"p99, {_RIE} ÷ gateway", unit="×", least=3, less=False),
+    Goal(benchmark="lidar", figure="parsing at full rate", unit="% of a core", most=25, peer="velodyne-decoder"),
+    Goal(benchmark="lidar", figure="driver at full rate", unit="% of a core"),
+    Goal(benchmark="lidar", figure="packets lost on the way to a subscriber", unit="", most=0),
     Goal(benchmark="rules", figure="one event, 1,000 rules", unit="µs", most=150, peer="moto"),
     Goal(benchmark="rules", figure="one event, 10,000 rules", unit="µs", peer="moto"),
 )

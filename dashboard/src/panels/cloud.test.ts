@@ -76,5 +76,5 @@ test("keys turn, move along and zoom; others are somebody else's", () => {
   expect(view.distance).toBeLessThan(distance);
   expect(view.key("Tab", false, 400)).toBe(false);
   view.reset(30);
-  expect([view.yaw, view.distance]).toEqual([yaw, 48]);
+  expect([view.yaw, view.distance]).toEqual([yaw, 60]);
 });

@@ -8,6 +8,8 @@ export type Colouring = "height" | "distance" | "intensity";
 const MODES: Record<Colouring, number> = { height: 0, distance: 1, intensity: 2 };
 const GRID_M = 1;
 const GRID_LINES = 10;
+/** Of the axes over the ground, or its lines would hide them. */
+const ABOVE_M = 0.03;
 
 const POINT_VERTEX = `#version 300 es
 in vec3 place;
@@ -210,7 +212,7 @@ const isDark = (ground: string) => rgb(ground).reduce((sum, part) => sum + part,
 
 /** The axes first (x, y, z, a metre each), then squares of a metre on the ground. */
 const GRID = (() => {
-  const lines = [[0, 0, 0, 1, 0, 0], [0, 0, 0, 0, 1, 0], [0, 0, 0, 0, 0, 1]];
+  const lines = [[0, 0, ABOVE_M, 1, 0, ABOVE_M], [0, 0, ABOVE_M, 0, 1, ABOVE_M], [0, 0, ABOVE_M, 0, 0, 1]];
   const reach = GRID_LINES * GRID_M;
   for (let at = -reach; at <= reach; at += GRID_M) lines.push([at, -reach, 0, at, reach, 0], [-reach, at, 0, reach, at, 0]);
   return new Float32Array(lines.flat());

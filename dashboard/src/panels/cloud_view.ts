@@ -21,7 +21,7 @@ export class CloudView {
   /** Back to where one begins; `reachM` is how far the cloud goes. */
   reset(reachM = 0): void {
     Object.assign(this, HOME, { target: [0, 0, 0] });
-    if (reachM > 0) this.distance = clamp(reachM * 1.6, NEAREST_M, FARTHEST_M);
+    if (reachM > 0) this.distance = clamp(reachM * 2, NEAREST_M, FARTHEST_M);
   }
 
   orbit(yaw: number, pitch: number): void {
