@@ -269,11 +269,13 @@ class Hub:
 
     def _deliver_video(self, selection: Selection, block: Block, encoding: Encoding) -> None:
         """Each viewer by itself: they do not all stand at the same frame."""
+        data = block.encoded(encoding)
         for viewer, subscription in selection.groups[encoding]:
-            if viewer.write is None:
+            write = viewer.write
+            if write is None:
                 viewer.hold(subscription, block, encoding)
             elif self.passes(viewer, subscription, block):
-                viewer.write(block.encoded(encoding))
+                write(data)
 
     def _ask_key(self, subscription: TopicSubscription, channel: Channel) -> None:
         if subscription.stand(channel).may_ask(self._clock.monotonic_s()):

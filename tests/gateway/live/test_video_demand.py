@@ -102,7 +102,7 @@ class Rig:
 async def test_the_desk_tells_of_viewers_and_key_frames() -> None:
     rig = Rig()
     running = asyncio.create_task(rig.desk.run())
-    viewer = rig.hub.join(ListSink())  # type: ignore[arg-type]
+    viewer = rig.hub.join(ListSink())
     viewer.subscribe(make_subscription(1))
     await wait_until_async(lambda: rig.entry() == (1, 1))
     assert {entry.channel_id: (entry.viewers, entry.key_frames) for entry in rig.told[-1].entries}[2] == (0, 0)
