@@ -31,7 +31,7 @@ class InputDevice:
     def __init__(self, path: str) -> None:
         """Raises UnavailableError: no such file now, or this user may not read it."""
         try:
-            self._file = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+            self._file = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
         except OSError as error:
             raise UnavailableError(f"{path}: {error.strerror}") from None
         self.path = path

@@ -152,6 +152,7 @@ def test_after_replugging_nothing_moves_without_a_new_command(tmp_path: Path, ze
         made.drive(0.4, 0.0, made.moving)
         made.base.unplug()
         wait_until(lambda: made.driver.state() == "waiting")
+        assert "driver error" not in made.driver.status().message
         made.send(0.4)  # while it is away: refused, and not kept
         wait_until(lambda: int(made.driver.facts().get("refused_commands", 0)) > 0)
         made.base.restart()
