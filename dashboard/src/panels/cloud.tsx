@@ -16,6 +16,7 @@ import "../ui/cloud.css";
 
 const QUANTIZED = "metaros_msgs/msg/QuantizedCloud";
 const COLOURINGS: Colouring[] = ["height", "intensity", "distance"];
+const RATE_HZ = 10;
 const LOST = "The graphics card was taken away; the picture comes back by itself.";
 const NO_WEBGL = "This browser draws nothing in three dimensions: WebGL 2 is off or missing.";
 
@@ -66,7 +67,7 @@ function CloudCard({ robot, namespace, topic, others, chosen }: Props) {
     received.value = null;
     if (absent) show(null);
   };
-  useTopic({ robot, topic, cloud: true, onInstant: begin }, ({ cloud, error }, seenMs) => {
+  useTopic({ robot, topic, cloud: true, maxRateHz: RATE_HZ, onInstant: begin }, ({ cloud, error }, seenMs) => {
     problem.value = cloud ? "" : (error ?? "no cloud");
     if (!cloud) return;
     if (Math.abs(seenMs - (received.peek() ?? 0)) > 1000) received.value = seenMs;
