@@ -22,6 +22,7 @@ const ACTIONS: readonly [string, string][] = [
   ["robots.revoke", "robots revoked"],
   ["agent.link", "robots' links refused"],
   ["robots.drive", "driving"],
+  ["robots.talk", "talking"],
   ["robots.call", "service calls"],
   ["robots.publish", "publishing"],
   ["robots.configure", "byte budgets"],

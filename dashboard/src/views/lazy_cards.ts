@@ -21,7 +21,15 @@ export interface LazyCard {
 
 const CLOUDS = ["sensor_msgs/msg/PointCloud2", "metaros_msgs/msg/QuantizedCloud"];
 
+const AUDIO = ["foxglove_msgs/msg/RawAudio", "metaros_msgs/msg/AudioPacket"];
+
 export const LAZY_CARDS: LazyCard[] = [
+  {
+    kind: "audio",
+    place: "side",
+    takes: (topic) => AUDIO.includes(topic.type) && (topic.topic.endsWith("/speaker/talk") || (isPublished(topic) && !topic.topic.includes("/speaker/"))),
+    Part: lazy(async () => (await import("../panels/audio")).AudioCard, null),
+  },
   {
     kind: "cloud",
     place: "wide",
