@@ -1,4 +1,4 @@
-"""A conversation with the motor board: one question, one answer, never waiting long."""
+"""A conversation with the motor board: a command and a question, an answer, never waiting long."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from metaros.drivers.unit import Unit
 
 __all__ = ["Board"]
 
-ANSWER_S: Final = 0.25
+ANSWER_S: Final = 0.2
 MAX_LINE: Final = 64
 
 
@@ -24,21 +24,16 @@ class Board:
         self._port = port
         self._lines = LineSplitter(max_bytes=MAX_LINE, count=unit.count)
 
-    def encoders(self) -> tuple[int, int] | None:
-        """Left and right; None where no such answer came."""
-        for line in self._ask(READ_ENCODERS):
+    def exchange(self, left_ticks: int, right_ticks: int) -> tuple[int, int] | None:
+        """Turn the wheels (ticks in one period of the board's controller) and read the encoders, left and right; None
+        where no such answer came. Both go out together, so that a stop never waits for an answer.
+        """
+        for line in self._ask(speeds(left_ticks, right_ticks) + READ_ENCODERS):
             if (counts := parse_encoders(line)) is not None:
                 return counts
-            self._unit.count("bad_answers")
+            if not is_ok(line):
+                self._unit.count("bad_answers")
         return None
-
-    def drive(self, left_ticks: int, right_ticks: int) -> bool:
-        """Ticks in one period of the board's controller; whether it said OK."""
-        for line in self._ask(speeds(left_ticks, right_ticks)):
-            if is_ok(line):
-                return True
-            self._unit.count("bad_answers")
-        return False
 
     def stop(self) -> None:
         """Say so, and do not wait for the answer."""

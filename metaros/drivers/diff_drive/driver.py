@@ -85,7 +85,7 @@ class DiffDriveDevice:
         self._port = SerialPort(unit, unit["port"], unit["baud"])
         self._board = Board(unit, self._port)
         until_s = unit.clock.monotonic_s() + BOOT_S
-        while not self._board.drive(0, 0):
+        while self._board.exchange(0, 0) is None:
             if unit.stopping:
                 return
             if unit.clock.monotonic_s() > until_s:
@@ -101,8 +101,7 @@ class DiffDriveDevice:
         period_s = 1 / unit["rate"]
         heard_s = next_s = unit.clock.monotonic_s()
         while not unit.stopping:
-            self._drive(board)
-            counts = board.encoders()
+            counts = board.exchange(*self._ticks())
             now_s, stamp_ns = unit.clock.monotonic_s(), unit.clock.wall_ns()
             if counts is not None:
                 heard_s = now_s
@@ -128,11 +127,11 @@ class DiffDriveDevice:
 
     # -- the wheels ------------------------------------------------------------------------------------------------
 
-    def _drive(self, board: Board) -> None:
+    def _ticks(self) -> tuple[int, int]:
         linear, angular = self._gate.speeds(self._unit.clock.monotonic_s())
         left, right = self._wheels.ticks(linear, angular)
         pid_rate = self._unit["pid_rate"]
-        board.drive(round(left / pid_rate), round(right / pid_rate))
+        return round(left / pid_rate), round(right / pid_rate)
 
     def _take(self, counts: tuple[int, int], now_s: float, stamp_ns: int) -> None:
         unit, odometer = self._unit, self._odometer

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
+from random import Random  # noqa: TID251 - seeded
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.drivers.lines import LineSplitter
@@ -36,6 +37,17 @@ def test_what_is_no_text_is_counted_and_skipped() -> None:
     assert counts == {"bad_lines": 2}
 
 
+def test_a_megabyte_of_noise_is_passed_over() -> None:
+    counts: Counter[str] = Counter()
+    lines, noise = splitter(counts, max_bytes=64), Random(8).randbytes(1_000_000)
+    for at in range(0, len(noise), 4096):
+        assert all(len(line) <= 64 for line in lines.feed(noise[at : at + 4096]))
+        assert len(lines._rest) <= 64
+    assert counts["long_lines"] > 1000
+    assert list(lines.feed(b"\nok\n"))[-1] == "ok"
+
+
+@settings(deadline=None)
 @given(st.lists(st.binary(max_size=40)))
 def test_any_pieces_give_what_the_whole_gives_and_little_is_kept(pieces: list[bytes]) -> None:
     whole, parts = splitter(Counter()), splitter(Counter())

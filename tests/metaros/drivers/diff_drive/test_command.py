@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.drivers.diff_drive.command import CommandGate
@@ -77,6 +77,7 @@ def test_forgetting_needs_a_new_command() -> None:
     assert made.speeds(0.1) == (0.0, 0.0)
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(st.floats(), st.floats(), st.floats(0, 1)), max_size=20))
 def test_speeds_are_always_within_the_limits(commands: list[tuple[float, float, float]]) -> None:
     made, now_s = gate(), 0.0

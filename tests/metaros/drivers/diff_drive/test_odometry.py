@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.drivers.diff_drive.kinematics import Pose, Wheels, moved, wrapped
@@ -22,6 +22,7 @@ def driven(odometer: Odometer, steps: int, linear: float, angular: float, state:
         assert odometer.feed((math.floor(state[0]), math.floor(state[1])), state[2], error=0.05)
 
 
+@settings(deadline=None)
 @given(st.floats(-2, 2), st.floats(-5, 5), st.sampled_from([-1, 1]), st.sampled_from([-1, 1]))
 def test_ticks_and_way_are_each_others_inverse(linear: float, angular: float, left: int, right: int) -> None:
     wheels = Wheels(radius_m=0.05, separation_m=0.3, ticks_per_turn=1000, left_sign=left, right_sign=right)
@@ -86,6 +87,7 @@ def test_after_a_pause_the_first_counts_are_where_it_stands() -> None:
     assert odometer.pose == before
 
 
+@settings(deadline=None)
 @given(st.integers(-(2**31), 2**31 - 1), st.integers(-(2**20), 2**20))
 def test_a_difference_is_right_over_the_wrap(count: int, step: int) -> None:
     after = (count + step + 2**31) % 2**32 - 2**31

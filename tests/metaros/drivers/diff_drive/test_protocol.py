@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.drivers.diff_drive.protocol import MAX_TICKS, is_ok, parse_encoders, speeds
@@ -36,6 +36,7 @@ def test_encoders_are_two_numbers_of_32_bits(line: str, counts: tuple[int, int] 
     assert parse_encoders(line) == counts
 
 
+@settings(deadline=None)
 @given(st.text(max_size=64))
 def test_any_line_is_counts_within_32_bits_or_none(line: str) -> None:
     counts = parse_encoders(line)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.drivers.gpio.pins import InputPin, OutputPin, parse_inputs, parse_outputs, refuse_doubles
@@ -64,6 +64,7 @@ def test_doubles_and_nothing_are_refused(inputs: str, outputs: str, says: str) -
         refuse_doubles(parse_inputs(inputs), parse_outputs(outputs))
 
 
+@settings(deadline=None)
 @given(st.text(max_size=60))
 def test_any_text_is_pins_or_a_clear_refusal(text: str) -> None:
     for parse in (parse_inputs, parse_outputs):

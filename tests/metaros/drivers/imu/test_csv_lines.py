@@ -6,7 +6,7 @@ import math
 from collections import Counter
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.drivers.imu.csv_lines import CsvDecoder
@@ -44,6 +44,7 @@ def test_what_no_sensor_measures_is_implausible(word: str) -> None:
     assert [plausible(sample) for sample in samples_of(f"0,0,{word},0,0,0\n0,0,0,0,{word},0\n".encode())] == [False] * 2
 
 
+@settings(deadline=None)
 @given(st.binary(max_size=600))
 def test_nothing_stops_the_decoder(data: bytes) -> None:
     found = samples_of(data + b"\n1,2,3,4,5,6\n")

@@ -7,7 +7,7 @@ from collections import Counter
 from random import Random  # noqa: TID251 - seeded
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.drivers.joystick.events import DROPPED, EV_ABS, EV_KEY, EV_SYN, RECORD, REPORT, EventReader, InputEvent
@@ -45,6 +45,7 @@ def test_noise_is_counted_and_records_after_it_are_found() -> None:
     assert counts["skipped_bytes"] > 900_000
 
 
+@settings(deadline=None)
 @given(st.lists(st.one_of(st.binary(max_size=40), st.just(record(EV_KEY, TL, 1)))))
 def test_whatever_comes_the_state_is_within_its_bounds(pieces: list[bytes]) -> None:
     state = PadState(STANDARD)
