@@ -1,1 +1,1 @@
-"""The camera driver: OpenCV sources to sensor_msgs/CompressedImage."""
+"""The camera driver: OpenCV sources to JPEG images, H.264 video and CameraInfo."""
