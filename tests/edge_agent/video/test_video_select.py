@@ -195,3 +195,25 @@ def test_what_goes_out_can_be_decoded_however_slow_the_link_is(moves: list[tuple
     assert all(number % 6 == 0 or number - 1 in sent for number in sent)
     assert pictures(MESSAGES[number] for number in sent) == [PICTURES[number] for number in sent]
     assert rig.live.size_bytes == 0
+
+
+def test_frames_are_told_apart_before_they_are_sealed() -> None:
+    rig = Rig(live_bytes=sum(SIZES[:9]))
+    rig.live.seal = lambda channel, seq, payload: payload[::-1]
+    rig.channels.demand({1: 0.0})
+    rig.arrive(*range(10))
+    (run,) = rig.live.take(1 << 30).values()
+    assert [MESSAGES.index(sample.data[::-1]) for sample in run] == [6, 7, 8, 9]
+
+
+def test_a_link_that_ends_forgets_what_waits() -> None:
+    rig = Rig()
+    rig.channels.demand({1: 0.0})
+    rig.arrive(0, 1)
+    rig.channels.demand({})
+    rig.live.clear()
+    assert rig.channel.video is not None
+    assert (rig.channel.video.waiting_s, rig.channel.dropped, len(rig.live)) == (0.0, 2, 0)
+    rig.channels.demand({1: 0.0})
+    rig.arrive(2, 6)
+    assert rig.sent() == [6]
