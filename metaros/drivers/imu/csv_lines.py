@@ -54,6 +54,8 @@ class CsvDecoder:
 
 
 def _numbers(line: str) -> list[float]:
+    if "_" in line:  # which Python takes within numbers
+        return []
     try:
         return [float(text) for text in line.translate(_BLANKS).split()]
     except ValueError:

@@ -34,9 +34,13 @@ def test_nine_numbers_have_the_magnetic_field_and_units_are_converted() -> None:
 
 def test_other_lines_are_counted_and_skipped() -> None:
     counts: Counter[str] = Counter()
-    data = b"ax,ay,az,gx,gy,gz\n1,2,3\n1,2,3,4,5,6,7\n1,2,3,4,5,x\n" + b"9" * 1000 + b"\n\xff\xff\n1,2,3,4,5,6\n"
+    data = (
+        b"ax,ay,az,gx,gy,gz\n1,2,3\n1,2,3,4,5,6,7\n1,2,3,4,5,x\n1,2,3,4,5,6_0\n"
+        + b"9" * 1000
+        + b"\n\xff\xff\n1,2,3,4,5,6\n"
+    )
     assert len(samples_of(data, counts)) == 1
-    assert counts == {"bad_lines": 5, "long_lines": 1}
+    assert counts == {"bad_lines": 6, "long_lines": 1}
 
 
 @pytest.mark.parametrize("word", ["nan", "inf", "-inf", "1e300", "9999"])
