@@ -14,9 +14,11 @@ from playwright.sync_api import Page, expect
 
 from metaros.cdr import codec
 from metaros.convert import numpy_to_points, numpy_to_quantized
-from tests.e2e.conftest import save
+from tests.e2e.conftest import PHONE, save
 from tests.e2e.fake_gateway import FakeGateway
+from tests.e2e.fake_history import KEPT_HZ
 from tests.e2e.fake_world import TOPICS, FakeRobot, FakeTopic
+from tests.e2e.test_time_bar import at
 from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
@@ -215,3 +217,35 @@ def test_without_webgl_words_stand_in_its_place(gateway: FakeGateway, open_page:
     page.goto(f"{gateway.url}/robots/sim_1")
     expect(page.locator("[data-card=cloud] .problem")).to_contain_text("WebGL 2 is off or missing")
     expect(page.locator("[data-card=cloud] .note")).to_contain_text("32,000 points")
+
+
+def test_the_past_has_the_cloud_of_then(
+    gateway: FakeGateway, open_page: OpenPage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(KEPT_HZ, "points", 1.0)
+    url, _ = at(gateway, 600)
+    page = open_page(url)
+    assert drawn(page, "d.points > 0")["points"] == "32000"
+    wait_until(lambda: len(hues(page)) >= 5)
+
+
+def test_on_a_phone_it_is_as_wide_as_the_screen_and_turned_by_touch(gateway: FakeGateway, open_page: OpenPage) -> None:
+    page = open_page(f"{gateway.url}/robots/sim_1", size=PHONE, touch=True)
+    data = drawn(page, "d.points > 0")
+    box = page.locator(CANVAS).bounding_box()
+    assert box is not None
+    assert 300 < box["width"] <= PHONE["width"]
+    page.evaluate(f"""() => {{
+      const canvas = document.querySelector({CANVAS!r});
+      canvas.setPointerCapture = () => undefined; // these pointers are not real ones
+      const send = (kind, pointerId, clientX) =>
+        canvas.dispatchEvent(new PointerEvent(kind, {{ pointerId, clientX, clientY: 300, bubbles: true }}));
+      send("pointerdown", 11, 100);
+      send("pointermove", 11, 160);
+      send("pointerdown", 12, 200);
+      send("pointermove", 12, 260);
+      send("pointerup", 12, 260);
+      send("pointerup", 11, 160);
+    }}""")
+    drawn(page, f"d.yaw !== {data['yaw']!r} && d.distance < {data['distance']}")
+    save(page, "cloud_phone")
