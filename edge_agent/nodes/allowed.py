@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from metaros.drivers.registry import manifest_of
+from metaros.drivers.values import read_values
 from metaros.errors import ConfigError, NameError_
 from metaros.idl.globs import Glob
 from metaros.limits import LIMITS
@@ -22,18 +24,20 @@ _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}\Z")
 _DOTTED: Final = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*\Z")
 _ROS: Final = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*\Z")
 _TYPE: Final = re.compile(r"\w+/msg/\w+\Z")
-_KINDS: Final = ("command", "module", "class")
-_KEYS: Final = ("name", *_KINDS, "args", "parameters", "env", "cwd")
+_KINDS: Final = ("command", "module", "class", "driver")
+_KEYS: Final = ("name", *_KINDS, "args", "parameters", "fixed", "env", "cwd")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Allowed:
-    """One `[[allowed]]`: a program that may run under this name. Exactly one of `command`, `module`, `class_`."""
+    """One `[[allowed]]`: a program that may run under this name. Exactly one of `_KINDS`."""
 
     name: str
     command: tuple[str, ...] = ()
     module: str = ""
     class_: str = ""
+    driver: str = ""  # a kind of metaros.drivers: what it marks as local never comes from afar
+    fixed: Mapping[str, Any] = field(default_factory=dict)  # a driver's parameters that this robot sets itself
     args: bool = False  # whether arguments may be added from afar: of some programs they are programs, too
     parameters: bool = True  # whether ROS parameters may
     env: Mapping[str, str] = field(default_factory=dict)
@@ -146,9 +150,11 @@ def _entry(row: Mapping[str, Any], where: str) -> Allowed:
         raise ConfigError(f"{where}: env: expected a table of texts")
     if not isinstance(cwd, str) or "\0" in cwd:
         raise ConfigError(f"{where}: cwd: expected a path")
+    fixed = _fixed(row.get("fixed", {}), program.get("driver", ""), where)
     return Allowed(
         name=name,
         **program,
+        fixed=fixed,
         args=row.get("args", False),
         parameters=row.get("parameters", given[0] != "command"),
         env=env,
@@ -156,9 +162,25 @@ def _entry(row: Mapping[str, Any], where: str) -> Allowed:
     )
 
 
+def _fixed(value: object, driver: str, where: str) -> Mapping[str, Any]:
+    if not isinstance(value, dict) or (value and not driver):
+        raise ConfigError(f'{where}: fixed: expected a table of a driver\'s parameters: {{port = "/dev/ttyUSB0"}}')
+    try:
+        return read_values(manifest_of(driver), value) if value else {}
+    except ConfigError as error:
+        raise ConfigError(f"{where}: fixed: {error}") from None
+
+
 def _program(kind: str, value: object, where: str) -> dict[str, Any]:
     if kind == "command":
         return {"command": _command(value, f"{where}: command")}
+    if kind == "driver":
+        if not isinstance(value, str):
+            raise ConfigError(f"{where}: driver: expected a kind, such as camera")
+        try:
+            return {"driver": manifest_of(value).kind}
+        except ConfigError as error:
+            raise ConfigError(f"{where}: driver: {error}") from None
     module, colon, name = value.partition(":") if isinstance(value, str) else ("", "", "")
     if not _DOTTED.match(module) or (kind == "class") != bool(colon) or (colon and not _DOTTED.match(name)):
         raise ConfigError(

@@ -8,10 +8,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any, Final
 
-from edge_agent.nodes.allowed import NodeSettings
+from edge_agent.nodes.allowed import Allowed, NodeSettings
 from edge_agent.nodes.bundles import Bundle
 from edge_agent.nodes.container import check_container, run_argv, take_away_argv
 from edge_agent.nodes.errors import NodeRefusedError
+from metaros.drivers.registry import manifest_of
+from metaros.drivers.values import read_values
+from metaros.errors import ConfigError
 from metaros.supervise.policy import Restart
 from metaros.supervise.table_file import Row
 from metaros.twin.document import NodeWanted
@@ -63,13 +66,30 @@ def check_allowed(node: NodeWanted, settings: NodeSettings) -> None:
         raise NodeRefusedError(f"{node.name}: the robot's [[allowed]] {entry.name!r} takes no arguments from afar")
     if node.parameters and not entry.parameters:
         raise NodeRefusedError(f"{node.name}: the robot's [[allowed]] {entry.name!r} takes no parameters from afar")
+    if entry.driver:
+        _check_driver(node, entry)
+
+
+def _check_driver(node: NodeWanted, entry: Allowed) -> None:
+    """What a driver opens, and what it may move, is this robot's own word: see Manifest."""
+    manifest = manifest_of(entry.driver)
+    try:
+        read_values(manifest, node.parameters)
+    except ConfigError as error:
+        raise NodeRefusedError(f"{node.name}: {error}") from None
+    for name in node.parameters:
+        if name in entry.fixed or manifest.parameter(name).local:
+            raise NodeRefusedError(
+                f"{node.name}: {entry.driver}: {name} is set on the robot only, by `fixed` of its [[allowed]] entry"
+            )
 
 
 def row_of(node: NodeWanted, settings: NodeSettings, place: Place, bundle: Bundle | None = None) -> Row:
     """The row; `bundle` is the one that it names. Raises NodeRefusedError."""
     check_allowed(node, settings)
     argv, env, cwd, ours, named = _program(node, settings, place, bundle)
-    ros = tuple(_ros_args(node, place, named=named))
+    fixed = settings.allowed[node.allowed].fixed if node.allowed else {}
+    ros = tuple(_ros_args(node, place, {**node.parameters, **fixed}, named=named))
     return Row(
         name=node.name,
         argv=(*argv, *node.args, *(("--ros-args", *ros) if ros else ())),
@@ -125,15 +145,18 @@ def _program(node: NodeWanted, settings: NodeSettings, place: Place, bundle: Bun
     entry = settings.allowed[node.allowed]
     if entry.command:
         return entry.command, entry.env, entry.cwd, False, False
-    what = ("module", entry.module) if entry.module else ("class", entry.class_)
+    if entry.driver:
+        what = ("driver", entry.driver)
+    else:
+        what = ("module", entry.module) if entry.module else ("class", entry.class_)
     return (place.python, *CHILD, *what), entry.env, entry.cwd, True, True
 
 
-def _ros_args(node: NodeWanted, place: Place, *, named: bool) -> Iterator[str]:
+def _ros_args(node: NodeWanted, place: Place, parameters: Mapping[str, Any], *, named: bool) -> Iterator[str]:
     """Name, namespace and parameters as ROS 2 passes them; a command gets them only where it has parameters."""
     if named:
         yield from ("-r", f"__node:={node.name}")
-    if place.namespace != "/" and (named or node.parameters):
+    if place.namespace != "/" and (named or parameters):
         yield from ("-r", f"__ns:={place.namespace}")
-    for name, value in node.parameters.items():
+    for name, value in parameters.items():
         yield from ("-p", f"{name}:={json.dumps(value, ensure_ascii=False)}")

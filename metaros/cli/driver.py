@@ -1,17 +1,27 @@
-"""`metaros driver`: run the drivers that come with Meta-ROS, each a node."""
+"""`metaros driver`: the drivers that come with Meta-ROS, and one's own: list, look for devices, run."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from metaros.cli.driver_devices import new, probe
+from metaros.cli.driver_header import header
 from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, StatusFile, ZenohPort
 from metaros.errors import ConfigError
 
+if TYPE_CHECKING:
+    from metaros.cli.output import Output
+    from metaros.drivers import Manifest
+
 __all__ = ["register"]
 
-group = typer.Typer(name="driver", no_args_is_help=True, help="Drivers: list them, run one.")
+group = typer.Typer(name="driver", no_args_is_help=True, help="Drivers: list them, find devices, run one.")
+group.command("probe")(probe)
+group.command("new")(new)
+group.command("header")(header)
 
 
 def register(app: typer.Typer) -> None:
@@ -23,18 +33,50 @@ def register(app: typer.Typer) -> None:
 def list_(output: FormatOption = Format.TEXT) -> None:
     """List the kinds of drivers there are."""
     from metaros.cli.output import Output
-    from metaros.drivers import DRIVERS
+    from metaros.drivers import all_manifests
 
+    Output(output).listing(
+        ("Driver", "What it is", "Quality", "Missing here"),
+        [
+            {
+                "kind": kind.kind,
+                "name": kind.name,
+                "summary": kind.summary,
+                "quality": kind.quality,
+                "missing": _missing(kind),
+            }
+            for kind in all_manifests()
+        ],
+        lambda row: (row["kind"], row["name"], row["quality"], ", ".join(row["missing"])),
+    )
+
+
+@group.command("info")
+def info(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="Such as camera, or ./folder of one of your own.")],
+    output: FormatOption = Format.TEXT,
+) -> None:
+    """Show what a driver publishes, and its parameters."""
+    from dataclasses import asdict
+
+    from metaros.cli.output import Output
+    from metaros.drivers import manifest_of
+    from metaros.drivers.manifest import read_manifest
+
+    folder = _folder(kind)
+    manifest = manifest_of(kind) if folder is None else read_manifest(folder.resolve() / "manifest.toml")
     out = Output(output)
     if out.json:
-        out.objects([{"kind": driver.kind, "summary": driver.summary} for driver in DRIVERS])
+        out.objects(asdict(manifest) | {"missing": _missing(manifest)})
     else:
-        out.table(("Driver", "What it does"), [(driver.kind, driver.summary) for driver in DRIVERS])
+        _page(out, manifest)
 
 
 @group.command("run")
 def run(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="Such as camera; `metaros driver list` shows all.")],
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help="Such as camera, see `metaros driver list`, or ./folder of your own.")
+    ],
     param: Annotated[
         list[str] | None,
         typer.Option("--param", "-p", metavar="NAME=VALUE", help="A setting; repeat it."),
@@ -42,6 +84,7 @@ def run(
     namespace: Annotated[
         str, typer.Option("--namespace", metavar="NAMESPACE", help="Publish below this namespace.")
     ] = "/",
+    name: Annotated[str, typer.Option("--name", metavar="NAME", help="The node's name; else the kind's.")] = "",
     zenoh_port: ZenohPort = DEFAULT_ZENOH_PORT,
     domain: Domain = 0,
     status_file: StatusFile = "",
@@ -49,12 +92,53 @@ def run(
     """Run a driver until Ctrl-C."""
     from metaros.cli import running
     from metaros.cli.connection import connect
-    from metaros.drivers import run_driver
+    from metaros.drivers.registry import device_maker, maker_in, manifest_of
+    from metaros.drivers.run import run_device
+    from metaros.drivers.values import read_values
 
+    folder = _folder(kind)
+    manifest, make = (manifest_of(kind), device_maker(kind)) if folder is None else maker_in(folder)
+    values = read_values(manifest, _parameters(param or []))  # what is wrong is said before anything is asked
     with running.stop_on_signals() as stop, connect(zenoh_port, domain) as context:
-        running.write_status(running.status_file(status_file), driver=kind, namespace=namespace)
-        run_driver(kind, _parameters(param or []), context=context, namespace=namespace, stop=stop)
+        running.write_status(running.status_file(status_file), driver=manifest.kind, namespace=namespace)
+        run_device(manifest, make, values, context=context, namespace=namespace, name=name, stop=stop)
     typer.echo("stopped")
+
+
+def _folder(kind: str) -> Path | None:
+    """The folder that a KIND with a separator, or a dot at its beginning, names."""
+    return Path(kind) if kind.startswith(".") or "/" in kind or "\\" in kind else None
+
+
+def _missing(manifest: Manifest) -> list[str]:
+    here = [] if manifest.runs_here else [f"runs on {' and '.join(manifest.platforms)} only"]
+    return [*here, *manifest.missing()]
+
+
+def _page(out: Output, manifest: Manifest) -> None:
+    from metaros.drivers.manifest import QUALITIES
+
+    out.line(f"{out.style(manifest.name, '1')}: {manifest.summary}")
+    out.line(f"{manifest.quality}: {QUALITIES[manifest.quality]}")
+    if missing := _missing(manifest):
+        out.line(f"missing here: {', '.join(missing)}; pip install 'metaros[{manifest.extra}]'")
+    for title, endpoints in (
+        ("Publishes", manifest.publishes),
+        ("Subscribes", manifest.subscribes),
+        ("Services", manifest.services),
+    ):
+        if endpoints:
+            out.line()
+            out.table((title, "Type", ""), [(item.topic, item.type, item.summary) for item in endpoints])
+    out.line()
+    out.table(
+        ("Parameter", "Type", "Default", "Meaning"),
+        [(item.name, item.type, _shown(item.default), item.summary) for item in manifest.parameters],
+    )
+
+
+def _shown(value: Any) -> str:
+    return '""' if value == "" else str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _parameters(pairs: list[str]) -> dict[str, str]:

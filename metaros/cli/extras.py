@@ -11,7 +11,10 @@ __all__ = ["EXTRAS", "missing_modules", "require"]
 EXTRAS: dict[str, tuple[str, ...]] = {
     "agent": ("edge_agent", "grpc", "google.protobuf", "psutil"),
     "gateway": ("gateway", "fastapi", "uvicorn", "websockets", "grpc", "google.protobuf", "orjson"),
-    "drivers": ("cv2",),
+    "drivers": ("cv2", "serial", "psutil"),
+    "video": ("av",),
+    "can": ("can", "cantools"),
+    "mavlink": ("pymavlink",),
     "postgres": ("asyncpg",),
     "zmq": ("zmq",),
 }

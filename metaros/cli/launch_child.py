@@ -1,9 +1,9 @@
-"""Run as `python -m metaros.cli.launch_child module|class WHAT ARGUMENT...`: a node of a launch table.
+"""Run as `python -m metaros.cli.launch_child module|class|driver WHAT ARGUMENT...`: a node of a launch table.
 
 With `spare` alone it stands by until a line on its input tells which node to be. It asks by itself to die with the
 launcher, which saves the interpreter that the guard would cost, takes the `--ros-args` out of the command line for the
-nodes, and becomes the module, or makes the class's node and spins it. Only what it needs is imported: this is the
-start of every supervised node.
+nodes, and becomes the module, runs the driver, or makes the class's node and spins it. Only what it needs is imported:
+this is the start of every supervised node.
 """
 
 from __future__ import annotations
@@ -67,6 +67,11 @@ def _run(kind: str, what: str, *arguments: str) -> None:
     sys.argv = [what, *take_ros_args(arguments)]
     if kind == "class":
         _spin_class(what)
+    elif kind == "driver":
+        from metaros.drivers.run import main as run_driver
+
+        sys.argv = ["metaros.drivers.run", what, *sys.argv[1:]]
+        run_driver()
     else:
         import runpy
 

@@ -39,10 +39,25 @@ def check_exists(table: LaunchTable) -> None:
             if shutil.which(program) is None and not (table.folder / program).is_file():
                 raise ConfigError(f"{where}: command: there is no program {program!r}")
             continue
+        if row.driver:
+            _check_driver(row, where)
+            continue
         module = row.module or row.class_.partition(":")[0]
         if not _module_exists(module, table.folder):
             key = "module" if row.module else "class"
             raise ConfigError(f"{where}: {key}: there is no module {module!r}, neither in {table.folder} nor installed")
+
+
+def _check_driver(row: NodeRow, where: str) -> None:
+    from metaros.drivers import manifest_of
+    from metaros.drivers.values import read_values
+
+    try:
+        manifest = manifest_of(row.driver)
+        manifest.check_runnable()
+        read_values(manifest, row.parameters)
+    except ConfigError as error:
+        raise ConfigError(f"{where}: driver: {error}") from None
 
 
 def _module_exists(name: str, folder: Path) -> bool:
@@ -75,8 +90,14 @@ def node_names(table: LaunchTable) -> Mapping[str, str]:
     }
 
 
+def _what(row: NodeRow) -> tuple[str, str]:
+    if row.driver:
+        return "driver", row.driver
+    return ("module", row.module) if row.module else ("class", row.class_)
+
+
 def _launch(row: NodeRow, table: LaunchTable, place: Place, stage: int) -> Launch:
-    what = row.command or (*PROGRAM, *(("module", row.module) if row.module else ("class", row.class_)))
+    what = row.command or (*PROGRAM, *_what(row))
     ros = tuple(_ros_args(row))
     return Launch(
         name=row.name,

@@ -82,7 +82,7 @@ NOUNS = (
     Noun("history", "", ROBOTS, "topics, messages, export: what a gateway has stored", "gateway"),
     Noun("anomaly", "", ROBOTS, "score: what is unusual in a file of samples", "gateway"),
     Noun("seal", "metaros.cli.seal", ROBOTS, "key, open: sealed topics, which the gateway cannot read"),
-    Noun("driver", "metaros.cli.driver", ROBOTS, "list, run: cameras and other devices", "drivers"),
+    Noun("driver", "metaros.cli.driver", ROBOTS, "list, probe, info, run, new: cameras and other devices"),
 )
 
 

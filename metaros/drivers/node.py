@@ -12,6 +12,7 @@ from metaros.drivers.back_off import BackOff
 from metaros.drivers.diagnostics import Diagnostics
 from metaros.drivers.faults import FAULTS, FaultBox
 from metaros.drivers.manifest import Manifest
+from metaros.drivers.repeats import Repeats
 from metaros.drivers.standing import DriverState, Standing
 from metaros.drivers.unit import Device, Unit
 from metaros.drivers.values import declare, read_values
@@ -51,6 +52,7 @@ class DriverNode(LifecycleNode):
             declare(self, manifest)
             self.standing = Standing(self.clock, stale_after_s=manifest.stale_after_s)
             self.faults = FaultBox(system_rng())
+            self._repeats = Repeats(self.clock)
             self._diagnostics = Diagnostics(self, manifest.kind, self.standing)
             self.parameters.on_change()(self._changed)
             if self.parameters["allow_faults"]:
@@ -94,10 +96,15 @@ class DriverNode(LifecycleNode):
         return True
 
     def on_activate(self) -> bool:
-        """Start working."""
-        assert self._unit is not None
-        self._unit.stop.clear()
-        self._thread = threading.Thread(target=self._work, name=f"driver {self.name}", daemon=True)
+        """Start working; refused while the device has not let go since the last time."""
+        unit, device = self._unit, self._device
+        assert unit is not None
+        assert device is not None
+        if self._thread is not None and self._thread.is_alive():
+            self.get_logger().error(f"{self.manifest.kind}: the device has still not let go")
+            return False
+        unit.stop.clear()
+        self._thread = threading.Thread(target=self._work, args=(unit, device), name=f"driver {self.name}", daemon=True)
         self._thread.start()
         return True
 
@@ -118,20 +125,18 @@ class DriverNode(LifecycleNode):
 
     # -- the device's thread ---------------------------------------------------------------------------------------
 
-    def _work(self) -> None:
-        unit, device = self._unit, self._device
-        assert unit is not None
-        assert device is not None
+    def _work(self, unit: Unit, device: Device) -> None:
         back_off = BackOff()
         while not unit.stop.is_set():
             self.standing.enter(DriverState.OPENING, self.standing.detail)
             before = self.standing.counters["readings"]
+            why = ""
             try:
                 if not unit.stopping:
                     device.open()
                     device.run()
             except UnavailableError as error:
-                self._await(unit, back_off, str(error), worked=self.standing.counters["readings"] > before)
+                why = str(error)
             except ClosedError:
                 return
             except ConfigError as error:
@@ -139,31 +144,40 @@ class DriverNode(LifecycleNode):
                 self.get_logger().error(str(error))
                 return
             except Exception as error:  # a fault of ours: said, and tried again, for a robot goes on
-                LOG.exception("%s: the driver failed", self.full_name)
-                self._await(unit, back_off, f"driver error: {error!r}", worked=False)
+                why = f"driver error: {error!r}"
+                if self._repeats.fresh(f"trace of {why}"):
+                    LOG.exception("%s: the driver failed", self.full_name)
             finally:
-                device.close()
+                self._let_go(device)
+            if self.standing.counters["readings"] > before:
+                back_off.worked()
+            if not unit.stop.is_set():
+                self._await(unit, back_off.next_s(), why or "the device ended")
         self.standing.enter(DriverState.RESTING)
 
-    def _await(self, unit: Unit, back_off: BackOff, why: str, *, worked: bool) -> None:
-        if worked:
-            back_off.worked()
-        if why != self.standing.detail or self.standing.state is not DriverState.OPENING:
+    def _await(self, unit: Unit, wait_s: float, why: str) -> None:
+        if self._repeats.fresh(why):
             self.get_logger().warn(f"{self.manifest.kind}: {why}; trying again")
         self.standing.count("reconnects")
         self.standing.enter(DriverState.WAITING, why)
-        self._device.close()  # type: ignore[union-attr]
-        unit.stop.wait(back_off.next_s())
+        unit.stop.wait(wait_s)
+
+    def _let_go(self, device: Device) -> None:
+        try:
+            device.close()
+        except Exception as error:  # whatever it says, it is opened anew
+            if self._repeats.fresh(f"close: {error!r}"):
+                LOG.exception("%s: the device could not be closed", self.full_name)
 
     def _halt(self) -> bool:
         if self._unit is not None:
             self._unit.stop.set()
-        thread, self._thread = self._thread, None
-        if thread is not None:
-            thread.join(CLOSE_S)
-            if thread.is_alive():
+        if self._thread is not None:
+            self._thread.join(CLOSE_S)
+            if self._thread.is_alive():
                 self.get_logger().error(f"{self.manifest.kind}: the device did not let go within {CLOSE_S:g} s")
                 return False
+        self._thread = None
         return True
 
     def _forget(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
@@ -16,7 +17,9 @@ if TYPE_CHECKING:
     from metaros.drivers.probing import Found
     from metaros.drivers.unit import Device, Unit
 
-__all__ = ["FOLDER", "all_manifests", "device_maker", "driver_kinds", "manifest_of", "prober"]
+    Maker = Callable[[Unit], Device]
+
+__all__ = ["FOLDER", "all_manifests", "device_maker", "driver_kinds", "maker_in", "manifest_of", "prober"]
 
 FOLDER: Final = Path(__file__).resolve().parent
 
@@ -40,11 +43,35 @@ def all_manifests() -> tuple[Manifest, ...]:
     return tuple(manifest_of(kind) for kind in driver_kinds())
 
 
-def device_maker(kind: str) -> Callable[[Unit], Device]:
+def device_maker(kind: str) -> Maker:
     """`make` of the kind's module `driver`; ConfigError where this machine lacks what it needs."""
     manifest_of(kind).check_runnable()
     module = importlib.import_module(f"metaros.drivers.{kind}.driver")
-    return cast("Callable[[Unit], Device]", module.make)
+    return cast("Maker", module.make)
+
+
+def maker_in(folder: Path) -> tuple[Manifest, Maker]:
+    """A kind of somebody's own: a folder with `manifest.toml` and `driver.py`, imported as the package it is.
+
+    ConfigError where there is none, or its name belongs to another package.
+    """
+    folder = folder.resolve()
+    manifest = read_manifest(folder / "manifest.toml")
+    manifest.check_runnable()
+    if not folder.name.isidentifier() or not (folder / "driver.py").is_file():
+        raise ConfigError(f"{folder}: expected a folder named like a Python package, with a driver.py in it")
+    if str(folder.parent) not in sys.path:
+        sys.path.insert(0, str(folder.parent))
+    importlib.invalidate_caches()
+    try:
+        module = importlib.import_module(f"{folder.name}.driver")
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"{folder / 'driver.py'}: {error}; is its folder's name that of another package?") from None
+    if module.__file__ is None or Path(module.__file__).resolve() != folder / "driver.py":
+        raise ConfigError(f"{folder}: its name is that of another package, {module.__file__}; give it one of its own")
+    if not callable(getattr(module, "make", None)):
+        raise ConfigError(f"{folder / 'driver.py'}: it has no make(unit)")
+    return manifest, cast("Maker", module.make)
 
 
 def prober(kind: str) -> Callable[[], Sequence[Found]] | None:

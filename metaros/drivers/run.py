@@ -5,18 +5,20 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
+from metaros.drivers.manifest import Manifest
 from metaros.drivers.node import DriverNode
 from metaros.drivers.registry import device_maker, manifest_of
+from metaros.drivers.unit import Device, Unit
 from metaros.errors import ConfigError
 from metaros.executor import SingleThreadedExecutor
 from metaros.node import Context, heartbeat
 from metaros.node.context import shared_context
 from metaros.signals import StopEvent, stop_signals
 
-__all__ = ["main", "run_driver"]
+__all__ = ["main", "run_device", "run_driver"]
 
 _LOOK_S: Final = 0.2
 
@@ -35,9 +37,29 @@ def run_driver(
     Raises:
         ConfigError: no such kind, a parameter it does not have or cannot use, or a library that is not installed.
     """
-    stop = threading.Event() if stop is None else stop
-    make = device_maker(kind)
-    node = DriverNode(manifest_of(kind), make, parameters, context=context, namespace=namespace, name=name)
+    run_device(
+        manifest_of(kind),
+        device_maker(kind),
+        parameters,
+        context=context,
+        namespace=namespace,
+        name=name,
+        stop=threading.Event() if stop is None else stop,
+    )
+
+
+def run_device(
+    manifest: Manifest,
+    make: Callable[[Unit], Device],
+    parameters: Mapping[str, Any],
+    *,
+    context: Context,
+    namespace: str = "/",
+    name: str = "",
+    stop: threading.Event,
+) -> None:
+    """The same for any manifest and its `make`, such as those of a folder outside this package."""
+    node = DriverNode(manifest, make, parameters, context=context, namespace=namespace, name=name)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     heartbeat.follow(node)

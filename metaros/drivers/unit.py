@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from metaros.clock import Clock
 from metaros.drivers.faults import FaultBox
 from metaros.drivers.manifest import Manifest
+from metaros.drivers.repeats import Repeats
 from metaros.drivers.standing import Standing
 from metaros.errors import UnavailableError
 from metaros.interfaces.builtin_interfaces.msg import Time
@@ -72,6 +73,7 @@ class Unit:
         self.clock: Clock = node.clock
         self.log = node.get_logger()
         self.stop = threading.Event()
+        self._repeats = Repeats(self.clock)
         self._endpoints: list[Any] = []
         self._changes: dict[str, list[Callable[[Any], object]]] = {}
 
@@ -167,7 +169,8 @@ class Unit:
     def opened(self, detail: str, *, hardware_id: str = "") -> None:
         """The device answers: say so, and which it is."""
         self.standing.opened(detail, hardware_id)
-        self.log.info(f"{self.manifest.kind}: {detail}")
+        if self._repeats.fresh(detail):
+            self.log.info(f"{self.manifest.kind}: {detail}")
 
     def count(self, name: str, by: int = 1) -> None:
         """Add to a counter, such as `bad_checksum`."""
@@ -179,7 +182,7 @@ class Unit:
 
     def warn(self, text: str) -> None:
         """What is wrong though the device works; an empty text: nothing any more."""
-        if text and text != self.standing.warning:
+        if text and text != self.standing.warning and self._repeats.fresh(text):
             self.log.warn(f"{self.manifest.kind}: {text}")
         self.standing.warning = text
 

@@ -24,7 +24,8 @@ MAX_BYTES: Final = 1024 * 1024
 MAX_NODES: Final = 256
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _DOTTED: Final = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*\Z")
-_KINDS: Final = ("module", "class", "command")
+_KINDS: Final = ("module", "class", "driver", "command")
+_DRIVER: Final = re.compile(r"[a-z][a-z0-9_]*\Z")
 
 TABLE_KEYS: Final = ("node", "safe_stop", "safe_stop_service", "env", "log_bytes", "heartbeat_s", "spare")
 NODE_KEYS: Final = (
@@ -50,11 +51,12 @@ _POLICY_FIELDS: Final = {"when": "restart", "exits": "window_exits"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeRow:
-    """One `[[node]]`: exactly one of `module`, `class_` and `command` says what it is."""
+    """One `[[node]]`: exactly one of `module`, `class_`, `driver` and `command` says what it is."""
 
     name: str
     module: str = ""
     class_: str = ""
+    driver: str = ""  # a kind of `metaros driver list`
     command: tuple[str, ...] = ()
     args: tuple[str, ...] = ()
     namespace: str = ""
@@ -73,7 +75,7 @@ class NodeRow:
     @property
     def what(self) -> str:
         """What it runs, in one word or line."""
-        return self.module or self.class_ or " ".join(self.command)
+        return self.module or self.class_ or self.driver or " ".join(self.command)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,6 +238,10 @@ def _what(keys: _Keys) -> dict[str, Any]:
             raise keys.fail(kind, 'expected a program and its arguments: ["ros2", "run", "pkg", "node"]')
         return {"command": command}
     text = keys.value(kind, str, "")
+    if kind == "driver":
+        if not _DRIVER.match(text):
+            raise keys.fail(kind, f"{text!r} does not look like camera; `metaros driver list` shows the kinds")
+        return {"driver": text}
     module, colon, name = text.partition(":")
     if not _DOTTED.match(module) or (kind == "class") != bool(colon) or (colon and not _DOTTED.match(name)):
         shape = "package.module:Class" if kind == "class" else "package.module"

@@ -1,0 +1,1 @@
+"""This host's CPU, memory, disk, temperature and network."""

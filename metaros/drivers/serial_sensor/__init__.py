@@ -1,0 +1,1 @@
+"""Any sensor that writes lines of text on a serial port."""

@@ -1,0 +1,21 @@
+"""A log that a device which stays away cannot fill."""
+
+from __future__ import annotations
+
+from metaros.clock import ManualClock
+from metaros.drivers.repeats import MAX_TEXTS, Repeats
+
+
+def test_hours_of_the_same_are_a_line_a_minute() -> None:
+    clock = ManualClock()
+    repeats = Repeats(clock)
+    said = 0
+    for _ in range(7200):
+        said += repeats.fresh("away")
+        clock.advance(1.0)
+    assert 100 <= said <= 120
+
+
+def test_texts_that_always_differ_are_bounded_too() -> None:
+    repeats = Repeats(ManualClock())
+    assert sum(repeats.fresh(f"away {number}") for number in range(1000)) == MAX_TEXTS
