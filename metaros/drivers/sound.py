@@ -21,7 +21,7 @@ PACKET_S: Final = 0.02
 LATENCY_S: Final = 0.06  # of the device's own buffer
 STUCK_S: Final = 2.0
 _POLL_S: Final = 0.005
-_AHEAD_S: Final = 0.1
+_AHEAD_S: Final = 0.06
 
 _lock = threading.Lock()
 _open: set[int] = set()
@@ -41,7 +41,7 @@ class SoundStream:
         self._unit = unit
         self._errors = portaudio.PortAudioError
         self.frames = round(rate * PACKET_S)
-        self._frame_bytes = 2 * channels
+        self.blocked = False  # whether the device was waited for at the last packet
         device = str(unit["device"]).strip()
         make = portaudio.RawInputStream if direction == "input" else portaudio.RawOutputStream
         self._stream: Any = None
@@ -93,9 +93,10 @@ class SoundStream:
     def _await(self, available: str) -> None:
         """Wait by looking, so that a device that hangs is noticed and a driver that stops need not wait."""
         clock = self._unit.clock
-        until_s = clock.monotonic_s() + STUCK_S
+        until_s, self.blocked = clock.monotonic_s() + STUCK_S, False
         try:
             while getattr(self._stream, available) < self.frames:
+                self.blocked = True
                 if self._unit.wait(_POLL_S):
                     return
                 if clock.monotonic_s() > until_s:
@@ -105,18 +106,17 @@ class SoundStream:
 
 
 class Pacer:
-    """Keeps a device that never blocks (ALSA's null and file) at its rate; one that does is never waited for."""
+    """Keeps a device that never blocks (ALSA's null and file) at its rate; one that does sets the pace itself."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._due_s = clock.monotonic_s()
 
-    def ahead_s(self) -> float:
-        """After each packet: how long to wait."""
+    def ahead_s(self, *, blocked: bool) -> float:
+        """After each packet: how long to wait; 0 where the device was waited for."""
         now_s = self._clock.monotonic_s()
-        self._due_s = max(self._due_s + PACKET_S, now_s - _AHEAD_S)
-        ahead_s = self._due_s - now_s
-        return ahead_s if ahead_s > _AHEAD_S else 0.0
+        self._due_s = now_s if blocked else max(self._due_s + PACKET_S, now_s)
+        return max(0.0, self._due_s - now_s - _AHEAD_S)
 
 
 def _portaudio() -> ModuleType:

@@ -8,6 +8,8 @@ import workletUrl from "./sound.worklet.ts?worker&url";
 const OPUS_RATE = 48_000;
 /** Packets that may wait in the decoder. */
 const MAX_WAITING = 25;
+/** After so long without a packet nothing plays. */
+const SILENT_MS = 1000;
 
 export const canOpus = () => typeof AudioDecoder !== "undefined";
 
@@ -25,13 +27,14 @@ export class SoundPlayer {
   #shape = "";
   #volume = 1;
   #lastMs = 0;
+  #heardMs = 0;
 
   push(packet: SoundPacket): void {
     const rate = packet.codec === "opus" ? OPUS_RATE : packet.rate;
     const shape = `${packet.codec} ${rate} ${packet.channels}`;
     if (shape !== this.#shape) void this.#begin(shape, rate, packet);
     if (!this.#node) return;
-    this.#lastMs = packet.stampMs;
+    [this.#lastMs, this.#heardMs] = [packet.stampMs, Date.now()];
     if (packet.codec === "pcm-s16") this.#play(mixed(packet));
     else this.#decode(packet);
   }
@@ -103,8 +106,9 @@ export class SoundPlayer {
     this.peak.value = peak;
     this.skippedMs.value = skippedMs;
     const device = 1000 * ((this.#context?.baseLatency ?? 0) + (this.#context?.outputLatency ?? 0));
-    const playing = waitingMs > 0 && this.#lastMs > 0;
-    this.latencyMs.value = playing ? Math.max(0, Date.now() - this.#lastMs) + device : null;
+    const now = Date.now();
+    if (now - this.#heardMs > SILENT_MS || this.#lastMs === 0) this.latencyMs.value = null;
+    else if (waitingMs > 0) this.latencyMs.value = Math.max(0, this.#heardMs - this.#lastMs) + waitingMs + device;
   }
 }
 

@@ -31,7 +31,7 @@ class Microphone:
         self._stream: SoundStream | None = None
         output = unit["output"]
         self._pcm = unit.publisher(RawAudio, "audio") if output != "opus" else None
-        self._opus = unit.publisher(AudioPacket, "audio/opus") if output != "pcm" else None
+        self._opus = unit.publisher(AudioPacket, "audio/opus", reading=output == "opus") if output != "pcm" else None
         self._level = unit.publisher(Float32, "audio/level", reading=False)
         self._encoder = self._new_encoder()
 
@@ -53,7 +53,7 @@ class Microphone:
                 unit.count("overflows")
             samples = np.frombuffer(unit.heard(data), "<i2").reshape(-1, self._channels)
             self._take(amplified(samples, float(unit["gain_db"])), stamp_ns, meter)
-            if (ahead_s := pacer.ahead_s()) > 0:
+            if (ahead_s := pacer.ahead_s(blocked=stream.blocked)) > 0:
                 unit.wait(ahead_s)
 
     def close(self) -> None:

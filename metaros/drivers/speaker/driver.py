@@ -61,7 +61,7 @@ class Speaker:
                 unit.count("underflows")
             unit.fact("playing", self._mixer.heard)
             self._tell()
-            if (ahead_s := pacer.ahead_s()) > 0:
+            if (ahead_s := pacer.ahead_s(blocked=stream.blocked)) > 0:
                 unit.wait(ahead_s)
 
     def close(self) -> None:
