@@ -18,6 +18,7 @@ BENCHMARKS = {
     "anomaly": "what judging 10,000 series costs, beside river's HalfSpaceTrees; what it finds is make bench-anomaly",
     "attacks": "what an honest client notices while somebody attacks the gateway",
     "broker": "ZeroMQ messages through the broker and its bridge, against a plain zmq.proxy",
+    "camera": "a picture from its stamp to a canvas in Chromium: JPEG and H.264, and what they cost on the robot",
     "cdr": "CDR encode and decode against rosbags",
     "delivery": "durable samples from an agent's outbox to the gateway's disk, and live ones beside them",
     "executor": "shares of the fair executor and a critical node's timer beside them",
