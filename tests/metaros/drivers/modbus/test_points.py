@@ -1,0 +1,157 @@
+"""Maps, values, requests and orders, without a device."""
+
+from __future__ import annotations
+
+import math
+import struct
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from metaros.drivers.modbus.link import read_link
+from metaros.drivers.modbus.orders import Orders
+from metaros.drivers.modbus.plan import Plan
+from metaros.drivers.modbus.points import Point, read_map
+from metaros.drivers.modbus.protocol import crc16, read_request, write_request
+from metaros.errors import ConfigError
+
+
+def point(name: str = "p", address: int = 0, **more: object) -> Point:
+    given = {"name": name, "table": "holding", "address": address, "type": "u16"} | more
+    return Point(**given)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("kind", "words", "raw", "value"),
+    [
+        ("u16", "big", (65535,), 65535),
+        ("i16", "big", (65535,), -1),
+        ("u32", "big", (1, 2), 65538),
+        ("u32", "little", (2, 1), 65538),
+        ("i32", "big", (0xFFFF, 0xFFFE), -2),
+        ("f32", "big", struct.unpack(">HH", struct.pack(">f", 21.5)), 21.5),
+    ],
+)
+def test_types(kind: str, words: str, raw: tuple[int, ...], value: float) -> None:
+    one = point(type=kind, words=words, scale=0.5, offset=1.0)
+    assert one.value(raw) == pytest.approx(value * 0.5 + 1)
+    assert one.registers(value * 0.5 + 1) == raw
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1, 101, 1e300])
+def test_what_cannot_be_written(value: float) -> None:
+    assert point(min=0, max=100).registers(value) is None
+    assert point(type="u16").registers(value) is None or 0 <= value <= 65535
+
+
+@given(st.floats(allow_nan=False, width=32), st.sampled_from(["u16", "i16", "u32", "i32", "f32"]))
+def test_what_is_written_is_what_is_read(value: float, kind: str) -> None:
+    one = point(type=kind)
+    if (raw := one.registers(value)) is not None:
+        assert one.value(raw) == pytest.approx(value, abs=0 if kind == "f32" else 0.5)
+
+
+GOOD = '[[points]]\nname = "a/b"\ntable = "holding"\naddress = 1\ntype = "u16"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("points = 1", "at least one"),
+        ("x", "Expected"),
+        (GOOD + "wat = 1", "unknown or missing: wat"),
+        ("[[points]]\nname = 'a'", "unknown or missing: address, table, type"),
+        (GOOD + GOOD, "there twice: a/b"),
+        (GOOD.replace("a/b", "../b"), "a name has"),
+        (GOOD.replace("holding", "coil"), "coil and discrete are bool"),
+        (GOOD.replace("= 1", "= 65536"), "address is 0 to 65535"),
+        (GOOD.replace("= 1", "= '1'"), "address cannot be '1'"),
+        (GOOD + "scale = nan", "scale cannot be nan"),
+        (GOOD + "scale = 0", "scale is not 0"),
+        (GOOD + "writable = true", "needs min and max"),
+        (GOOD + "watchdog_s = 1", "watchdog_s needs safe"),
+        (GOOD + "writable = true\nmin = 0\nmax = 1\nsafe = 2", "safe is out of range"),
+        (GOOD.replace("holding", "input") + "writable = true\nmin = 0\nmax = 1", "only holding and coil"),
+    ],
+)
+def test_wrong_maps(text: str, why: str, tmp_path: Path) -> None:
+    file = tmp_path / "map.toml"
+    file.write_text(text)
+    with pytest.raises(ConfigError, match=why):
+        read_map(str(file))
+
+
+def test_a_good_map(tmp_path: Path) -> None:
+    file = tmp_path / "map.toml"
+    file.write_text(GOOD)
+    assert [one.name for one in read_map(str(file))] == ["a/b"]
+    file.write_text(GOOD * 257)
+    with pytest.raises(ConfigError, match="more than 256"):
+        read_map(str(file))
+
+
+def test_known_bytes() -> None:
+    # The examples of the specification's sections 6.1, 6.3, 6.5, 6.6 and 6.12.
+    coils = read_request("coil", 0x13, 0x13)
+    assert coils.pdu == bytes.fromhex("0100130013")
+    assert coils.values(bytes.fromhex("0103cd6b05"))[:8] == (1, 0, 1, 1, 0, 0, 1, 1)
+    registers = read_request("holding", 0x6B, 3)
+    assert registers.pdu == bytes.fromhex("03006b0003")
+    assert registers.values(bytes.fromhex("0306022b00000064")) == (0x22B, 0, 100)
+    assert write_request("coil", 0xAC, (1,)).pdu == bytes.fromhex("0500acff00")
+    assert write_request("holding", 1, (3,)).pdu == bytes.fromhex("0600010003")
+    assert write_request("holding", 1, (10, 258)).pdu == bytes.fromhex("100001000204000a0102")
+    assert crc16(bytes.fromhex("02 07")) == bytes.fromhex("41 12")
+
+
+def test_neighbours_are_read_together() -> None:
+    points = [
+        point("a", 0),
+        point("b", 1, type="f32"),
+        point("gap", 5),
+        point("slow", 3, period_s=9.0),
+        point("coil", 0, table="coil", type="bool"),
+        *(point(f"far{n}", 200 + n) for n in range(130)),
+    ]
+    groups = [[one.name for one in group.points] for group in Plan(points).groups]
+    assert ["a", "b"] in groups
+    assert sorted(len(group) for group in groups) == [1, 1, 1, 2, 5, 125]
+
+
+def test_what_was_missed_is_not_made_up_for() -> None:
+    plan = Plan([point(period_s=1.0)])
+    assert len(list(plan.due(0.0))) == 1
+    assert list(plan.due(0.9)) == []
+    assert len(list(plan.due(60.0))) == 1
+    assert list(plan.due(60.5)) == []
+    assert plan.wait_s(60.5) == pytest.approx(0.5)
+
+
+def test_orders_newest_wins_and_watchdog() -> None:
+    orders = Orders([point("m", writable=True, min=0, max=9, safe=0.0, watchdog_s=0.3)])
+    assert orders.give("m", 3, 0.0)
+    assert orders.give("m", 5, 0.1)
+    assert not orders.give("m", 10, 0.1)
+    assert [registers for _, registers in orders.take(0.1)] == [(5,)]
+    assert orders.take(0.3) == []
+    assert [registers for _, registers in orders.take(0.4)] == [(0,)]
+    assert orders.take(9.0) == []
+    assert [registers for _, registers in orders.end()] == [(0,)]
+    assert orders.end() == []
+
+
+@pytest.mark.parametrize(
+    "text", ["", "tcp://", "udp://a:1", "tcp://a:99999", "serial://", "serial:///dev/x?baud=1", "serial:///dev/x?a=1"]
+)
+def test_links_that_are_none(text: str) -> None:
+    with pytest.raises(ConfigError, match="such as"):
+        read_link(text)
+
+
+def test_links() -> None:
+    assert (read_link("tcp://10.0.0.5").port, read_link("tcp://[::1]:5020").host) == (502, "::1")
+    line = read_link("serial:///dev/ttyUSB0?baud=19200&parity=E&stop=2")
+    assert (line.device, line.baud, line.parity, line.stop_bits) == ("/dev/ttyUSB0", 19200, "E", 2)
+    assert read_link("serial://COM3").device == "COM3"
