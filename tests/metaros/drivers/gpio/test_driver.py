@@ -53,7 +53,7 @@ def test_inputs_are_told_at_changes_and_again(pins: MockFactory, zenoh_router: s
         wait_until(lambda: door[-1].data and bumper[-1].data)
         seen = len(door)
         wait_until(lambda: len(door) > seen)
-        assert driver.state() == "working"
+        wait_until(lambda: driver.state() == "working")
 
 
 def test_inverted_and_floating_inputs(pins: MockFactory, zenoh_router: str) -> None:
