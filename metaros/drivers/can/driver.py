@@ -1,0 +1,155 @@
+"""The driver: publishes what is on the bus, and sends what the robot's own settings allow."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import can
+import numpy as np
+
+from metaros.drivers.can.bus import PythonCanBus, SlcanBus, open_bus
+from metaros.drivers.can.latest import Latest
+from metaros.drivers.can.signals import Signals
+from metaros.drivers.unit import DriverPublisher, Unit
+from metaros.errors import ConfigError, UnavailableError
+from metaros.interfaces.can_msgs.msg import Frame
+from metaros.interfaces.std_msgs.msg import Float64, Header
+from metaros.wire import QoSProfile, qos_default
+
+__all__ = ["CanDevice", "make", "read_ids"]
+
+MOST_IDS: Final = 4096
+_DEPTH: Final = 200
+
+
+def make(unit: Unit) -> CanDevice:
+    """The bus of the parameters."""
+    return CanDevice(unit)
+
+
+class CanDevice:
+    """Sends nothing by itself, and nothing that was given while the bus was away."""
+
+    def __init__(self, unit: Unit) -> None:
+        self._unit = unit
+        self._bus: PythonCanBus | SlcanBus | None = None
+        self._signals = Signals(unit["dbc"], unit["signals"]) if unit["dbc"] else None
+        self._frames = unit.publisher(Frame, "can/rx", QoSProfile(depth=_DEPTH)) if unit["frames"] else None
+        self._values: dict[str, DriverPublisher] = {
+            name: unit.publisher(Float64, f"can/{name}", qos_default)
+            for name in (self._signals.names if self._signals else ())
+        }
+        self._frame_gate = Latest(unit["frame_rate"], most=MOST_IDS)
+        self._value_gate = Latest(unit["signal_rate"], most=MOST_IDS)
+        self._tx_ids = read_ids(unit["tx_ids"])
+        if unit["allow_tx"]:
+            unit.subscription(Frame, "can/tx", self._on_tx, QoSProfile(depth=10), dedicated=True)
+
+    def open(self) -> None:
+        """Join the bus."""
+        self._bus = open_bus(self._unit)
+        self._unit.opened(f"on {self._bus.name}")
+
+    def run(self) -> None:
+        """Hear and tell."""
+        unit, bus = self._unit, self._bus
+        assert bus is not None
+        while not unit.stopping:
+            for message in bus.read():
+                self._take(message)
+            now_s = unit.clock.monotonic_s()
+            for _, frame in self._frame_gate.due(now_s):
+                self._publish(frame)
+            for name, value in self._value_gate.due(now_s):
+                self._values[name].publish(Float64(data=value))
+
+    def close(self) -> None:
+        """Leave the bus."""
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            bus.close()
+
+    # -- from the bus ----------------------------------------------------------------------------------------------
+
+    def _take(self, message: Any) -> None:
+        unit, now_s = self._unit, self._unit.clock.monotonic_s()
+        if message.is_error_frame:
+            unit.count("error_frames")
+            unit.warn("the bus has errors")
+            return
+        if message.is_fd:  # longer than a can_msgs/Frame can be
+            unit.count("fd_frames")
+            return
+        unit.warn("")
+        if self._frames is not None:
+            frame = self._frame(message)
+            key = (message.arbitration_id, message.is_extended_id)
+            if self._frame_gate.give(key, frame, now_s):
+                self._publish(frame)
+        if self._signals is not None and not message.is_remote_frame:
+            self._decode(message, now_s)
+
+    def _decode(self, message: Any, now_s: float) -> None:
+        assert self._signals is not None
+        try:
+            found = list(
+                self._signals.values(message.arbitration_id, extended=message.is_extended_id, data=bytes(message.data))
+            )
+        except ValueError:
+            self._unit.count("undecoded_frames")
+            return
+        for name, value in found:
+            if self._value_gate.give(name, value, now_s):
+                self._values[name].publish(Float64(data=value))
+
+    def _frame(self, message: Any) -> Frame:
+        data = np.zeros(8, np.uint8)
+        data[: len(message.data)] = list(message.data)
+        return Frame(
+            header=Header(stamp=self._unit.stamp(), frame_id=self._unit["frame_id"]),
+            id=message.arbitration_id,
+            is_rtr=message.is_remote_frame,
+            is_extended=message.is_extended_id,
+            dlc=min(message.dlc, 8),
+            data=data,
+        )
+
+    def _publish(self, frame: Frame) -> None:
+        if self._frames is not None:
+            self._frames.publish(frame)
+
+    # -- from others -----------------------------------------------------------------------------------------------
+
+    def _on_tx(self, frame: Frame) -> None:
+        bus, most = self._bus, 1 << (29 if frame.is_extended else 11)
+        if bus is None or frame.is_error or frame.dlc > 8 or frame.id >= most or frame.id not in self._tx_ids:
+            self._unit.count("refused_commands")
+            return
+        message = can.Message(
+            arbitration_id=frame.id,
+            is_extended_id=frame.is_extended,
+            is_remote_frame=frame.is_rtr,
+            dlc=frame.dlc,
+            data=None if frame.is_rtr else bytes(frame.data[: frame.dlc]),
+        )
+        try:
+            bus.send(message)
+            self._unit.count("sent_frames")
+        except UnavailableError:
+            self._unit.count("unsent_frames")
+
+
+def read_ids(text: str) -> frozenset[int]:
+    """`0x100, 0x200-0x20F`: identifiers and ranges of them; ConfigError where it is neither."""
+    found: set[int] = set()
+    for part in filter(None, (one.strip() for one in text.split(","))):
+        first, _, last = part.partition("-")
+        try:
+            low = int(first, 0)
+            high = int(last, 0) if last else low
+        except ValueError:
+            raise ConfigError(f"can: tx_ids: {part!r} is no identifier such as 0x100 or 0x200-0x20F") from None
+        if not 0 <= low <= high < 1 << 29 or high - low + len(found) >= MOST_IDS:
+            raise ConfigError(f"can: tx_ids: {part!r}: identifiers are 0 to 0x1FFFFFFF, and {MOST_IDS} at most")
+        found.update(range(low, high + 1))
+    return frozenset(found)
