@@ -27,6 +27,7 @@ check: setup
 	$(BIN)/lint-imports
 	$(BIN)/python tools/gen_proto.py --check
 	$(BIN)/python tools/gen_interfaces.py --check
+	$(BIN)/python tools/gen_drivers.py --check
 	$(BIN)/python tools/gen_ts_client.py --check
 	$(BIN)/python tools/dashboard.py check
 
@@ -37,6 +38,7 @@ fmt: setup
 proto: setup
 	$(BIN)/python tools/gen_proto.py
 	$(BIN)/python tools/gen_interfaces.py
+	$(BIN)/python tools/gen_drivers.py
 	$(BIN)/python tools/gen_ts_client.py
 
 lock:

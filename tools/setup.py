@@ -23,7 +23,11 @@ STAMP = STATE / "setup"
 STATIC = ROOT / "gateway" / "static"
 
 # (command, what works without it, Debian package): said in one line each, never fatal.
-OPTIONAL = (("chromium", "browser tests", "chromium"),)
+OPTIONAL = (
+    ("chromium", "browser tests", "chromium"),
+    ("cc", "tests of C structs", "gcc libc6-dev"),
+    ("espeak-ng", "tests of a speaker's texts", "espeak-ng"),
+)
 
 
 def say(text: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -22,7 +23,7 @@ class Found:
     @property
     def command(self) -> str:
         """What starts its driver."""
-        given = "".join(f" --param {name}={value}" for name, value in self.parameters.items())
+        given = "".join(f" --param {shlex.quote(f'{name}={value}')}" for name, value in self.parameters.items())
         return f"metaros driver run {self.kind}{given}"
 
 

@@ -134,3 +134,48 @@ def test_every_row_is_one_that_the_supervisor_takes() -> None:
     row = row_of(node, settings({"name": "l", "command": ["l"]}), PLACE)
     assert read_rows([as_json(row)]) == (row,)
     assert (row.restart, row.critical, row.nice, row.migratable, row.run) == ("on-failure", True, 3, True, False)
+
+
+LIDAR = {"name": "lidar", "driver": "ld19", "fixed": {"port": "/dev/ttyUSB0"}}
+
+
+def test_a_driver_runs_with_what_the_robot_fixes_and_what_comes_from_afar() -> None:
+    row = row_of(wanted(allowed="lidar", parameters={"bins": 100}), settings(LIDAR), PLACE)
+    assert row.argv[:5] == ("/py", "-m", "metaros.cli.launch_child", "driver", "ld19")
+    assert row.argv[-4:] == ("-p", "bins:=100", "-p", 'port:="/dev/ttyUSB0"')
+    assert row.own_guard
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({"port": "/dev/other"}, "port is set on the robot only"),
+        ({"allow_faults": True}, "allow_faults is set on the robot only"),
+        ({"bins": 1}, "must be 36 to 3600"),
+        ({"bin": 100}, "did you mean 'bins'"),
+    ],
+)
+def test_what_a_driver_opens_is_not_chosen_from_afar(parameters: dict[str, Any], said: str) -> None:
+    for entry in (LIDAR, {**LIDAR, "fixed": {}}):
+        with pytest.raises(NodeRefusedError, match=said):
+            row_of(wanted(allowed="lidar", parameters=parameters), settings(entry), PLACE)
+
+
+def test_what_the_robot_fixes_stays() -> None:
+    with pytest.raises(NodeRefusedError, match="bins is set on the robot only"):
+        row_of(wanted(allowed="lidar", parameters={"bins": 100}), settings({**LIDAR, "fixed": {"bins": 450}}), PLACE)
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ({"driver": "toaster"}, "driver: no driver 'toaster'"),
+        ({"driver": 3}, "driver: expected a kind"),
+        ({"driver": "ld19", "fixed": {"bins": 1}}, "fixed: ld19: bins must be"),
+        ({"driver": "ld19", "fixed": 3}, "fixed: expected a table"),
+        ({"module": "x", "fixed": {"a": 1}}, "fixed: expected a table of a driver"),
+    ],
+)
+def test_a_drivers_entry_is_checked(row: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        allowed_entries([{"name": "a", **row}], "f")

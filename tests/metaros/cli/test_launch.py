@@ -278,3 +278,37 @@ def test_wrong_commands_are_told(tmp_path: Path) -> None:
     assert (code, "command: there is no program 'no-such-program'" in text) == (2, True)
     code, text = check(path, "extra")
     assert (code, "did you mean: metaros launch restart extra" in text) == (2, True)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_a_driver_is_kept_running_like_any_node(tmp_path: Path) -> None:
+    table = """
+        [[node]]
+        name = "computer"
+        driver = "host_metrics"
+        namespace = "/r"
+        parameters = { rate_hz = 5.0 }
+    """
+    line = "host_metrics: reading this host"
+    with launcher(tmp_path, table) as running:
+        running.said(line)
+        os.kill(running.pid("computer"), signal.SIGKILL)
+        running.said(line, times=2)
+        assert running.end() == 0
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ('driver = "toaster"', "driver: no driver 'toaster'; there are"),
+        ('driver = "../x"', "driver: '../x' does not look like camera"),
+        ('driver = "host_metrics"\nparameters = { rate_hz = 99 }', "rate_hz must be 0.01 to 10"),
+        ('driver = "host_metrics"\nparameters = { rate = 1 }', "did you mean 'rate_hz'"),
+    ],
+)
+def test_a_drivers_row_is_checked_before_anything_starts(tmp_path: Path, row: str, said: str) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(f'[[node]]\nname = "a"\n{row}\n')
+    code, text = check(path, "--check")
+    assert code == 2
+    assert said in text
