@@ -28,11 +28,17 @@ class VideoSelector(Selector):
         self._gate = GroupGate()
         self._publisher = b""
 
+    def demand(self, rate_hz: float | None) -> None:
+        """See Selector; who begins to watch begins at a key frame."""
+        super().demand(rate_hz)
+        if rate_hz is None:
+            self._gate.lost()
+
     def takes(self, payload: SupportsBytes, publisher: bytes, number: int, now_s: float) -> bool:
         """Whether a frame, its publisher's so-and-so-manieth, leaves the robot."""
         rate_hz = self._rate_hz()
         if rate_hz is None:
-            self._gate.lost()
+            self._gate.lost()  # what nobody takes is a hole
             return False
         frame = frame_of(self._type_name, bytes(payload))
         if 0 < rate_hz <= KEYS_ONLY_HZ:
