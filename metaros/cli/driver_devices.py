@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from metaros.cli.options import Format, FormatOption
+
+if TYPE_CHECKING:
+    from metaros.drivers.probing import Found
 
 __all__ = ["new", "probe"]
 
@@ -23,7 +26,7 @@ def probe(
 
     out = Output(output)
     manifests = [manifest_of(kind) for kind in kinds] if kinds else list(all_manifests())
-    found = []
+    found: list[Found] = []
     for manifest, devices in look(manifests):
         if out.tty:
             out.note(f"{manifest.kind}: {counted(len(devices), 'device')}")
