@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,16 @@ def on_bus(zenoh_router: str, interface: str, channel: str, **params: Any) -> It
         yield one, bus
 
 
+def repeat(act: Callable[[], object], until: Callable[[], object]) -> None:
+    """Do it again and again until it has had its effect."""
+
+    def step() -> object:
+        act()
+        return until()
+
+    wait_until(step, every_s=0.1)
+
+
 def count(driver: RunningDriver, name: str) -> int:
     return int(driver.facts().get(name, 0))
 
@@ -52,9 +62,7 @@ def test_frames_and_signals(interface: str, channel: str, zenoh_router: str, tmp
     with on_bus(zenoh_router, interface, channel, dbc=str(dbc)) as (driver, bus):
         frames = driver.messages(Frame, "can/rx", metaros.qos_default)
         speeds = driver.messages(Float64, "can/Motor/Speed", metaros.qos_default)
-        wait_until(
-            lambda: (bus.send(message(256, bytes.fromhex("9cff000000000000"))), frames and speeds)[1], every_s=0.1
-        )
+        repeat(lambda: bus.send(message(256, bytes.fromhex("9cff000000000000"))), lambda: frames and speeds)
         assert speeds[-1].data == pytest.approx(-10.0)
         assert (frames[-1].id, frames[-1].dlc, bytes(frames[-1].data[:2])) == (256, 8, b"\x9c\xff")
 
@@ -101,7 +109,7 @@ def test_only_what_is_allowed_is_sent(zenoh_router: str) -> None:
     with on_bus(zenoh_router, "virtual", "tx", allow_tx=True, tx_ids="0x100-0x101") as (driver, bus):
         sender = driver.viewer.create_publisher(Frame, "/r1/can/tx", metaros.qos_default)
         good = Frame(id=0x100, dlc=2, data=np.array([1, 2, 0, 0, 0, 0, 0, 0], np.uint8))
-        wait_until(lambda: (sender.publish(good), count(driver, "sent_frames") > 0)[1], every_s=0.1)
+        repeat(lambda: sender.publish(good), lambda: count(driver, "sent_frames") > 0)
         heard = bus.recv(60)
         assert (heard.arbitration_id, bytes(heard.data), heard.is_extended_id) == (0x100, b"\1\2", False)
         refused = count(driver, "refused_commands")
@@ -140,7 +148,7 @@ def test_an_adapter_on_a_serial_port(zenoh_router: str, tmp_path: Path) -> None:
         wait_until(lambda: says(b"C\rS5\rO\r"))
         pty.write(b"\rt1002AABB\rT18FF00FF11")
         pty.write(b"2\r\a")
-        wait_until(lambda: (pty.write(b"t1002AABB\r"), len(frames) > 1)[1], every_s=0.1)
+        repeat(lambda: pty.write(b"t1002AABB\r"), lambda: len(frames) > 1)
         wait_until(lambda: count(driver, "refused_by_adapter") == 1)
 
         def sent() -> bool:
@@ -152,7 +160,7 @@ def test_an_adapter_on_a_serial_port(zenoh_router: str, tmp_path: Path) -> None:
             pty.write(os.urandom(10_000))
         pty.write(b"\r")
         seen = len(frames)
-        wait_until(lambda: (pty.write(b"t7FF0\r"), len(frames) > seen and frames[-1].id == 0x7FF)[1], every_s=0.1)
+        repeat(lambda: pty.write(b"t7FF0\r"), lambda: len(frames) > seen and frames[-1].id == 0x7FF)
         wait_until(lambda: count(driver, "bad_lines") + count(driver, "long_lines") + count(driver, "bad_frames") > 100)
 
         pty.unplug()
@@ -161,4 +169,4 @@ def test_an_adapter_on_a_serial_port(zenoh_router: str, tmp_path: Path) -> None:
         heard.clear()
         wait_until(lambda: driver.state() == "working" and says(b"S5\rO\r"))
         seen = len(frames)
-        wait_until(lambda: (pty.write(b"t0010\r"), len(frames) > seen)[1], every_s=0.1)
+        repeat(lambda: pty.write(b"t0010\r"), lambda: len(frames) > seen)

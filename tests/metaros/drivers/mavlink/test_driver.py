@@ -134,7 +134,7 @@ def test_telemetry(zenoh_router: str) -> None:
 
         def own_estimate() -> bool:
             pilot.send(here)
-            return fixes[-1].latitude == pytest.approx(48.1234567)
+            return bool(fixes[-1].latitude == pytest.approx(48.1234567))
 
         wait_until(own_estimate, every_s=0.05)
         assert fixes[-1].altitude == pytest.approx(593.0)

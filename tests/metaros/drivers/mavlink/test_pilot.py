@@ -73,10 +73,9 @@ def test_without_permission_there_is_nothing_to_command_it_by(zenoh_router: str)
 
 def test_arm_and_disarm(zenoh_router: str) -> None:
     with flying(zenoh_router) as (driver, pilot):
-        assert arm(driver, on=True).success
-        assert pilot.armed
-        assert arm(driver, on=False).success
-        assert not pilot.armed
+        for on in (True, False):
+            assert arm(driver, on=on).success
+            assert pilot.armed is on
         assert [message.param2 for message in pilot.commands(ARM)] == [0.0, 0.0]  # never forced
         assert {(message.target_system, message.target_component) for message in pilot.commands(ARM)} == {(1, 1)}
 

@@ -92,6 +92,16 @@ def reading(zenoh_router: str, tmp_path: Path, link: str, text: str = MAP, **mor
         yield driver
 
 
+def repeat(act: Callable[[], object], until: Callable[[], object]) -> None:
+    """Do it again and again until it has had its effect."""
+
+    def step() -> object:
+        act()
+        return until()
+
+    wait_until(step, every_s=0.1)
+
+
 def count(driver: RunningDriver, name: str) -> int:
     return int(driver.facts().get(name, 0))
 
@@ -109,9 +119,9 @@ def test_points_are_published_and_written(wired: tuple[str, int | str], zenoh_ro
 
         sets = driver.viewer.create_publisher(Float64, "/r1/modbus/setpoint/set", metaros.qos_command)
         lamp = driver.viewer.create_publisher(Bool, "/r1/modbus/lamp/set", metaros.qos_command)
-        wait_until(lambda: (sets.publish(Float64(data=20.5)), (6, 10, [205]) in device.written)[1])
+        repeat(lambda: sets.publish(Float64(data=20.5)), lambda: (6, 10, [205]) in device.written)
         wait_until(lambda: setpoints[-1].data == pytest.approx(20.5))
-        wait_until(lambda: (lamp.publish(Bool(data=True)), (5, 0, [True]) in device.written)[1])
+        repeat(lambda: lamp.publish(Bool(data=True)), lambda: (5, 0, [True]) in device.written)
         for wrong in (4.9, 30.1, float("nan")):
             sets.publish(Float64(data=wrong))
         wait_until(lambda: count(driver, "refused_commands") >= 1)
@@ -126,9 +136,9 @@ def test_what_moves_stops_when_commands_end_and_when_the_driver_does(
         wait_until(lambda: driver.state() == "working")
         motor = driver.viewer.create_publisher(Float64, "/r1/modbus/motor/set", metaros.qos_command)
         half, zero = (16, 20, [0x3F00, 0]), (16, 20, [0, 0])
-        wait_until(lambda: (motor.publish(Float64(data=0.5)), half in device.written)[1])
+        repeat(lambda: motor.publish(Float64(data=0.5)), lambda: half in device.written)
         wait_until(lambda: device.written[-1] == zero)
-        wait_until(lambda: (motor.publish(Float64(data=0.5)), device.written[-1] == half)[1])
+        repeat(lambda: motor.publish(Float64(data=0.5)), lambda: device.written[-1] == half)
         driver.node.trigger("deactivate")
         assert device.written[-1] == zero
 
@@ -157,7 +167,7 @@ def test_one_address_that_is_refused_does_not_hide_its_neighbours(zenoh_router: 
             wait_until(lambda: temperatures and "power: illegal data address" in driver.status().message)
             assert count(driver, "split_requests") == 1
             device.refused.clear()
-            wait_until(lambda: driver.status().level == b"\0" or "illegal" not in driver.status().message)
+            wait_until(lambda: "illegal" not in driver.status().message)
 
 
 def test_a_slow_device_is_asked_one_thing_at_a_time(zenoh_router: str, tmp_path: Path) -> None:
