@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import select
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,12 +19,14 @@ def answering(device: PtyDevice, heard: Callable[[bytes], object], sends: Callab
     stop = threading.Event()
 
     def serve() -> None:
+        rest = b""
         while not stop.is_set():
             try:
-                if data := device.read(0.005):
+                if data := device.read(0.002):
                     heard(data)
-                device.write(sends())
-            except OSError:  # unplugged this moment
+                rest = _written(device, rest or sends())
+            except (OSError, ValueError):  # unplugged this moment
+                rest = b""
                 stop.wait(0.005)
 
     thread = threading.Thread(target=serve, name="emulated device")
@@ -33,3 +37,10 @@ def answering(device: PtyDevice, heard: Callable[[bytes], object], sends: Callab
         stop.set()
         thread.join(60)
         assert not thread.is_alive()
+
+
+def _written(device: PtyDevice, data: bytes) -> bytes:
+    """Write some of it; what is left, all while the driver does not read."""
+    if data and select.select([], [device.master], [], 0.01)[1]:
+        return data[os.write(device.master, data[:2048]) :]
+    return data
