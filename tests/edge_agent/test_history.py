@@ -203,4 +203,11 @@ def test_a_sample_too_large_is_declared_where_it_would_have_been_kept() -> None:
 
 def test_the_default_table_keeps_what_the_dashboard_draws() -> None:
     kept = {rule.match: rule.history_hz for rule in DEFAULT_TOPICS if rule.history_hz}
-    assert kept == {"**/odom": 2.0, "**/scan": 1.0, "**/battery_state": 1.0, "**/imu": 1.0, "**/compressed": 0.2}
+    assert kept == {
+        "**/odom": 2.0,
+        "**/scan": 1.0,
+        "**/battery_state": 1.0,
+        "**/imu": 1.0,
+        "**/compressed": 0.2,
+        "**/diagnostics": 2.0,
+    }

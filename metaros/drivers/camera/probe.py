@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,8 +12,6 @@ __all__ = ["find"]
 
 def find(root: Path = Path("/sys/class/video4linux")) -> Sequence[Found]:
     """One for each device whose first stream it is; others (metadata, second streams) are left out."""
-    if sys.platform != "linux":
-        return ()
     found = []
     for folder in sorted(root.glob("video*")):
         try:

@@ -68,7 +68,10 @@ NODE = '[[node]]\nname = "a"\nmodule = "m"\n'
         ("nodes = []", "robot.toml: unknown key 'nodes'; did you mean 'node'?"),
         ('[[node]]\nmodule = "m"', "robot.toml: [[node]] 1: name: every node needs one"),
         ('[[node]]\nname = "a b"\nmodule = "m"', "[[node]] 'a b': name"),
-        ('[[node]]\nname = "a"', "[[node]] 'a': exactly one of module, class, driver, command says what to run; found none"),
+        (
+            '[[node]]\nname = "a"',
+            "[[node]] 'a': exactly one of module, class, driver, command says what to run; found none",
+        ),
         (NODE + 'command = ["x"]', "found module and command"),
         (NODE + "moduel = 1", "[[node]] 'a': unknown key 'moduel'; did you mean 'module'?"),
         ('[[node]]\nname = "a"\nmodule = "m:C"', "[[node]] 'a': module: 'm:C' does not look like package.module"),

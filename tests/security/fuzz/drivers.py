@@ -147,7 +147,12 @@ TARGETS = (
         per_byte=2000,
         base_bytes=16 * MIB,
     ),
-    Target(name="VLP-16 position", run=lambda d: some([parse_position(d)]), errors=ERRORS, seeds=(position_packet(us=5, pps=3),)),
+    Target(
+        name="VLP-16 position",
+        run=lambda d: some([parse_position(d)]),
+        errors=ERRORS,
+        seeds=(position_packet(us=5, pps=3),),
+    ),
     Target(
         name="GPS stream",
         run=lambda d: some(EpochReader(_ignore).feed(d, 1.0)),
