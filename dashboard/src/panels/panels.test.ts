@@ -55,6 +55,15 @@ test("a camera's pictures and its video are one card; what differs in name is an
   expect(layout.trees).toEqual([]);
 });
 
+test("what a camera published once yields to what it publishes now", () => {
+  const pictures = (publishers: number) => ({ ...topic("/b/front/image/compressed", "sensor_msgs/msg/CompressedImage", publishers), messages: 9 });
+  const video = (publishers: number) => ({ ...topic("/b/front/video", "foxglove_msgs/msg/CompressedVideo", publishers), messages: 9 });
+  const shown = (a: number, b: number) => layoutOf([pictures(a), video(b)]).cameras.map(({ picture, video }) => [picture !== null, video !== null]);
+  expect(shown(1, 0)).toEqual([[true, false]]);
+  expect(shown(0, 1)).toEqual([[false, true]]);
+  expect(shown(0, 0)).toEqual([[true, true]]);
+});
+
 test("a robot gets the plots that it has series for", () => {
   expect(plotsOf(new Set(["host.cpu.percent", "x.y"])).map((plot) => plot.title)).toEqual(["CPU"]);
   expect(plotsOf(new Set())).toEqual([]);

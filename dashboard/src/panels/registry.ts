@@ -62,9 +62,12 @@ export function layoutOf(topics: Topic[]): Layout {
 /** "/r/camera/image/compressed" and "/r/camera/video" are both the camera "/r/camera". */
 const cameraName = (topic: string) => topic.split("/").filter((word) => !/^(image|image_raw|compressed|video|h264)$/.test(word)).join("/");
 
+/** What nobody publishes any more yields to what the same camera publishes now. */
 function camerasOf(pictures: Topic[], videos: Topic[]): Camera[] {
-  const cameras: Camera[] = pictures.map(({ topic }) => ({ name: cameraName(topic), picture: topic, video: null }));
-  for (const { topic } of videos) {
+  const alive = new Set([...pictures, ...videos].filter(({ publishers }) => publishers).map(({ topic }) => cameraName(topic)));
+  const now = ({ topic, publishers }: Topic) => publishers > 0 || !alive.has(cameraName(topic));
+  const cameras: Camera[] = pictures.filter(now).map(({ topic }) => ({ name: cameraName(topic), picture: topic, video: null }));
+  for (const { topic } of videos.filter(now)) {
     const name = cameraName(topic);
     const same = cameras.filter((camera) => camera.name === name && camera.video === null);
     const camera = same.find(({ picture }) => picture?.endsWith("/compressed")) ?? same[0];
