@@ -17,7 +17,10 @@ from tests.support.caged import LEVELS
 
 ROOT = Path(__file__).resolve().parents[4]
 USER = 65534
-pytestmark = pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="becoming another user needs root")
+pytestmark = [
+    pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="becoming another user needs root"),
+    pytest.mark.xdist_group("nobody"),  # the levels share one user, and with it the limit of its processes
+]
 
 
 def become_user(folder: Path) -> None:
