@@ -61,7 +61,7 @@ class ModbusDevice:
             pass
         except NoAnswerError:
             raise UnavailableError(f"{self._link.name}: unit {unit['unit_id']} does not answer") from None
-        self._orders.end()
+        self._rest()  # what was ordered before the device was away
         self._working = True
         unit.opened(f"unit {unit['unit_id']} on {self._link.name}")
 
@@ -80,18 +80,30 @@ class ModbusDevice:
 
     def close(self) -> None:
         """Write the safe values of what was ordered, if it is there; let the line go."""
-        client, working = self._client, self._working
-        self._client, self._working = None, False
-        safe = self._orders.end()
-        if client is None:
-            return
-        try:
-            for point, registers in safe if working else ():
-                client.ask(write_request(point.table, point.address, registers))
-        except (UnavailableError, NoAnswerError, RefusedError):
-            self._unit.count("unsafe_ends")
-        finally:
+        working, self._working = self._working, False
+        if working:
+            self._rest()
+        client, self._client = self._client, None
+        if client is not None:
             client.close()
+
+    def _rest(self) -> None:
+        """Write the safe value of each point that was moved; what the device does not take now, it is given later."""
+        client = self._client
+        for point, registers in self._orders.end():
+            try:
+                if client is None:
+                    raise UnavailableError("no line")
+                client.ask(write_request(point.table, point.address, registers))
+            except UnavailableError:
+                client = None
+                self._unsafe(point)
+            except (NoAnswerError, RefusedError):
+                self._unsafe(point)
+
+    def _unsafe(self, point: Point) -> None:
+        self._unit.count("unsafe_ends")
+        self._orders.unwritten(point)
 
     # -- from others -----------------------------------------------------------------------------------------------
 
@@ -125,6 +137,7 @@ class ModbusDevice:
     def _write(self, orders: list[Order]) -> None:
         for point, registers in orders:
             if self._ask(f"{point.name}/set", write_request(point.table, point.address, registers)) is not None:
+                self._orders.written(point, registers)
                 self._unit.count("writes")
 
     def _ask(self, what: str, request: Request) -> bytes | None:

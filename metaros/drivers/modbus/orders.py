@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
+from typing import Final
 
 from metaros.drivers.modbus.points import Point
 
-__all__ = ["Order", "Orders"]
+__all__ = ["AGAIN_S", "Order", "Orders"]
 
+AGAIN_S: Final = 0.25
 Order = tuple[Point, tuple[int, ...]]
 
 
@@ -20,6 +22,7 @@ class Orders:
         self._lock = threading.Lock()
         self._waiting: dict[str, Order] = {}
         self._until_s: dict[str, float] = {}
+        self._safe_due_s: dict[str, float] = {}  # whose safe value is to be written, again and again until it is
         self._moved: set[str] = set()
 
     def give(self, name: str, value: float | bool, now_s: float) -> bool:
@@ -30,6 +33,7 @@ class Orders:
             return False
         with self._lock:
             self._waiting[name] = (point, registers)
+            self._safe_due_s.pop(name, None)
             if point.watchdog_s:
                 self._until_s[name] = now_s + point.watchdog_s
             if point.safe is not None:
@@ -37,19 +41,29 @@ class Orders:
         return True
 
     def take(self, now_s: float) -> list[Order]:
-        """What is to be written now; each once."""
+        """What is to be written now: an order once, the safe value of a watchdog until it is `written`."""
         with self._lock:
             for name in [name for name, until_s in self._until_s.items() if now_s >= until_s]:
                 del self._until_s[name]
-                self._waiting[name] = self._safe(name)
+                self._waiting.pop(name, None)
+                self._safe_due_s[name] = now_s
             orders = list(self._waiting.values())
             self._waiting.clear()
+            for name in [name for name, due_s in self._safe_due_s.items() if now_s >= due_s]:
+                self._safe_due_s[name] = now_s + AGAIN_S
+                orders.append(self._safe(name))
             return orders
 
-    def next_s(self) -> float | None:
-        """When the next watchdog ends."""
+    def written(self, point: Point, registers: tuple[int, ...]) -> None:
+        """The device has taken an order."""
         with self._lock:
-            return min(self._until_s.values(), default=None)
+            if point.name in self._safe_due_s and registers == self._safe(point.name)[1]:
+                del self._safe_due_s[point.name]
+
+    def unwritten(self, point: Point) -> None:
+        """The safe value could not be written at the end: it is among those of the next `end`."""
+        with self._lock:
+            self._moved.add(point.name)
 
     def end(self) -> list[Order]:
         """The safe values of what was moved since the last time; orders that wait are forgotten."""
@@ -57,6 +71,7 @@ class Orders:
             moved, self._moved = self._moved, set()
             self._waiting.clear()
             self._until_s.clear()
+            self._safe_due_s.clear()
             return [self._safe(name) for name in sorted(moved)]
 
     def _safe(self, name: str) -> Order:

@@ -65,11 +65,22 @@ def named(folder: str, name: str) -> Path:
     """The file of that name in the folder of sounds. DecodeError: no folder, no such file, or it is elsewhere."""
     if not folder:
         raise DecodeError("the parameter `sounds` names no folder")
-    if not name or len(name) > 255 or Path(name).name != name or name.startswith(".") or "\\" in name or "\0" in name:
+    if (
+        not name
+        or len(name.encode(errors="replace")) > 255
+        or Path(name).name != name
+        or name.startswith(".")
+        or "\\" in name
+        or "\0" in name
+    ):
         raise DecodeError(f"{name[:80]!r} is no name of a file in the folder of sounds")
-    root = Path(folder).resolve()
-    path = (root / name).resolve()
-    if path.parent != root or not path.is_file():
+    try:
+        root = Path(folder).resolve()
+        path = (root / name).resolve()
+        there = path.parent == root and path.is_file()
+    except (OSError, ValueError):  # what no file system can have
+        there = False
+    if not there:
         raise DecodeError(f"there is no file {name!r} in the folder of sounds")
     return path
 

@@ -16,6 +16,7 @@ __all__ = ["MAX_PCM_BYTES", "RATES", "PacketReader"]
 RATES: Final = range(8000, 192_001)
 MAX_CHANNELS: Final = 8
 MAX_PCM_BYTES: Final = 256 * 1024  # of one message
+MAX_PACKET_S: Final = 1
 
 
 class PacketReader:
@@ -45,6 +46,8 @@ class PacketReader:
         raw = bytes(data) if len(data) <= MAX_PCM_BYTES else b""
         if not raw or len(raw) % (2 * channels):
             raise DecodeError(f"{len(data)} bytes are no whole samples of {channels} channels, or too many")
+        if len(raw) > 2 * channels * rate * MAX_PACKET_S:
+            raise DecodeError(f"more than {MAX_PACKET_S} s of sound in one message")
         samples = np.frombuffer(raw, "<i2").reshape(-1, channels).astype(np.float32) / 32768.0
         return self._converted(samples.mean(axis=1, dtype=np.float32), rate)
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 __all__ = ["Resampler"]
 
 ZEROS: Final = 12  # zero crossings of the sinc on each side
+PIECE: Final = 4096  # outputs that are made at once, each of which takes some hundred bytes
 PASS: Final = 0.95  # of the lower half rate is let through
 
 
@@ -34,7 +35,16 @@ class Resampler:
             return samples
         kept = np.concatenate((self._kept, samples))
         count = max(0, math.ceil((len(kept) - self._half - self._at) / self._step))
-        places = self._at + np.arange(count) * self._step
+        parts = [self._made(kept, first, min(PIECE, count - first)) for first in range(0, count, PIECE)]
+        made = np.concatenate(parts) if parts else np.zeros(0, np.float32)
+        self._at += count * self._step
+        drop = min(int(self._at) - self._half, len(kept) - self._half)
+        self._kept = kept[drop:]
+        self._at -= drop
+        return made
+
+    def _made(self, kept: npt.NDArray[np.float32], first: int, count: int) -> npt.NDArray[np.float32]:
+        places = self._at + np.arange(first, first + count) * self._step
         whole = places.astype(np.int64)
         away = (places - whole)[:, None] - self._taps
         weights = (
@@ -43,8 +53,4 @@ class Resampler:
         made: npt.NDArray[np.float32] = np.einsum("ij,ij->i", kept[whole[:, None] + self._taps], weights).astype(
             np.float32
         )
-        self._at += count * self._step
-        drop = min(int(self._at) - self._half, len(kept) - self._half)
-        self._kept = kept[drop:]
-        self._at -= drop
         return made

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from metaros.drivers.modbus.link import read_link
-from metaros.drivers.modbus.orders import Orders
+from metaros.drivers.modbus.orders import AGAIN_S, Orders
 from metaros.drivers.modbus.plan import Plan
 from metaros.drivers.modbus.points import Point, read_map
 from metaros.drivers.modbus.protocol import crc16, read_request, write_request
@@ -136,10 +136,34 @@ def test_orders_newest_wins_and_watchdog() -> None:
     assert not orders.give("m", 10, 0.1)
     assert [registers for _, registers in orders.take(0.1)] == [(5,)]
     assert orders.take(0.3) == []
-    assert [registers for _, registers in orders.take(0.4)] == [(0,)]
+    ((one, safe),) = orders.take(0.4)
+    assert safe == (0,)
+    orders.written(one, safe)
     assert orders.take(9.0) == []
     assert [registers for _, registers in orders.end()] == [(0,)]
     assert orders.end() == []
+
+
+def test_a_safe_value_is_written_again_until_it_is() -> None:
+    orders = Orders([point("m", writable=True, min=0, max=9, safe=0.0, watchdog_s=0.3)])
+    orders.give("m", 5, 0.0)
+    assert len(orders.take(0.0)) == 1
+    (first,) = orders.take(1.0)
+    assert first[1] == (0,)
+    assert orders.take(1.0 + AGAIN_S / 2) == []
+    assert orders.take(1.0 + AGAIN_S) == [first]  # the first got no answer
+    orders.give("m", 7, 1.5)  # a newer order ends that
+    assert [registers for _, registers in orders.take(1.5)] == [(7,)]
+    assert orders.take(1.6) == []
+
+
+def test_what_was_not_made_safe_at_the_end_is_so_later() -> None:
+    orders = Orders([point("m", writable=True, min=0, max=9, safe=0.0)])
+    orders.give("m", 5, 0.0)
+    ((one, safe),) = orders.end()
+    assert orders.end() == []
+    orders.unwritten(one)
+    assert orders.end() == [(one, safe)]
 
 
 @pytest.mark.parametrize(

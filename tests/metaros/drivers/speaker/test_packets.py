@@ -41,6 +41,7 @@ def test_pcm_of_two_channels_is_mixed_and_brought_to_the_rate() -> None:
         ("pcm-s16", b"abc", 16000, 1),
         ("pcm-s16", b"", 16000, 1),
         ("pcm-s16", bytes(MAX_PCM_BYTES + 2), 16000, 1),
+        ("pcm-s16", bytes(2 * 8001 + 2), 8001, 1),
         ("pcm-s16", bytes(4), 0, 1),
         ("pcm-s16", bytes(4), 2**32 - 1, 1),
         ("pcm-s16", bytes(4), 16000, 0),
