@@ -7,7 +7,7 @@ from typing import Final
 __all__ = ["FIRST_S", "LAST_S", "BackOff"]
 
 FIRST_S: Final = 0.25
-LAST_S: Final = 1.0  # so that a device is back well within two seconds of its return
+LAST_S: Final = 0.5  # so that a device is back within two seconds of its return, also where opening takes one
 
 
 class BackOff:

@@ -100,7 +100,8 @@ def test_a_forger_with_a_clock_ahead_does_not_shut_out_the_true_sender() -> None
     ears, sender = codec(Counts(), KEY), codec(Counts(), KEY)
     forger = codec(Counts(), OTHER_KEY, wall_ns=WALL_NS + 10**18)
     assert modes(ears.feed(forger.pack(heartbeat(1)))) == []
-    assert modes(ears.feed(sender.pack(heartbeat(2)))) == [2]
+    heard = [mode for n in range(2, 40) for mode in modes(ears.feed(sender.pack(heartbeat(n))))]
+    assert heard[:20] == list(range(2, 22))  # what is left of the forged frame may look like the start of a long one
 
 
 @pytest.mark.parametrize("text", ["", "ab", "zz" * 32, "00" * 33])
