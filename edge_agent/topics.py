@@ -65,7 +65,7 @@ DEFAULT_TOPICS: tuple[TopicRule, ...] = (
     TopicRule(match="**/host/disk", max_rate_hz=2.0, fields=("percent",)),
     TopicRule(match="**/host/temperature", max_rate_hz=2.0, fields=("celsius",)),
     TopicRule(match="**/host/network", max_rate_hz=2.0, fields=("rx_bytes_per_s", "tx_bytes_per_s")),
-    TopicRule(match="**/diagnostics", max_rate_hz=50.0, history_hz=2.0),  # of every device, each on its own
+    TopicRule(match="**/diagnostics", max_rate_hz=50.0, history_hz=20.0),  # all devices share it, each once a second
     TopicRule(match="**/rosout", delivery="event"),
     TopicRule(match="**/functions/results", delivery="event"),
     TopicRule(match="**", max_rate_hz=10.0),

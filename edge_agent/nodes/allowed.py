@@ -145,6 +145,8 @@ def _entry(row: Mapping[str, Any], where: str) -> Allowed:
     for key in ("args", "parameters"):
         if not isinstance(row.get(key, False), bool):
             raise ConfigError(f"{where}: {key}: true or false: whether they may come from afar")
+    if row.get("args") and given[0] == "driver":
+        raise ConfigError(f"{where}: args: a driver takes none: they could name what it opens")
     env, cwd = row.get("env", {}), row.get("cwd", "")
     if not isinstance(env, dict) or not all(_is_variable(key, value) for key, value in env.items()):
         raise ConfigError(f"{where}: env: expected a table of texts")

@@ -132,7 +132,9 @@ def read_manifest(path: Path) -> Manifest:
     """Read and check a manifest. Raises ConfigError that names the file and the key."""
     try:
         tree = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ConfigError(f"{path}: {error}") from None
     where = f"{path.parent.name}/{path.name}"
     tables: dict[str, Any] = {}

@@ -209,5 +209,5 @@ def test_the_default_table_keeps_what_the_dashboard_draws() -> None:
         "**/battery_state": 1.0,
         "**/imu": 1.0,
         "**/compressed": 0.2,
-        "**/diagnostics": 2.0,
+        "**/diagnostics": 20.0,
     }

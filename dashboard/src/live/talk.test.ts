@@ -85,6 +85,17 @@ test("letting go before the microphone is open says nothing", async () => {
   expect([open, socket.closed, talk.state.value]).toEqual([0, true, "idle"]);
 });
 
+test("pressing again while the microphone opens opens no second one", async () => {
+  talk.hold();
+  talk.letGo();
+  talk.hold();
+  await vi.advanceTimersByTimeAsync(0);
+  socket.onopen?.({} as Event);
+  expect([open, socket.sent]).toEqual([1, ["take"]]);
+  talk.release();
+  expect([open, socket.closed]).toEqual([0, true]);
+});
+
 test("after a while lease and microphone are given back", async () => {
   await talking();
   talk.letGo();

@@ -44,6 +44,7 @@ export class Talk {
   #microphone: Microphone | null = null;
   #granted = false;
   #held = false;
+  #taking = false;
   #lastAckMs = 0;
   #idle: ReturnType<typeof setTimeout> | undefined;
   /** Grows when all is given back: what was on its way then is not taken. */
@@ -60,7 +61,7 @@ export class Talk {
     this.#held = true;
     clearTimeout(this.#idle);
     if (this.#socket) this.#begin();
-    else void this.#take();
+    else if (!this.#taking) void this.#take(); // one that is under way is this one's
   }
 
   letGo(): void {
@@ -78,6 +79,7 @@ export class Talk {
 
   async #take(): Promise<void> {
     const round = this.#round;
+    this.#taking = true;
     this.state.value = "asking";
     this.detail.value = "";
     let microphone: Microphone;
@@ -90,6 +92,7 @@ export class Talk {
       return;
     }
     if (round !== this.#round) return microphone.close();
+    this.#taking = false;
     this.#microphone = microphone;
     const socket = (this.#socket = this.parts.connect());
     socket.onopen = () => socket.send(JSON.stringify({ op: "take", holder: this.holder, codec: coding.codec, sample_rate: coding.rate }));
@@ -128,7 +131,7 @@ export class Talk {
     this.#socket = null;
     this.#microphone?.close();
     this.#microphone = null;
-    this.#granted = this.#held = false;
+    this.#granted = this.#held = this.#taking = false;
     this.state.value = state;
     this.detail.value = detail;
     socket?.close();

@@ -125,6 +125,7 @@ export class VideoPlayer {
     this.skipped += 1;
     this.#drop(); // what waits in it is late already
     this.#wait();
+    this.#ask();
   }
 
   #missKey(): void {

@@ -170,6 +170,7 @@ def test_what_the_robot_fixes_stays() -> None:
     ("row", "said"),
     [
         ({"driver": "toaster"}, "driver: no driver 'toaster'"),
+        ({"driver": "ld19", "args": True}, "args: a driver takes none"),
         ({"driver": 3}, "driver: expected a kind"),
         ({"driver": "ld19", "fixed": {"bins": 1}}, "fixed: ld19: bins must be"),
         ({"driver": "ld19", "fixed": 3}, "fixed: expected a table"),
