@@ -27,14 +27,16 @@ export async function openMicrophone(coding: Coding, onPacket: (data: ArrayBuffe
   if (!navigator.mediaDevices) throw new Error("Browsers let pages hear only where they came by https, or from localhost.");
   const stream = await navigator.mediaDevices.getUserMedia({ audio: { channelCount: 1, echoCancellation: true, noiseSuppression: false, autoGainControl: false } });
   const context = new AudioContext({ sampleRate: coding.rate, latencyHint: "interactive" });
+  const encoder = coding.codec === "opus" ? opusEncoder(onPacket) : null;
   const close = () => {
+    if (encoder && encoder.state !== "closed") encoder.close();
     stream.getTracks().forEach((track) => track.stop());
     void context.close();
   };
   try {
     await context.audioWorklet.addModule(workletUrl);
     const node = new AudioWorkletNode(context, "metaros-microphone", { numberOfOutputs: 0, channelCount: 1, channelCountMode: "explicit" });
-    const take = coding.codec === "opus" ? opusOf(onPacket) : (piece: Float32Array<ArrayBuffer>) => onPacket(asPcm(piece));
+    const take = encoder ? opusOf(encoder) : (piece: Float32Array<ArrayBuffer>) => onPacket(asPcm(piece));
     node.port.onmessage = ({ data }) => take(data as Float32Array<ArrayBuffer>);
     context.createMediaStreamSource(stream).connect(node);
     await context.resume();
@@ -45,7 +47,7 @@ export async function openMicrophone(coding: Coding, onPacket: (data: ArrayBuffe
   return { close };
 }
 
-function opusOf(onPacket: (data: ArrayBuffer) => void): (piece: Float32Array<ArrayBuffer>) => void {
+function opusEncoder(onPacket: (data: ArrayBuffer) => void): AudioEncoder {
   const encoder = new AudioEncoder({
     output: (chunk) => {
       const data = new ArrayBuffer(chunk.byteLength);
@@ -55,6 +57,10 @@ function opusOf(onPacket: (data: ArrayBuffer) => void): (piece: Float32Array<Arr
     error: () => undefined, // it is closed then, and nothing more is said
   });
   encoder.configure(OPUS);
+  return encoder;
+}
+
+function opusOf(encoder: AudioEncoder): (piece: Float32Array<ArrayBuffer>) => void {
   let samples = 0;
   return (piece) => {
     if (encoder.state !== "configured" || encoder.encodeQueueSize > MAX_WAITING) return;

@@ -10,6 +10,8 @@ const OPUS_RATE = 48_000;
 const MAX_WAITING = 25;
 /** After so long without a packet nothing plays. */
 const SILENT_MS = 1000;
+/** A stream that cannot be decoded is tried again so often: browsers allow a page few audio contexts. */
+const AGAIN_MS = 1000;
 
 export const canOpus = () => typeof AudioDecoder !== "undefined";
 
@@ -28,11 +30,12 @@ export class SoundPlayer {
   #volume = 1;
   #lastMs = 0;
   #heardMs = 0;
+  #notBeforeMs = 0;
 
   push(packet: SoundPacket): void {
     const rate = packet.codec === "opus" ? OPUS_RATE : packet.rate;
     const shape = `${packet.codec} ${rate} ${packet.channels}`;
-    if (shape !== this.#shape) void this.#begin(shape, rate, packet);
+    if (shape !== this.#shape && Date.now() >= this.#notBeforeMs) void this.#begin(shape, rate, packet);
     if (!this.#node) return;
     [this.#lastMs, this.#heardMs] = [packet.stampMs, Date.now()];
     if (packet.codec === "pcm-s16") this.#play(mixed(packet));
@@ -70,7 +73,9 @@ export class SoundPlayer {
     const node = new AudioWorkletNode(context, "metaros-player", { numberOfInputs: 0, outputChannelCount: [1] });
     const gain = (this.#gain = new GainNode(context, { gain: this.#volume }));
     node.connect(gain).connect(context.destination);
-    node.port.onmessage = ({ data }) => this.#told(data as { waitingMs: number; peak: number; skippedMs: number });
+    node.port.onmessage = ({ data }) => {
+      if (this.#node === node) this.#told(data as { waitingMs: number; peak: number; skippedMs: number }); // not once it is closed
+    };
     if (packet.codec === "opus") this.#decoder = this.#newDecoder(packet.channels);
     this.#node = node;
     this.problem.value = "";
@@ -85,7 +90,8 @@ export class SoundPlayer {
       },
       error: (error) => {
         this.problem.value = `the sound cannot be decoded: ${error.message}`;
-        this.#shape = ""; // the next packet begins anew
+        this.#shape = "";
+        this.#notBeforeMs = Date.now() + AGAIN_MS;
       },
     });
     decoder.configure({ codec: "opus", sampleRate: OPUS_RATE, numberOfChannels: channels });
