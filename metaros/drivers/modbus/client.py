@@ -1,45 +1,40 @@
 """Asking a device, one request at a time. An answer that is late, of another request, or garbage is never taken for it.
 
-Source: MODBUS Messaging on TCP/IP V1.0b; MODBUS over Serial Line V1.02.
+Frames and messages are pymodbus's. Its clients are not used: on a serial line they take the late answer to one request
+for that to the next. Source: MODBUS Messaging on TCP/IP V1.0b; MODBUS over Serial Line V1.02.
 """
 
 from __future__ import annotations
 
 import select
 import socket
-import struct
 import threading
 from typing import Final, Protocol
 
+from pymodbus.framer import FramerSocket
+from pymodbus.pdu import ModbusPDU
+
 from metaros.drivers.modbus.link import Link
-from metaros.drivers.modbus.protocol import EXCEPTIONS, Request, crc16
+from metaros.drivers.modbus.protocol import MESSAGES, Request, find_rtu, rtu_frame
 from metaros.drivers.serial_port import SerialPort
 from metaros.drivers.unit import Unit
 from metaros.errors import UnavailableError
 
-__all__ = ["Client", "NoAnswerError", "RefusedError", "open_client"]
+__all__ = ["Client", "NoAnswerError", "open_client"]
 
 CONNECT_S: Final = 2.0
 _LOOK_S: Final = 0.1
-_LONGEST_PDU: Final = 253
+_LONGEST_FRAME: Final = 260
 
 
 class NoAnswerError(Exception):
     """The device did not answer in time."""
 
 
-class RefusedError(Exception):
-    """The device answers that it will not."""
-
-    def __init__(self, code: int) -> None:
-        super().__init__(EXCEPTIONS.get(code, f"exception {code}"))
-        self.code = code
-
-
 class Client(Protocol):
     """A device that can be asked."""
 
-    def ask(self, request: Request) -> bytes:
+    def ask(self, request: Request) -> ModbusPDU:
         """The answer that grants it; an end of the driver does not cut it short.
 
         RefusedError, NoAnswerError; UnavailableError: the line is gone.
@@ -60,29 +55,29 @@ class _TcpClient:
     def __init__(self, unit: Unit, link: Link, device: int, timeout_s: float) -> None:
         self._unit, self._device, self._timeout_s = unit, device, timeout_s
         self._name = link.name
+        self._framer = FramerSocket(MESSAGES)
         self._number = 0
-        self._buffer = bytearray()
+        self._buffer = b""
         try:
             self._socket = socket.create_connection((link.host, link.port), timeout=CONNECT_S)
         except OSError as error:
             raise UnavailableError(f"{self._name}: {error.strerror or error}") from None
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
-    def ask(self, request: Request) -> bytes:
+    def ask(self, request: Request) -> ModbusPDU:
         self._number = self._number % 0xFFFF + 1
-        head = struct.pack(">HHHB", self._number, 0, len(request.pdu) + 1, self._device)
         try:
-            self._socket.sendall(head + request.pdu)
+            self._socket.sendall(self._framer.encode(request.encode(), self._device, self._number))
         except OSError as error:
             raise UnavailableError(f"{self._name}: {error.strerror or error}") from None
         until_s = self._unit.clock.monotonic_s() + self._timeout_s
         while (left_s := until_s - self._unit.clock.monotonic_s()) > 0:
             while (frame := self._frame()) is not None:
-                number, device, pdu = frame
+                number, device, data = frame
                 if number != self._number:
                     self._unit.count("late_answers")
-                elif device == self._device and _grants(request, pdu):
-                    return pdu
+                elif device == self._device and (answer := request.answer(data)) is not None:
+                    return answer
                 else:
                     self._unit.count("wrong_answers")
             self._read(min(left_s, _LOOK_S))
@@ -103,17 +98,15 @@ class _TcpClient:
         self._buffer += self._unit.heard(data)
 
     def _frame(self) -> tuple[int, int, bytes] | None:
-        if len(self._buffer) < 7:
-            return None
-        number, protocol, size, device = struct.unpack_from(">HHHB", self._buffer)
-        if protocol or not 3 <= size <= _LONGEST_PDU + 1:
+        strange = any(self._buffer[2:4])  # the protocol's number is 0
+        size, device, number, data = (0, 0, 0, b"") if strange else self._framer.decode(self._buffer)
+        if data:
+            self._buffer = self._buffer[size:]
+            return number, device, data
+        if strange or size or len(self._buffer) >= _LONGEST_FRAME:
             self._unit.count("garbage_bytes", len(self._buffer))
             raise UnavailableError(f"{self._name}: what answers speaks no Modbus")
-        if len(self._buffer) < 6 + size:
-            return None
-        pdu = bytes(self._buffer[7 : 6 + size])
-        del self._buffer[: 6 + size]
-        return number, device, pdu
+        return None
 
 
 class _RtuClient:
@@ -126,17 +119,18 @@ class _RtuClient:
         self._quiet = threading.Event()  # never set: a pause that an end of the driver does not cut short
         self._late_until_s = 0.0
 
-    def ask(self, request: Request) -> bytes:
+    def ask(self, request: Request) -> ModbusPDU:
         self._settle()
-        asked = bytes([self._device]) + request.pdu
-        self._port.write(asked + crc16(asked))
-        buffer = bytearray()
+        self._port.write(rtu_frame(self._device, request))
+        buffer = b""
         until_s = self._unit.clock.monotonic_s() + self._timeout_s
         while self._unit.clock.monotonic_s() < until_s:
-            buffer += self._port.read()
-            if (answer := self._found(buffer, request)) is not None:
+            buffer = (buffer + self._port.read())[-2 * _LONGEST_FRAME :]
+            if (found := find_rtu(buffer, self._device, request)) is not None:
+                garbage_bytes, answer = found
+                if garbage_bytes:
+                    self._unit.count("garbage_bytes", garbage_bytes)
                 return answer
-            del buffer[: -2 * _LONGEST_PDU]
         if buffer:
             self._unit.count("garbage_bytes", len(buffer))
         self._late_until_s = self._unit.clock.monotonic_s() + self._timeout_s
@@ -151,23 +145,3 @@ class _RtuClient:
                 self._unit.count("late_bytes", len(late))
         self._quiet.wait(self._pause_s)
         self._port.discard()
-
-    def _found(self, buffer: bytearray, request: Request) -> bytes | None:
-        for start in range(len(buffer)):
-            if buffer[start] != self._device:
-                continue
-            for size in (request.answer_size, 2):
-                pdu = bytes(buffer[start + 1 : start + 1 + size])
-                checksum = bytes(buffer[start + 1 + size : start + 3 + size])
-                if len(checksum) == 2 and crc16(bytes([self._device]) + pdu) == checksum and _grants(request, pdu):
-                    if start:
-                        self._unit.count("garbage_bytes", start)
-                    return pdu
-        return None
-
-
-def _grants(request: Request, pdu: bytes) -> bool:
-    """Whether it is the answer to that request; RefusedError where it refuses."""
-    if len(pdu) == 2 and pdu[0] == request.refusal_head:
-        raise RefusedError(pdu[1])
-    return len(pdu) == request.answer_size and pdu.startswith(request.answer_head)

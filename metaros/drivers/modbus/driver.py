@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Final
 
-from metaros.drivers.modbus.client import Client, NoAnswerError, RefusedError, open_client
+from pymodbus.pdu import ModbusPDU
+
+from metaros.drivers.modbus.client import Client, NoAnswerError, open_client
 from metaros.drivers.modbus.link import read_link
 from metaros.drivers.modbus.orders import Order, Orders
 from metaros.drivers.modbus.plan import Group, Plan
 from metaros.drivers.modbus.points import Point, read_map
-from metaros.drivers.modbus.protocol import EXCEPTIONS, Request, write_request
+from metaros.drivers.modbus.protocol import EXCEPTIONS, RefusedError, Request, write_request
 from metaros.drivers.unit import DriverPublisher, Unit
 from metaros.errors import UnavailableError
 from metaros.interfaces.std_msgs.msg import Bool, Float64
@@ -140,7 +142,7 @@ class ModbusDevice:
                 self._orders.written(point, registers)
                 self._unit.count("writes")
 
-    def _ask(self, what: str, request: Request) -> bytes | None:
+    def _ask(self, what: str, request: Request) -> ModbusPDU | None:
         client = self._client
         assert client is not None
         try:

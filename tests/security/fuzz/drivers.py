@@ -18,6 +18,7 @@ from metaros.drivers.joystick.events import EventReader
 from metaros.drivers.ld19.protocol import PacketStream
 from metaros.drivers.lines import LineSplitter
 from metaros.drivers.mavlink.codec import Codec
+from metaros.drivers.modbus.protocol import RefusedError, find_rtu, read_request
 from metaros.drivers.opus import OpusDecoder, OpusEncoder
 from metaros.drivers.rplidar.samples import CapsuleStream, NodeStream
 from metaros.drivers.serial.framing import FrameSplitter, encode_frame
@@ -82,6 +83,12 @@ def mavlink(data: bytes) -> None:
     """Messages of the dialect."""
     codec = Codec(system=255, component=190, count=_ignore, key=b"", wall_ns=1_700_000_000_000_000_000)
     some(codec.feed(data))
+
+
+def modbus(data: bytes) -> None:
+    """The answer to a request, somewhere on a serial line."""
+    with contextlib.suppress(RefusedError):
+        some([find_rtu(data, 1, read_request("holding", 0x6B, 3))])
 
 
 def opus(data: bytes) -> None:
@@ -174,6 +181,7 @@ TARGETS = (
         seeds=(wit_round() + wit_round(),),
         cost=2,
     ),
+    Target(name="Modbus RTU", run=modbus, errors=ERRORS, seeds=(bytes.fromhex("010306022b00000064057a"),), cost=20),
     Target(name="input events", run=lambda d: some(EventReader(_ignore).feed(d)), errors=ERRORS, seeds=(_PRESS,)),
     Target(name="encoder lines", run=lines(parse_encoders), errors=ERRORS, seeds=(b"12 -34\r\n",)),
     Target(

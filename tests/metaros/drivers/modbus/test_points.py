@@ -9,12 +9,14 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymodbus.framer import FramerRTU
+from pymodbus.pdu import DecodePDU, ModbusPDU
 
 from metaros.drivers.modbus.link import read_link
 from metaros.drivers.modbus.orders import AGAIN_S, Orders
 from metaros.drivers.modbus.plan import Plan
 from metaros.drivers.modbus.points import Point, read_map
-from metaros.drivers.modbus.protocol import crc16, read_request, write_request
+from metaros.drivers.modbus.protocol import RefusedError, Request, find_rtu, read_request, rtu_frame, write_request
 from metaros.errors import ConfigError
 
 
@@ -92,18 +94,54 @@ def test_a_good_map(tmp_path: Path) -> None:
         read_map(str(file))
 
 
+def answer(text: str) -> ModbusPDU:
+    found = DecodePDU(False).decode(bytes.fromhex(text))
+    assert found is not None
+    return found
+
+
 def test_known_bytes() -> None:
     # The examples of the specification's sections 6.1, 6.3, 6.5, 6.6 and 6.12.
     coils = read_request("coil", 0x13, 0x13)
-    assert coils.pdu == bytes.fromhex("0100130013")
-    assert coils.values(bytes.fromhex("0103cd6b05"))[:8] == (1, 0, 1, 1, 0, 0, 1, 1)
+    assert coils.encode() == bytes.fromhex("0100130013")
+    assert coils.values(answer("0103cd6b05"))[:8] == (1, 0, 1, 1, 0, 0, 1, 1)
     registers = read_request("holding", 0x6B, 3)
-    assert registers.pdu == bytes.fromhex("03006b0003")
-    assert registers.values(bytes.fromhex("0306022b00000064")) == (0x22B, 0, 100)
-    assert write_request("coil", 0xAC, (1,)).pdu == bytes.fromhex("0500acff00")
-    assert write_request("holding", 1, (3,)).pdu == bytes.fromhex("0600010003")
-    assert write_request("holding", 1, (10, 258)).pdu == bytes.fromhex("100001000204000a0102")
-    assert crc16(bytes.fromhex("02 07")) == bytes.fromhex("41 12")
+    assert registers.encode() == bytes.fromhex("03006b0003")
+    assert registers.values(answer("0306022b00000064")) == (0x22B, 0, 100)
+    assert write_request("coil", 0xAC, (1,)).encode() == bytes.fromhex("0500acff00")
+    assert write_request("holding", 1, (3,)).encode() == bytes.fromhex("0600010003")
+    assert write_request("holding", 1, (10, 258)).encode() == bytes.fromhex("100001000204000a0102")
+
+
+@pytest.mark.parametrize(
+    ("request_", "granted", "others"),
+    [
+        (read_request("coil", 0x13, 0x13), "0103cd6b05", ("0203cd6b05", "0102cd6b", "0104cd6b0500")),
+        (read_request("holding", 0x6B, 3), "0306022b00000064", ("0406022b00000064", "0304022b0000", "0308" + "00" * 8)),
+        (write_request("coil", 0xAC, (1,)), "0500acff00", ("0500ac0000", "0500adff00")),
+        (write_request("holding", 1, (3,)), "0600010003", ("0600010004", "0600020003", "1000010001")),
+        (write_request("holding", 1, (10, 258)), "1000010002", ("1000010001", "1000020002")),
+    ],
+)
+def test_only_the_answer_to_it_grants_a_request(request_: Request, granted: str, others: tuple[str, ...]) -> None:
+    assert request_.answer(bytes.fromhex(granted)) is not None
+    assert [request_.answer(bytes.fromhex(other)) for other in (*others, "9702", "ff", "")] == [None] * (
+        len(others) + 3
+    )
+    with pytest.raises(RefusedError, match="illegal data address"):
+        request_.answer(bytes([request_.encode()[0] | 0x80, 2]))
+
+
+def test_an_answer_is_found_behind_garbage() -> None:
+    asked = read_request("holding", 0x6B, 3)
+    framed = bytes.fromhex("01 0306022b00000064")
+    framed += FramerRTU.compute_CRC(framed).to_bytes(2, "big")
+    for garbage in (b"", b"\x01\x03", b"\x01\x03\xff", b"\x01" * 9, framed[:-1] + b"\0", bytes(range(250))):
+        assert find_rtu(garbage + framed[:-1], 1, asked) is None
+        start, answer = find_rtu(garbage + framed, 1, asked) or pytest.fail("hidden")
+        assert (start, asked.values(answer)) == (len(garbage), (0x22B, 0, 100))
+        assert find_rtu(garbage + framed, 2, asked) is None
+    assert rtu_frame(1, asked) == bytes.fromhex("0103006b00037417")
 
 
 def test_neighbours_are_read_together() -> None:
