@@ -23,10 +23,10 @@ class FakeWorker {
 const channel = { type: "std_msgs/msg/String", type_hash: "RIHS01_0", schema: "string data" } as Channel;
 const record = (seq: number): StreamRecord => ({ subscription: 1, channel: 1, seq, stampMs: seq, receiveMs: seq, payload: new Uint8Array([seq]) });
 
-function setup(depth: number) {
+function setup(depth: number, chained = false) {
   const worker = new FakeWorker();
   const seen: unknown[] = [];
-  const feed = new Decoder(worker).feed({ depth, image: false }, ({ seq, message, error }) => seen.push([seq, message ?? error]));
+  const feed = new Decoder(worker).feed({ depth, chained, image: false }, ({ seq, message, error }) => seen.push([seq, message ?? error]));
   return { worker, seen, feed };
 }
 
@@ -53,6 +53,14 @@ test("a deeper feed keeps order and drops the oldest waiting", () => {
   for (let seq = 1; seq <= 4; seq++) feed.push(channel, record(seq));
   for (let ticket = 1; ticket <= 3; ticket++) worker.answer({ ticket, message: {} });
   expect(seen).toEqual([[1, {}], [3, {}], [4, {}]]);
+});
+
+test("where messages build on each other, none that waits is kept when one does not fit", () => {
+  const { worker, seen, feed } = setup(2, true);
+  for (let seq = 1; seq <= 5; seq++) feed.push(channel, record(seq));
+  for (let ticket = 1; ticket <= 2; ticket++) worker.answer({ ticket, message: {} });
+  expect(seen).toEqual([[1, {}], [5, {}]]);
+  expect(feed.dropped).toBe(3);
 });
 
 test("an error is handed on and the feed goes on", () => {

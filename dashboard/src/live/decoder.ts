@@ -2,7 +2,8 @@
  * The page's side of the decode worker, with back-pressure.
  *
  * Each feed has one message in the worker at a time (`ahead` allows more). What arrives meanwhile waits: one newest message in a feed of
- * depth 1, up to `depth` in arrival order otherwise, and the oldest waiting one is dropped when there is no room.
+ * depth 1, up to `depth` in arrival order otherwise. When there is no room the oldest waiting one is dropped, or all of
+ * them where messages build on each other: of a video that is behind nothing is worth showing but what comes next.
  */
 
 import type { Channel } from "../api/types";
@@ -70,6 +71,8 @@ export interface FeedOptions {
   cloud?: boolean;
   /** How many messages may be in the worker at once; pictures of more than one may come out of order. */
   ahead?: number;
+  /** Messages build on each other, as those of a video do. */
+  chained?: boolean;
 }
 
 export class Decoder {
@@ -129,8 +132,7 @@ export class Feed {
     const payload = record.payload.slice().buffer;
     this.#waiting.push({ channel, stampMs: record.stampMs, seq: record.seq, sizeBytes: payload.byteLength, payload });
     if (this.#waiting.length > this.options.depth) {
-      this.#waiting.shift();
-      this.dropped += 1;
+      this.dropped += this.#waiting.splice(0, this.options.chained ? this.#waiting.length : 1).length;
     }
     this.#advance();
   }

@@ -66,8 +66,10 @@ export class VideoPlayer {
 
   push(chunk: VideoChunk): void {
     const unit = inspect(chunk.data);
-    if (this.#lastSeq !== null && chunk.seq !== this.#lastSeq + 1) this.#wait();
+    const missed = this.#lastSeq !== null && chunk.seq !== this.#lastSeq + 1;
     this.#lastSeq = chunk.seq;
+    if (missed) this.#wait();
+    if (missed && !unit.key) this.#ask(); // the gateway goes on with a key frame: this page dropped it
     if ((this.#decoder?.decodeQueueSize ?? 0) >= this.maxWaiting) this.#fallBehind();
     if (this.waits && !unit.key) return this.#missKey();
     try {

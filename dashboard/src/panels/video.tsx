@@ -13,8 +13,10 @@ import "../ui/video.css";
 import { CameraCard } from "./camera";
 import { usePicture } from "./picture";
 
-/** More than a group of pictures. */
+/** In the past: more than a group of pictures. */
 const DEPTH = 128;
+/** Live: a second, as a link that stalls gives it at once; a page that is further behind goes on with the next key frame. */
+const LIVE_DEPTH = 30;
 /** In the past: so far back the key frame of a group is looked for. */
 const BACK_S = 2.5;
 
@@ -92,7 +94,7 @@ function Video({ robot, topic, title, choice }: { robot: string; topic: string; 
     keyless.value = false;
     player.restart();
   };
-  const options = { robot, topic, depth: DEPTH, enabled: visible.value || past, asks: asks.value, backS: BACK_S, onInstant: begin };
+  const options = { robot, topic, depth: past ? DEPTH : LIVE_DEPTH, chained: !past, enabled: visible.value || past, asks: asks.value, backS: BACK_S, onInstant: begin };
   useTopic(options, ({ message, stampMs, seq, sizeBytes, error }, seenMs) => {
     if (Math.abs(seenMs - (received.peek() ?? 0)) > 1000) received.value = seenMs;
     if (!message) return void (problem.value = error ?? "no picture");

@@ -7,6 +7,8 @@ import { useLive } from "./context";
 
 /** Messages of an instant come all at once. */
 const AHEAD = 32;
+/** Of a video: the worker is not to wait for a page that draws. */
+const CHAINED_AHEAD = 4;
 
 export interface TopicOptions {
   robot: string;
@@ -14,6 +16,8 @@ export interface TopicOptions {
   maxRateHz?: number;
   /** How many messages may wait for the decoder: 1 shows only the newest, more keeps what arrives in bursts. */
   depth?: number;
+  /** Messages build on each other: where one does not fit, none that waits does. */
+  chained?: boolean;
   image?: boolean;
   cloud?: boolean;
   enabled?: boolean;
@@ -28,7 +32,7 @@ export interface TopicOptions {
 
 /** `seenMs` is what the message's age counts from: its arrival, or in the past its stamp. */
 export function useTopic(options: TopicOptions, onDecoded: (decoded: Decoded, seenMs: number) => void): void {
-  const { robot, topic, maxRateHz, depth = 1, image = false, cloud = false, enabled = true, asks = 0, backS = 0, aheadS = 0 } = options;
+  const { robot, topic, maxRateHz, depth = 1, chained = false, image = false, cloud = false, enabled = true, asks = 0, backS = 0, aheadS = 0 } = options;
   const { stream, decoder, past } = useLive();
   const handler = useRef(onDecoded);
   handler.current = onDecoded;
@@ -36,7 +40,8 @@ export function useTopic(options: TopicOptions, onDecoded: (decoded: Decoded, se
   instant.current = options.onInstant;
   useEffect(() => {
     if (!enabled) return;
-    const newFeed = () => decoder.feed({ depth, image, cloud, ahead: past && !image && !cloud ? AHEAD : 1 }, (decoded) => handler.current(decoded, past ? decoded.stampMs : Date.now()));
+    const ahead = past && !image && !cloud ? AHEAD : chained ? CHAINED_AHEAD : 1;
+    const newFeed = () => decoder.feed({ depth, chained, image, cloud, ahead }, (decoded) => handler.current(decoded, past ? decoded.stampMs : Date.now()));
     let feed = newFeed();
     const stop = past
       ? past.watch({
@@ -57,5 +62,5 @@ export function useTopic(options: TopicOptions, onDecoded: (decoded: Decoded, se
       stop();
       feed.close();
     };
-  }, [robot, topic, maxRateHz, depth, image, cloud, enabled, asks, past, backS, aheadS]);
+  }, [robot, topic, maxRateHz, depth, chained, image, cloud, enabled, asks, past, backS, aheadS]);
 }
