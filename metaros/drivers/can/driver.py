@@ -8,17 +8,17 @@ import can
 import numpy as np
 
 from metaros.drivers.can.bus import PythonCanBus, SlcanBus, open_bus
+from metaros.drivers.can.identifiers import MOST_IDS, read_ids
 from metaros.drivers.can.latest import Latest
 from metaros.drivers.can.signals import Signals
 from metaros.drivers.unit import DriverPublisher, Unit
-from metaros.errors import ConfigError, UnavailableError
+from metaros.errors import UnavailableError
 from metaros.interfaces.can_msgs.msg import Frame
 from metaros.interfaces.std_msgs.msg import Float64, Header
 from metaros.wire import QoSProfile, qos_default
 
-__all__ = ["CanDevice", "make", "read_ids"]
+__all__ = ["CanDevice", "make"]
 
-MOST_IDS: Final = 4096
 _DEPTH: Final = 200
 
 
@@ -121,8 +121,8 @@ class CanDevice:
     # -- from others -----------------------------------------------------------------------------------------------
 
     def _on_tx(self, frame: Frame) -> None:
-        bus, most = self._bus, 1 << (29 if frame.is_extended else 11)
-        if bus is None or frame.is_error or frame.dlc > 8 or frame.id >= most or frame.id not in self._tx_ids:
+        bus, allowed = self._bus, (frame.id, bool(frame.is_extended)) in self._tx_ids
+        if bus is None or frame.is_error or frame.dlc > 8 or not allowed:
             self._unit.count("refused_commands")
             return
         message = can.Message(
@@ -137,19 +137,3 @@ class CanDevice:
             self._unit.count("sent_frames")
         except UnavailableError:
             self._unit.count("unsent_frames")
-
-
-def read_ids(text: str) -> frozenset[int]:
-    """`0x100, 0x200-0x20F`: identifiers and ranges of them; ConfigError where it is neither."""
-    found: set[int] = set()
-    for part in filter(None, (one.strip() for one in text.split(","))):
-        first, _, last = part.partition("-")
-        try:
-            low = int(first, 0)
-            high = int(last, 0) if last else low
-        except ValueError:
-            raise ConfigError(f"can: tx_ids: {part!r} is no identifier such as 0x100 or 0x200-0x20F") from None
-        if not 0 <= low <= high < 1 << 29 or high - low + len(found) >= MOST_IDS:
-            raise ConfigError(f"can: tx_ids: {part!r}: identifiers are 0 to 0x1FFFFFFF, and {MOST_IDS} at most")
-        found.update(range(low, high + 1))
-    return frozenset(found)

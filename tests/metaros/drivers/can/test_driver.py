@@ -113,9 +113,10 @@ def test_only_what_is_allowed_is_sent(zenoh_router: str) -> None:
         heard = bus.recv(60)
         assert (heard.arbitration_id, bytes(heard.data), heard.is_extended_id) == (0x100, b"\1\2", False)
         refused = count(driver, "refused_commands")
-        for wrong in (Frame(id=0x102), Frame(id=0x100, dlc=9), Frame(id=0x100, is_error=True), Frame(id=0x900)):
+        long = Frame(id=0x100, is_extended=True)
+        for wrong in (Frame(id=0x102), long, Frame(id=0x100, dlc=9), Frame(id=0x100, is_error=True), Frame(id=0x900)):
             sender.publish(wrong)
-        wait_until(lambda: count(driver, "refused_commands") == refused + 4)
+        wait_until(lambda: count(driver, "refused_commands") == refused + 5)
         while (late := bus.recv(0)) is not None:
             assert late.arbitration_id == 0x100
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from metaros.drivers.can.driver import read_ids
+from metaros.drivers.can.identifiers import read_ids
 from metaros.drivers.can.latest import Latest
 from metaros.drivers.can.signals import Signals
 from metaros.drivers.can.slcan import format_frame, parse_frame
@@ -95,9 +95,10 @@ def test_files_and_patterns_that_cannot_work(dbc: str, tmp_path: Path) -> None:
 
 
 def test_identifiers() -> None:
-    assert read_ids(" 0x100, 0x200-0x202 ,7") == {0x100, 0x200, 0x201, 0x202, 7}
+    assert read_ids(" 0x100, 0x200-0x202 ,7") == {(each, False) for each in (0x100, 0x200, 0x201, 0x202, 7)}
+    assert read_ids("0x00000100-0x00000101, 0x800") == {(0x100, True), (0x101, True), (0x800, True)}
     assert read_ids("") == frozenset()
-    for wrong in ("motor", "0x200-0x100", "-1", "0-0x1FFFFFFF", "0x20000000"):
+    for wrong in ("motor", "0x200-0x100", "-1", "0-0x1FFFFFFF", "0x20000000", "0x7FF-0x800"):
         with pytest.raises(ConfigError, match="tx_ids"):
             read_ids(wrong)
 
