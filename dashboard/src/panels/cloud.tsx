@@ -5,10 +5,12 @@ import { useEffect, useRef } from "preact/hooks";
 import type { Missing } from "../api/history_types";
 import type { Topic } from "../api/types";
 import type { Cloud } from "../live/cloud";
+import { useLive } from "../ui/context";
 import { relativeTopic } from "../ui/format";
 import { Card } from "../ui/parts";
 import { palette } from "../ui/theme";
 import { useTopic } from "../ui/use_topic";
+import { useVisible } from "../ui/use_visible";
 import type { LazyCardProps } from "../views/lazy_cards";
 import { CloudPainter, type Colouring } from "./cloud_gl";
 import { CloudView } from "./cloud_view";
@@ -67,7 +69,8 @@ function CloudCard({ robot, namespace, topic, others, chosen }: Props) {
     received.value = null;
     if (absent) show(null);
   };
-  useTopic({ robot, topic, cloud: true, maxRateHz: RATE_HZ, onInstant: begin }, ({ cloud, error }, seenMs) => {
+  const enabled = useVisible().value || useLive().past !== null; // nobody sees a hidden tab, and clouds are heavy
+  useTopic({ robot, topic, cloud: true, maxRateHz: RATE_HZ, enabled, onInstant: begin }, ({ cloud, error }, seenMs) => {
     problem.value = cloud ? "" : (error ?? "no cloud");
     if (!cloud) return;
     if (Math.abs(seenMs - (received.peek() ?? 0)) > 1000) received.value = seenMs;
