@@ -2,11 +2,13 @@
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11 python; do \
 	command -v $$p >/dev/null 2>&1 && $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { echo $$p; break; }; done)
 BIN = .venv/bin
+# A machine that forbids bytecode compiles every module again in each of a thousand processes.
+unexport PYTHONDONTWRITEBYTECODE
 WORKERS ?= 2
-# CI runs the slow tests too; at a desk they are one word away: make test SLOW=1
-MARKERS = $(if $(or $(CI),$(SLOW)),,-m "not slow")
+# CI runs the integration tests too; at a desk they are one word away: make test ALL=1
+MARKERS = $(if $(or $(CI),$(ALL)),,-m "not integration")
 
-.PHONY: setup up test check fmt proto lock bench bench-anomaly bench-faults campaign clean
+.PHONY: setup up test profile check fmt proto lock bench bench-anomaly bench-faults campaign clean
 
 setup:
 	@[ -n "$(PYTHON)" ] || { echo "metaros: needs Python 3.11 or newer (Debian: apt install python3)"; exit 1; }
@@ -19,6 +21,9 @@ up: setup
 test: setup
 	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup $(MARKERS) $(ARGS) \
 		|| { [ $$? -eq 1 ] && [ -n "$(CI)" ] && $(BIN)/python tools/second_look.py; }
+
+profile: setup
+	@$(BIN)/python tools/profile_tests.py -n $(WORKERS) --dist loadgroup $(MARKERS) $(ARGS)
 
 check: setup
 	$(BIN)/ruff check .

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -17,10 +18,29 @@ if TYPE_CHECKING:
     from tests.support.seaweed import SeaweedServer
 
 
+# What makes a test one of the real world, wherever it stands; a test that needs time, kills or root marks itself.
+INTEGRATION_FOLDERS = ("tests/e2e/", "tests/faults/", "tests/system/")
+INTEGRATION_FIXTURES = frozenset({"browser", "postgres", "seaweed"})
+
+
 def pytest_configure() -> None:
-    """Programs under test obey Ctrl-C, also where a shell started the tests in the background, which ignores it."""
+    """Programs under test obey Ctrl-C, also where a shell started the tests in the background, which ignores it.
+
+    They keep the bytecode they compile, also where the environment forbids it: thousands of processes start here.
+    """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    sys.dont_write_bytecode = False
+
+
+@pytest.hookimpl(tryfirst=True)  # before `-m` chooses
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what is of the real world by the table above."""
+    for item in items:
+        fixtures = getattr(item, "fixturenames", ())
+        if item.nodeid.startswith(INTEGRATION_FOLDERS) or not INTEGRATION_FIXTURES.isdisjoint(fixtures):
+            item.add_marker("integration")
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ MODULES = HERE.parents[1] / "dashboard" / "node_modules"
 STAMP_NS = 1_700_000_000_123_456_789
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.integration,
     pytest.mark.skipif(
         shutil.which("node") is None or not (MODULES / "@foxglove" / "ws-protocol").is_dir(),
         reason="node or the dashboard's packages are not there",

@@ -24,7 +24,7 @@ def test_its_types_are_those_of_the_openapi_document() -> None:
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_the_compiled_package_calls_a_real_gateway(tmp_path: Path) -> None:
     if NODE is None or not TSC.exists():
         if os.environ.get("CI"):

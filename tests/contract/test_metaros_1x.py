@@ -100,7 +100,7 @@ def running(python: Path, program: str, endpoint: str, log: Path, *arguments: st
                 process.kill()
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.xdist_group("metaros_1x")
 @pytest.mark.timeout(300)
 def test_its_publisher_is_heard_by_a_node(old_python: Path, rig: Rig, tmp_path: Path) -> None:  # noqa: F811
@@ -129,7 +129,7 @@ def test_its_publisher_is_heard_by_a_node(old_python: Path, rig: Rig, tmp_path: 
     assert sum(row.malformed for row in rig.broker.report().rows) == 0
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.xdist_group("metaros_1x")
 @pytest.mark.timeout(300)
 def test_its_subscriber_hears_a_node(old_python: Path, rig: Rig, tmp_path: Path) -> None:  # noqa: F811

@@ -131,7 +131,7 @@ def sign_in_link(here: PodHere, container: Mapping[str, Any]) -> str:
     return done.stdout.strip()
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_one_gateway_alone_makes_its_admin_and_starts(tmp_path: Path) -> None:
     found = with_free_ports("default", "--set", "gateway.drain.noticeSeconds=0", "--set", "gateway.drain.seconds=1")
     pod = pod_of(found, "gateway")
@@ -166,7 +166,7 @@ def called(here: PodHere, container: Mapping[str, Any], folder: Path) -> Any:
     return json.loads(done.stdout)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_behind_a_proxy_the_probes_get_in_and_nobody_else(tmp_path: Path) -> None:
     found = with_free_ports("proxy", "--set", "gateway.drain.noticeSeconds=0", "--set", "gateway.drain.seconds=1")
     pod = pod_of(found, "gateway")

@@ -289,7 +289,7 @@ class OneHost(Stack):
         super().__exit__()
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.skipif(sys.platform != "linux", reason="containers are Linux's; 127.0.0.9 is too")
 def test_its_lines_serve_behind_its_nginx(
     postgres: PostgresServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

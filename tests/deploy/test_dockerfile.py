@@ -171,7 +171,7 @@ def test_the_health_check_asks_a_gateway(tls: str, tmp_path: Path) -> None:
         gateway.kill()
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.skipif(sys.platform != "linux", reason="the image is Linux's")
 @pytest.mark.timeout(900)
 def test_its_commands_make_an_install_that_runs_from_a_read_only_root(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ def world(zenoh_router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize(
-    "page", [pytest.param(page.name, marks=[pytest.mark.slow] if page.name in SLOW else []) for page in RUN]
+    "page", [pytest.param(page.name, marks=[pytest.mark.integration] if page.name in SLOW else []) for page in RUN]
 )
 def test_every_command_of_the_page_prints_what_it_shows(page: str, world: World) -> None:
     text = (HOWTO / page).read_text()

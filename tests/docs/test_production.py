@@ -45,7 +45,7 @@ def test_files_of_ours_are_where_the_page_says(page: str) -> None:
     assert [name for name in sorted(named - made) if not (ROOT / name).exists()] == []
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.skipif(sys.platform == "win32", reason="the page is for a POSIX shell")
 def test_the_answers_are_those_of_a_gateway_that_is_set_up_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     if probe().level < Level.L2:

@@ -21,7 +21,7 @@ from tests.e2e.test_fleet_page import CONTRASTS
 from tests.support.stack import Stack
 from tests.support.waiting import wait_until
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser"), pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(600)]
 
 OpenPage = Callable[..., Page]
 PARTS = ("robots", "users", "keys", "audit")

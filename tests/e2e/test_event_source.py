@@ -25,7 +25,7 @@ def command(gateway: RealGateway) -> None:
     gateway.ask("POST", "/robots/sim_1/commands", asked)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_no_event_is_missed_over_a_restart(tmp_path: Path, open_page: Callable[..., Page]) -> None:
     with real_gateway(tmp_path) as first:
         page = open_page(f"{first.url}/docs")

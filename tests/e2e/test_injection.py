@@ -14,7 +14,7 @@ from tests.e2e.fake_gateway import FakeGateway, account
 from tests.e2e.fake_world import FakeRobot
 from tests.e2e.real_gateway import real_gateway
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
+pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser")]
 
 OpenPage = Callable[..., Page]
 IMAGE = '<img src=x onerror="window.__ran=1;alert(1)">'

@@ -25,7 +25,7 @@ from tests.support.stack import Stack
 from tests.support.waiting import wait_until
 from tests.system.test_nodes_from_afar import ROBOT, Afar
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser"), pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(900)]
 
 OpenPage = Callable[..., Page]
 

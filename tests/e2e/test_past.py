@@ -15,7 +15,7 @@ from tests.e2e.test_robot_page import CAMERA, MAP, wait_for_data
 from tests.e2e.test_time_bar import LINE, PLOT, drag, stamp, wait_for_instant
 from tests.support.stack import Stack
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser"), pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(300)]
 
 OpenPage = Callable[..., Page]
 SPAN_S = 900

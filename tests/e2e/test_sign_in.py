@@ -18,7 +18,7 @@ from tests.e2e.conftest import PHONE, save
 from tests.e2e.real_gateway import PASSWORD, RealGateway, real_gateway
 from tests.support.oidc_server import CLIENT_ID, CLIENT_SECRET, oidc_server
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser"), pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(300)]
 
 OpenPage = Callable[..., Page]
 PLACE = "/robots/sim_1?t=2026-11-21T06:00:00Z&span=1h"

@@ -19,7 +19,7 @@ from tests.support.stack import Stack
 from tests.support.viewer import open_socket
 from tests.support.waiting import wait_until
 
-pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser"), pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(400)]
 
 RATE, HZ = 48000, 880.0
 

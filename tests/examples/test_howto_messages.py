@@ -67,7 +67,7 @@ Cell().volt
 """
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_a_type_checker_understands_message_classes(tmp_path: Path) -> None:
     good, bad = tmp_path / "good.py", tmp_path / "bad.py"
     good.write_text(USER_CODE)

@@ -37,7 +37,7 @@ def test_a_robot_whose_consumer_hears_its_driver(tmp_path: Path) -> None:
         assert text.index("driver   ▶ started") < text.index("consumer ▶ started")
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_a_crash_loop_ends_in_quarantine_and_a_bystander_hears_of_it(tmp_path: Path) -> None:
     with launched("crash_loop.toml", tmp_path) as out:
         wait_until(lambda: "[bystander]: /crasher: quarantined: 11 exits within 300 s" in out.read_text())

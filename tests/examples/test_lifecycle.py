@@ -16,7 +16,7 @@ from tests.examples.test_examples import running
 from tests.support.waiting import wait_until
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_a_slow_lidar_degrades_the_consumer_which_recovers_by_itself(zenoh_router: str, tmp_path: Path) -> None:
     log, stop = tmp_path / "log", threading.Event()
     speeds: list[float] = []

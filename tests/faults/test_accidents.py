@@ -22,7 +22,7 @@ from tests.support.load_robot_stack import LoadStack
 from tests.support.stack import Program, Stack
 from tests.support.waiting import wait_until
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.integration
 
 TEN_YEARS_S = 315_532_800
 

@@ -31,7 +31,7 @@ from tests.support.cutting_proxy import CuttingProxy
 from tests.support.stack import Program, Stack
 from tests.support.waiting import wait_until
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.integration
 
 CUT_S = float(os.environ.get("METAROS_CUT_S", "12"))
 MARGIN_S = 3.0

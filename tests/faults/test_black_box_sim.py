@@ -21,7 +21,7 @@ from tests.support.cutting_proxy import CuttingProxy
 from tests.support.stack import Stack
 from tests.support.waiting import wait_until
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.integration
 
 CUT_S, MARGIN_S = 10.0, 3.0
 SECOND = 1_000_000_000

@@ -22,7 +22,7 @@ from metaros.interfaces.example_interfaces.srv import AddTwoInts
 from tests.support.stack import Program, Stack
 from tests.support.waiting import wait_until
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(900)]
 
 COMMANDS = 60
 KILLS = {2: "agent", 9: "gateway", 21: "gateway", 22: "agent", 40: "agent", 52: "gateway"}  # before that number is sent

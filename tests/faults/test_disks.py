@@ -7,7 +7,7 @@ import pytest
 from tests.faults.campaigns import run_campaign, skip_without_namespaces
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(200)
 def test_twenty_full_disks_on_each_side_lose_nothing() -> None:
     skip_without_namespaces()

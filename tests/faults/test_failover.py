@@ -24,7 +24,7 @@ def libfaketime() -> str:
     return next((str(path) for path in sorted(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"))), "")
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(600)
 def test_it_runs_elsewhere_soon_and_never_twice(tmp_path: Path) -> None:
     skip_without_namespaces()

@@ -7,7 +7,7 @@ import pytest
 from tests.faults.campaigns import run_campaign
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_ten_kills_lose_nothing_store_nothing_twice_and_leave_no_object() -> None:
     output = run_campaign("history", "--cycles", "10", "--leg", "5", timeout_s=550)
 

@@ -7,7 +7,7 @@ import pytest
 from tests.faults.campaigns import run_campaign
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_fifty_kills_lose_nothing_store_nothing_twice_and_change_nothing() -> None:
     output = run_campaign("kills", "--cycles", "50", "--leg", "25", timeout_s=100)
 

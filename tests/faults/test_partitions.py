@@ -8,7 +8,7 @@ from load_tests.campaign_partitions import KINDS
 from tests.faults.campaigns import run_campaign, skip_without_namespaces
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(300)
 def test_fifty_cycles_of_each_kind_of_partition_lose_nothing() -> None:
     skip_without_namespaces()

@@ -15,7 +15,7 @@ from tests.support.waiting import wait_until
 QUOTA = 800  # a second, where the robot makes about 2,300
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_a_robot_over_its_quota_loses_nothing_and_keeps_its_session(tmp_path: Path) -> None:
     with LoadStack(tmp_path, gateway={"robot_messages_per_s": QUOTA}) as stack:
         stack.start("gateway")

@@ -88,4 +88,4 @@ COMMON = settings(
 TestEditing = Editing.TestCase
 TestEditing.settings = settings(COMMON, max_examples=3, stateful_step_count=4)
 ThousandEdits.TestCase.settings = settings(COMMON, max_examples=4, stateful_step_count=25)
-TestThousandEdits = pytest.mark.slow(pytest.mark.timeout(900)(ThousandEdits.TestCase))
+TestThousandEdits = pytest.mark.integration(pytest.mark.timeout(900)(ThousandEdits.TestCase))

@@ -18,7 +18,7 @@ from tests.support.tuf_repository import Served, TufRepository, make_bundle, mak
 from tests.support.tuf_robot import OLD, fill_slot
 from tests.support.waiting import wait_until
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")]
+pytestmark = [pytest.mark.integration, pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL")]
 
 STEPS = ("downloading", "verified", "emptied", "unpacked", "installed", "sealed", "switched")
 PROGRAM = """

@@ -103,7 +103,7 @@ def state_of(judge: Judge, slot: int) -> tuple[bytes, tuple[bytes, ...]]:
     return bank, tuple(array[slot].tobytes() for array in detectors.flat.columns.dump().values())
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_scores_after_kills_are_those_of_a_judge_that_never_was_interrupted(tmp_path: Path) -> None:
     with WaveStack(tmp_path) as stack:
         stack.start("gateway")

@@ -10,7 +10,7 @@ import pytest
 from gateway.objects import ObjectStore, open_objects
 from tests.support.seaweed import ACCESS_KEY, BUCKET, SECRET_KEY, SeaweedServer
 
-STORES = ("directory", pytest.param("s3", marks=pytest.mark.slow))
+STORES = ("directory", pytest.param("s3", marks=pytest.mark.integration))
 
 
 @pytest.fixture

@@ -66,7 +66,7 @@ async def shell(folder: Path) -> AsyncIterator[tuple[Alerting, Shell]]:
         yield some, Shell(some.ready, folder)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_an_alert_from_seeing_it_to_its_end(tmp_path: Path) -> None:
     async with shell(tmp_path) as (some, at):
         assert await at.run("list") == ""
@@ -100,7 +100,7 @@ async def test_an_alert_from_seeing_it_to_its_end(tmp_path: Path) -> None:
         assert (code, "sim_9 has no alert of heat" in said) == (2, True)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_silences_and_checks(tmp_path: Path) -> None:
     async with shell(tmp_path) as (some, at):
         await some.open("sim_1")
@@ -131,7 +131,7 @@ async def test_silences_and_checks(tmp_path: Path) -> None:
         assert (await at.refused("test-notice", "ops"))[0] == 1
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_learning_and_backtests(tmp_path: Path) -> None:
     async with shell(tmp_path) as (some, at), ScriptedAgent(some.ready) as agent:
         await agent.announce(series=[MOTOR])
@@ -161,7 +161,7 @@ async def test_learning_and_backtests(tmp_path: Path) -> None:
         assert (code, "there is no check 'nothing'" in said) == (1, True)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_watching_prints_a_line_a_change(tmp_path: Path) -> None:
     async with shell(tmp_path) as (some, at):
         process = await asyncio.create_subprocess_exec(

@@ -81,7 +81,7 @@ async def until(at: Shell, *arguments: str, good: Any) -> Any:
                 return found
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_a_function_from_its_code_to_its_end(tmp_path: Path) -> None:
     async with shell(tmp_path) as at:
         code, out, err = await at.ask("function", "deploy", "double", "--env", "MOOD=good", "--timeout", "5s")
@@ -117,7 +117,7 @@ async def test_a_function_from_its_code_to_its_end(tmp_path: Path) -> None:
         assert "double" in err
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_versions_aliases_and_a_canary(tmp_path: Path) -> None:
     async with shell(tmp_path) as at:
         out = await at.run("function", "deploy", "double", "--alias", "live", "--reserved", "3", "--on-success", "bus")
@@ -146,7 +146,7 @@ async def test_versions_aliases_and_a_canary(tmp_path: Path) -> None:
         assert shown["event_invoke"]["on_success"].endswith("event-bus/default")
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_a_rule_calls_a_function_and_what_it_cannot_take_is_dead(tmp_path: Path) -> None:
     (tmp_path / "rules.yaml").write_text(
         "name: orders\npattern: {detail-type: [order.ready]}\ntargets: [{id: go, kind: function, function: double,"
@@ -196,7 +196,7 @@ async def test_a_rule_calls_a_function_and_what_it_cannot_take_is_dead(tmp_path:
         assert "error: " in err
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_hooks_schedules_and_secrets(tmp_path: Path) -> None:
     (tmp_path / "rules.json").write_text(
         json.dumps(
@@ -229,7 +229,7 @@ async def test_hooks_schedules_and_secrets(tmp_path: Path) -> None:
         assert await at.run("rule", "hook", "delete", "shop") == "shop: gone\n"
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_the_log_is_followed(tmp_path: Path) -> None:
     async with shell(tmp_path) as at:
         await at.run("function", "deploy", "double")
@@ -256,7 +256,7 @@ async def test_the_log_is_followed(tmp_path: Path) -> None:
                 await process.wait()
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_what_is_wrong_is_said(tmp_path: Path) -> None:
     (tmp_path / "bad.yaml").write_text("name: bad\npattern: {detail-type: [{numeric: ['<', 'x']}]}\ntargets: []\n")
     (tmp_path / "none.yaml").write_text("- description: no name\n")

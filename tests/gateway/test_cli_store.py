@@ -84,7 +84,7 @@ def test_nothing_is_deleted_in_the_objects_of_another_store(folder: Path, tmp_pa
     assert [info.name for info in objects.names()] == ["segments/x"]
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_objects_in_s3(folder: Path, s3_url: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:
     url = s3_url()
     assert store(folder, "compact", "--objects", url)[0] == 0

@@ -43,7 +43,7 @@ async def metaros(ready: Ready | None, *arguments: str, folder: Path) -> tuple[i
     return process.returncode or 0, out.decode(), err.decode()
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_from_keys_to_a_rollout(tmp_path: Path) -> None:
     secret = tmp_path / "secret"
     secret.write_text("correct horse\n")
@@ -99,7 +99,7 @@ async def test_from_keys_to_a_rollout(tmp_path: Path) -> None:
         assert "withdrawn" in err
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_what_is_not_understood(tmp_path: Path) -> None:
     (tmp_path / "junk.zip").write_bytes(b"PK")
     (tmp_path / "short").write_text("1234567\n")

@@ -255,7 +255,7 @@ def test_every_module_imports_where_that_is_missing(platform: str) -> None:
     assert done.stdout.strip() == ""
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.parametrize("platform", LACKS)
 def test_types_hold_on_the_platform(platform: str, tmp_path: Path) -> None:
     mypy = Path(sys.executable).with_name("mypy")

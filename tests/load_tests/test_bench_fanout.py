@@ -10,7 +10,7 @@ from load_tests.fanout.from_robot import KINDS
 QUICK = ["--quick", "--no-pin"]
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_a_robots_samples_reach_both_doors(capsys: pytest.CaptureFixture[str]) -> None:
     assert bench_fanout.main([*QUICK, "--json", "--seconds", "0.2"]) == 0
     rows = _rows(capsys.readouterr().out)
@@ -22,7 +22,7 @@ def test_a_robots_samples_reach_both_doors(capsys: pytest.CaptureFixture[str]) -
         assert all(float(cell) > 0 for cell in compared[1:]), "raw and calibrated"
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_rounds_beside_one_that_never_reads(capsys: pytest.CaptureFixture[str]) -> None:
     bench_fanout.main([*QUICK, "--stall", "--seconds", "0.5"])  # too short a time for it to be cut
     told = capsys.readouterr().out

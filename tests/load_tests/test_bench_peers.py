@@ -78,7 +78,7 @@ def test_the_default_run_fits_into_a_quarter_of_an_hour() -> None:
     assert bench_peers.estimate_s(quick, 5, bench_peers.QUICK_S) <= 3 * 60
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.skipif(sys.platform != "linux", reason="the peers' environments are made for Linux")
 def test_peers_of_other_environments(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "results.json"

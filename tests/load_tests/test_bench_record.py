@@ -16,7 +16,7 @@ def test_every_writer_writes(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_a_recording_from_the_wire(tmp_path: Path) -> None:
     found = bench_record.record(tmp_path, 1000, 200.0, 1.0)
     assert found["rate"] > 0

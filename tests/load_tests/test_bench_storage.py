@@ -26,7 +26,7 @@ def test_a_real_log_as_the_store_keeps_it(tmp_path: Path) -> None:
     assert part.database + part.objects < every.database + every.objects
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_both_robots_are_reported(capsys: pytest.CaptureFixture[str]) -> None:
     intel = str(data_set("robots/intel.clf.bz2"))
     assert bench_storage.main(["--quick", "--intel", intel]) == 0

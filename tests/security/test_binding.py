@@ -176,7 +176,7 @@ async def test_the_lock_out_and_the_log_know_the_client_behind_the_proxy(tmp_pat
         assert await asyncio.to_thread(addresses) == {"198.51.100.7"}
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_the_program_says_it_and_writes_no_more_than_that(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "metaros", "gateway", "--host", "0.0.0.0", "--port", "0", "--grpc-port", "0"]
     environ = {**os.environ, "HOME": str(tmp_path)}

@@ -72,7 +72,7 @@ async def comes_to_trust(count: int, identity: RobotIdentity, state: Path) -> Ro
     return held[-1]
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_over_tls_a_robot_passes_from_one_root_to_the_next_and_keeps_its_link(tmp_path: Path) -> None:
     state = tmp_path / "robot"
     async with running_gateway(tmp_path, door=RING, tls="on", require_enrolment=True) as ready:
@@ -98,7 +98,7 @@ async def test_over_tls_a_robot_passes_from_one_root_to_the_next_and_keeps_its_l
             await renewed(first, tmp_path / "left behind")
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_behind_a_proxy_of_somebody_elses_a_new_root_comes_with_the_old_ones_signature(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -314,7 +314,7 @@ async def another_robots_lease(made: World) -> str:
         return str((await asking).lease_id)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.parametrize("checks", [True, False], ids=["gateway checks", "agent alone"])
 async def test_every_door_in_every_state_of_the_lease(
     tmp_path: Path, zenoh_router: str, heard: list[float], checks: bool
@@ -344,7 +344,7 @@ async def test_every_door_in_every_state_of_the_lease(
         assert min(heard) > 0, heard
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_the_wheels(tmp_path: Path, zenoh_router: str, heard: list[float]) -> None:
     """The two doors that take the lease themselves: a teleop socket, and a stream over gRPC."""
     async with world(tmp_path, zenoh_router, heard, checks=True) as made:
@@ -389,7 +389,7 @@ async def test_the_wheels(tmp_path: Path, zenoh_router: str, heard: list[float])
         assert min(heard) > 0, heard
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_what_drives_is_never_durable(tmp_path: Path, zenoh_router: str, heard: list[float]) -> None:
     for checks in (True, False):
         async with world(tmp_path / str(checks), zenoh_router, heard, checks=checks) as made:

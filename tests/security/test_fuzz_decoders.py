@@ -86,7 +86,7 @@ def damaged(seed: bytes) -> st.SearchStrategy[bytes]:
     return places.map(lambda place: seed[: place[0]] + place[2] + seed[place[0] + place[1] :])
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.usefixtures("memory")
 @pytest.mark.parametrize("name", TARGETS)
 def test_much_damage(name: str) -> None:

@@ -200,7 +200,7 @@ async def test_a_proof_is_good_for_one_challenge_and_one_hello(tmp_path: Path, k
             assert await answered(lambda it: sign(held.key, statement(it)), **changed) == "proof_refused"
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.parametrize("kind", KINDS)
 async def test_challenges_that_nobody_answers_end_by_themselves(tmp_path: Path, kind: str) -> None:
     async with running_gateway(tmp_path, door=RING) as ready:

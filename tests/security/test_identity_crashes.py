@@ -95,7 +95,7 @@ async def cut(
     return await asyncio.to_thread(attempt)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.parametrize("death", [KilledError, full])
 async def test_a_death_at_any_step_costs_neither_identity_nor_alarm(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, death: Callable[[], BaseException]

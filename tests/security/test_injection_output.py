@@ -119,7 +119,7 @@ def _home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.parametrize("program", [GATEWAY, AGENT], ids=["gateway", "agent"])
 def test_a_log_has_a_line_for_each_record(program: str, tmp_path: Path) -> None:
     done = subprocess.run(

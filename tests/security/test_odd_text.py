@@ -82,7 +82,7 @@ async def tell(http: httpx.AsyncClient, method: str, path: str, **more: Any) -> 
     return f"{answer.status_code} {method} {path[:200]} {str(more)[:200]}: {answer.text[:300]}"
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(600)
 async def test_nothing_odd_is_an_error_of_the_gateway(tmp_path: Path, store_url: str) -> None:  # noqa: F811
     free = {"requests_per_s": 0.0, "robot_requests_per_s": 0.0, "sign_ins_per_min": 0.0}

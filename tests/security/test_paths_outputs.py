@@ -63,7 +63,7 @@ def here(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return root
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.parametrize("field", ["robot", "first", "start", "sha256"])
 def test_a_gateway_does_not_say_where_a_recording_goes(
     field: str, here: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -116,7 +116,7 @@ def test_a_file_that_is_larger_than_said_is_not_taken(here: Path, capsys: pytest
     assert sum(path.stat().st_size for path in here.iterdir()) <= len(BLOB)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.parametrize("export", [export_images, export_csv])
 def test_what_is_exported_stays_in_its_folder(
     export: Callable[..., dict[Path, int]], here: Path, tmp_path: Path
@@ -191,7 +191,7 @@ def test_what_comes_to_a_gateway_is_called_by_an_id(root: Path, tmp_path: Path) 
     assert tree(tmp_path) == before
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_a_robot_names_no_file_of_the_gateway(tmp_path: Path) -> None:
     for name in ("secret", "secret.mcap"):
         (tmp_path / name).write_bytes(b"secret")

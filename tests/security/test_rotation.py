@@ -307,7 +307,7 @@ def fleet(zenoh_router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     shutil.rmtree(tmp_path / "kept", ignore_errors=True)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(900)  # some forty programs, one after the other
 def test_the_page_is_performed_and_keeps_its_promises(fleet: Fleet) -> None:
     reached = set()

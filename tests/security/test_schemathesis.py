@@ -56,7 +56,7 @@ def test_all_askers_together_are_enough() -> None:
     assert LEAST * len(WHO) >= 5000
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("who", WHO)
 async def test_everything_as(tmp_path: Path, who: str) -> None:

@@ -29,7 +29,7 @@ GUIDE = Path(__file__).parents[2] / "docs" / "howto" / "enrol_a_robot.md"
 DATA = Path(".metaros") / "gateway"
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.integration,
     pytest.mark.skipif(not outward_address(), reason="this machine has no address but loopback"),
 ]
 

@@ -121,7 +121,7 @@ def test_a_recording_under_load(tmp_path: Path) -> None:
     record_under_load(tmp_path, duration_s=6)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(400)
 def test_a_minute_under_load(tmp_path: Path) -> None:
     record_under_load(tmp_path, duration_s=60)
@@ -153,7 +153,7 @@ def can_mount() -> bool:
     return subprocess.run(probe, capture_output=True).returncode == 0
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.skipif(not can_mount(), reason="needs unshare and tmpfs")
 def test_the_disk_is_full(tmp_path: Path) -> None:
     """A disk of 300 kB: a clear error, a sound file, and the account says what did not fit."""
@@ -178,7 +178,7 @@ def test_the_disk_is_full(tmp_path: Path) -> None:
     assert not open_bag(out / "run").files[0].damage
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_the_last_seconds_on_request(tmp_path: Path) -> None:
     with Stack(tmp_path) as stack:
         stack.router()

@@ -18,7 +18,7 @@ from tests.support.processes import started
 from tests.support.stack import Stack
 from tests.support.waiting import wait_until
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.integration
 ROBOT = "sim_1"
 ROOT = Path(__file__).parents[2]
 

@@ -17,7 +17,7 @@ from tests.support.viewer import open_socket, records, subscribe
 from tests.support.waiting import wait_until
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_a_viewer_decodes_a_type_that_neither_agent_nor_gateway_has_seen(tmp_path: Path) -> None:
     with Stack(tmp_path) as stack:
         stack.router()

@@ -102,7 +102,7 @@ def check_two_rates(stack: Stack) -> None:
         threads[1].join()
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_each_viewer_gets_its_rate_and_nobody_costs_nothing(tmp_path: Path) -> None:
     settings = tmp_path / "agent.toml"
     settings.write_text(CONFIG)

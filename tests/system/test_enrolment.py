@@ -24,7 +24,7 @@ def metaros(command: str, **environ: str) -> str:
     return done.stdout
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_two_commands_make_a_robot_that_nobody_else_can_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     with Stack(tmp_path) as stack:

@@ -35,7 +35,7 @@ async def stored(folder: Path, url: str) -> list[StoredBatch]:
         await store.close()
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_from_one_gateway_to_the_other_and_back(tmp_path: Path, postgres: PostgresServer) -> None:
     url, ports, owner = postgres.schema(), [free_port(), free_port()], Owner()
     payloads: list[bytes] = []

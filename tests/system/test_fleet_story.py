@@ -28,7 +28,7 @@ FIELD, YARD = ROBOTS[:10], ROBOTS[10:]
 CAMERA = "camera/image/compressed"
 WHEEL = "wheels/metaros-0-py3-none-any.whl"
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.integration
 
 
 async def until(condition: Callable[[], Awaitable[bool]]) -> None:

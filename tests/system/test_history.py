@@ -29,7 +29,7 @@ def published(folder: Path) -> Samples:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_three_robots_come_back_as_they_were_published(tmp_path: Path) -> None:
     with Stack(tmp_path) as stack:
         stack.router()

@@ -43,7 +43,7 @@ def hot(stack: Stack, wanted: str) -> dict[str, Any] | None:
     return dict(found[0]) if found else None
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_a_motor_heats_up_and_somebody_is_told_why(tmp_path: Path) -> None:
     with Webhook() as hook, Stack(tmp_path) as stack:
         routes = tmp_path / "notify.toml"

@@ -111,7 +111,7 @@ def tell_the_bus(stack: Stack, function: str) -> None:
     client.put_function_event_invoke_config(FunctionName=function, DestinationConfig=destinations)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(900)
 def test_a_low_battery_sends_the_robot_to_its_dock(tmp_path: Path) -> None:
     with Stack(tmp_path) as stack:

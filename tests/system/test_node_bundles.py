@@ -32,7 +32,7 @@ def main():
 BAD = "def main():\n    raise SystemExit('no lidar')\n"
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.integration,
     pytest.mark.timeout(900),
     pytest.mark.skipif(sys.platform == "win32", reason="ends the supervisor as POSIX does"),
 ]

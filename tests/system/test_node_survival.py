@@ -14,7 +14,7 @@ from tests.support.survival_story import INSIDE
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("cut_s", [60.0])
 def test_nodes_keep_their_processes_over_all_but_the_supervisors_end(tmp_path: Path, cut_s: float) -> None:

@@ -20,7 +20,7 @@ from tests.support.stack import Program, Stack
 from tests.support.waiting import wait_until
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.integration,
     pytest.mark.skipif(sys.platform == "win32", reason="kills as POSIX does"),
 ]
 SLEEP = "import signal; print('up', flush=True); signal.sigwait([signal.SIGINT])"

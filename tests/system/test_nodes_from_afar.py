@@ -18,7 +18,7 @@ from metaros.supervise.program import running_pid
 from tests.support.stack import Program, Stack
 from tests.support.waiting import wait_until
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="kills as POSIX does")]
+pytestmark = [pytest.mark.integration, pytest.mark.skipif(sys.platform == "win32", reason="kills as POSIX does")]
 ROBOT = "r1"
 ROOT = Path(__file__).parents[2]
 SLEEP = "import time; print('up', flush=True); time.sleep(3600)"

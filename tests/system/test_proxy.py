@@ -166,7 +166,7 @@ def test_nothing_is_lost_over_restarts_of_the_proxy_and_a_kill_of_the_gateway(tm
     assert [number for number, times in found.items() if times > 1] == [], "duplicate"
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_https_and_a_path_on_a_shared_proxy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     nginx_program()
     certificate = make_certificate(tmp_path)
@@ -182,7 +182,7 @@ def test_https_and_a_path_on_a_shared_proxy(tmp_path: Path, monkeypatch: pytest.
             wait_until(lambda s=stack: link(s).get("transport") == "websocket", timeout_s=60)  # type: ignore[misc]
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_a_proxy_with_an_untrusted_certificate_gets_nothing(tmp_path: Path) -> None:
     nginx_program()
     with Stack(tmp_path) as stack, Nginx(tmp_path / "nginx", stack.http_port, "", make_certificate(tmp_path)) as nginx:

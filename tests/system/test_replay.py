@@ -104,7 +104,7 @@ def test_first_minute_of_intel(tmp_path: Path) -> None:
     assert topics["/intel/odom"]["messages"] > 500
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(600)
 def test_all_of_intel_at_twenty_times(tmp_path: Path) -> None:
     scans, odometry, _start = read_log(data_set("robots/intel.clf.bz2"))

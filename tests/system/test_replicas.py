@@ -27,7 +27,7 @@ async def check_samples(run: Fleet) -> None:
         assert set(found) == set(robot.sent), "nothing is lost"
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(600)
 async def test_a_replica_is_killed_under_load_three_times(tmp_path: Path, postgres: PostgresServer) -> None:
     with Stack(tmp_path) as stack:
@@ -82,7 +82,7 @@ async def order(run: Fleet, sent: dict[str, str]) -> None:
         number += 1
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(600)
 async def test_replicas_are_restarted_one_after_the_other(tmp_path: Path, postgres: PostgresServer) -> None:
     sent: dict[str, str] = {}

@@ -35,7 +35,7 @@ def handler(event, context):
 """
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.integration,
     pytest.mark.timeout(900),
     pytest.mark.skipif(sys.platform == "win32", reason="ends the supervisor as POSIX does"),
 ]

@@ -44,7 +44,7 @@ def check_looks(steps: dict[str, Any]) -> None:
     assert steps["chatter"] == {"data": "hello"}
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.skipif(shutil.which("node") is None and "CI" not in os.environ, reason="needs Node.js")
 async def test_roslib(tmp_path: Path, zenoh_router: str, robot: Robot) -> None:
     async with bridged_robot(robot, zenoh_router, tmp_path) as world:
@@ -106,7 +106,7 @@ async def carried_out(world: BridgedRobot) -> None:
     assert (done.status.name, list(done.result.sequence)) == ("CANCELED", [7])
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_roslibpy(tmp_path: Path, zenoh_router: str, robot: Robot) -> None:
     async with bridged_robot(robot, zenoh_router, tmp_path) as world:
         command = (sys.executable, str(FOLDER / "roslibpy_scenario.py"), address(world))

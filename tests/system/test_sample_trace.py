@@ -93,7 +93,7 @@ def check_log(output: str) -> None:
     assert {line["principal"] for line in asked} == {"key:local"}
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_the_times_of_one_sample_add_up_from_its_stamp_to_viewers_and_row(tmp_path: Path) -> None:
     settings = tmp_path / "agent.toml"
     settings.write_text('trace_every = 5\n[[topics]]\nmatch = "**/odom"\nclass = "bulk"\n')

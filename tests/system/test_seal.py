@@ -163,7 +163,7 @@ def check_opened(sealed: Path, keyring: Path, *, secret: bytes, plain: bytes) ->
     assert all(plain in payload for payload in payloads(opened, "/r1/plain"))
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.skipif(sys.platform != "linux", reason="reads another process's memory by /proc")
 def test_the_gateways_disk_and_memory_hold_nothing_readable_and_the_key_opens_what_it_gives(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

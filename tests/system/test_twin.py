@@ -85,7 +85,7 @@ def robot(tmp_path: Path) -> Any:
             yield robot
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_a_twin_is_confirmed_and_one_that_the_link_dies_of_is_taken_back(robot: Robot) -> None:
     kept = robot.desire(500_000)
     wait_until(lambda: robot.twin["in_step"], timeout_s=120)
@@ -106,7 +106,7 @@ def test_a_twin_is_confirmed_and_one_that_the_link_dies_of_is_taken_back(robot: 
     assert (robot.kept()["applied"]["revision"], robot.budget()) == (again, 700_000)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_an_agent_that_is_killed_on_trial_ends_with_one_of_the_two(robot: Robot) -> None:
     robot.desire(500_000)
     wait_until(lambda: robot.twin["in_step"], timeout_s=120)
@@ -122,7 +122,7 @@ def test_an_agent_that_is_killed_on_trial_ends_with_one_of_the_two(robot: Robot)
     assert robot.budget() == json.loads(after["applied"]["document"])["budget"]["bytes_per_s"]
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_a_topic_changes_its_class_while_it_flows(robot: Robot) -> None:
     """Samples of each class come to the gateway under the topic's one name; then the robot's own table holds again."""
     robot.stack.sim("--seed", "1")

@@ -23,7 +23,7 @@ ROOM = 90_000  # bytes a second that the link carries
 SAFE, LOAD = 20_000, 200_000  # bytes a second: a budget, and what a topic would send without one
 JAMMER = "import socket, sys; socket.create_connection(('127.0.0.1', int(sys.argv[1]))).recv(1)"
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="kills as POSIX does")]
+pytestmark = [pytest.mark.integration, pytest.mark.skipif(sys.platform == "win32", reason="kills as POSIX does")]
 
 
 @pytest.fixture

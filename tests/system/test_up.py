@@ -200,7 +200,7 @@ def test_sigterm_while_starting_leaves_nothing(tmp_path: Path) -> None:
     up.close()
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_three_robots_and_the_gateway_s_death(tmp_path: Path) -> None:
     with running(tmp_path, "--data-dir", str(tmp_path / "data"), *ports()) as up:
         everyone = {"sim_1", "sim_2", "sim_3", host_name(up)}
@@ -215,7 +215,7 @@ def test_three_robots_and_the_gateway_s_death(tmp_path: Path) -> None:
         up.stop()
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(600)
 def test_two_instances_share_a_router_and_the_second_outlives_the_first(tmp_path: Path) -> None:
     zenoh = ("--zenoh-port", str(free_port()))
@@ -231,7 +231,7 @@ def test_two_instances_share_a_router_and_the_second_outlives_the_first(tmp_path
             second.stop()
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(600)
 def test_beside_foreign_programs_on_the_default_ports_everything_moves(tmp_path: Path) -> None:
     with foreign_listeners(8080, 8081, 7447), running(tmp_path, "--robots", "1", "--no-host") as up:
@@ -246,7 +246,7 @@ def test_beside_foreign_programs_on_the_default_ports_everything_moves(tmp_path:
         up.stop()
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_a_router_that_exists_is_joined_and_its_robots_are_not_doubled(tmp_path: Path) -> None:
     port = free_port()
     own = ("--port", str(free_port()), "--grpc-port", str(free_port()), "--zenoh-port", str(port))

@@ -23,7 +23,7 @@ def online(url: str) -> dict[str, str]:
         return {robot["id"]: robot["state"] for robot in json.load(answer)["robots"]}
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_a_fleet_goes_on_when_one_of_its_gateways_is_killed(
     tmp_path: Path, postgres: PostgresServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:

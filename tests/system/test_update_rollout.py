@@ -23,7 +23,7 @@ WITHIN_S = 300.0
 TRIAL = ("--health-s", "1.5", "--link-s", "120", "--boots", "2")
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.integration,
     pytest.mark.timeout(900),
     pytest.mark.skipif(sys.platform == "win32", reason="the loader's process becomes the agent's"),
 ]

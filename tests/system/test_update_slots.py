@@ -39,7 +39,7 @@ WITHIN_S = 240.0
 SLEEPER = {"command": [sys.executable, "-c", "import threading; threading.Event().wait(900)"]}
 
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.integration,
     pytest.mark.timeout(900),
     pytest.mark.skipif(sys.platform != "linux", reason="reads /proc, and ends the supervisor by its number"),
 ]

@@ -109,7 +109,7 @@ def limit_uplink(stack: Stack, bytes_per_s: int) -> None:
         pass
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_viewers_join_fall_behind_and_leave(tmp_path: Path) -> None:
     with Stack(tmp_path) as stack:
         stack.router()
@@ -146,7 +146,7 @@ def caught_up(slow: Watching, source: VideoSource) -> bool:
     return number_of(slow.records[-1]) > max(source.shown) - 10
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_a_link_that_carries_less_gets_less_and_stays_decodable(tmp_path: Path) -> None:
     with Stack(tmp_path) as stack:
         stack.router()

@@ -18,7 +18,7 @@ from tests.support.waiting import wait_until
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(600)
 def test_wheel_serves_the_dashboard_without_node(tmp_path: Path) -> None:
     build = [

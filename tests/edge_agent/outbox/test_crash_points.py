@@ -105,7 +105,7 @@ def test_the_life_is_a_full_one(folder: Path) -> None:
     assert len(life.ledger.places) > 300
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.parametrize("fault", FAULTS)
 def test_every_call_fails_once(folder: Path, fault: str) -> None:
     fail_at, names = 0, set()

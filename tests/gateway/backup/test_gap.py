@@ -54,7 +54,7 @@ def _numbers(folder: Path) -> tuple[dict[int, dict[int, bytes]], list[tuple[int,
     return stored, gaps, last
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_the_gap_is_declared_and_nothing_else_is_lost(tmp_path: Path) -> None:
     """What fills whole files of the outbox is deleted there once it is acknowledged: only that is lost."""
     data, port = tmp_path / "data", free_port()

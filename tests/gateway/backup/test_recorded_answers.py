@@ -17,7 +17,7 @@ from tests.gateway.backup.populated import answers, populate, questions
 from tests.gateway.harness import client, running_gateway
 from tests.support.postgres import PostgresServer
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.integration
 
 
 async def metaros(*words: str | Path) -> tuple[int, str]:

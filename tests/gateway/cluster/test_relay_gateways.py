@@ -65,7 +65,7 @@ async def test_commands_calls_and_refusals(tmp_path: Path, postgres: PostgresSer
         assert answer.json()["response"] == {"success": True, "message": "ok"}
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_a_twin_that_is_changed_elsewhere_is_told_at_once_and_its_node_answers(
     tmp_path: Path, postgres: PostgresServer
 ) -> None:
@@ -133,7 +133,7 @@ async def test_teleop_is_driven_from_either_and_by_one_alone(tmp_path: Path, pos
             await hear(bob, "released")
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_a_goal_is_sent_at_one_and_seen_at_both(tmp_path: Path, postgres: PostgresServer) -> None:
     async with gateways(tmp_path, postgres, {}, {}) as (one, two), linked(one, two) as (agent, http):
         accepted = message_class(f"{FIBONACCI}_SendGoal_Response")(accepted=True)
@@ -150,7 +150,7 @@ async def test_a_goal_is_sent_at_one_and_seen_at_both(tmp_path: Path, postgres: 
             await until(ready, f"{ROBOT}/goals/{goal_id}", "executing")
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_a_recording_that_is_asked_for_elsewhere_is_cut_at_once(tmp_path: Path, postgres: PostgresServer) -> None:
     async with gateways(tmp_path, postgres, {}, {}) as (one, two), linked(one, two) as (agent, http):
         asked = await http.post(f"{ROBOT}/recordings", json={"last_s": 60})
@@ -159,7 +159,7 @@ async def test_a_recording_that_is_asked_for_elsewhere_is_cut_at_once(tmp_path: 
         assert (save.recording_id, save.last_ns) == (asked.json()["id"], 60 * 10**9)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_a_command_under_way_ends_when_the_link_does(tmp_path: Path, postgres: PostgresServer) -> None:
     async with gateways(tmp_path, postgres, {}, {}) as (one, two), client(two) as http:
         async with ScriptedAgent(one) as agent:
@@ -198,7 +198,7 @@ def handler(event, context):
 """
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_a_gateway_without_functions_has_them_run_by_one_that_has(
     tmp_path: Path, postgres: PostgresServer
 ) -> None:

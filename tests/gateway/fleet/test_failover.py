@@ -111,7 +111,7 @@ async def test_it_moves_when_its_robot_is_lost_and_stays_when_that_is_back(fleet
     assert here.failover.holder_of("r1", "map") == "r2"
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_two_gateways_of_one_store_and_one_of_them_dies(
     postgres: PostgresServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

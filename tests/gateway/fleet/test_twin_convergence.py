@@ -17,7 +17,7 @@ from tests.support.postgres import PostgresServer
 ROBOTS = {"a1": "lab", "a2": "lab", "b1": "hall", "b2": "hall"}
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_a_thousand_edits_at_two_gateways_while_robots_move(tmp_path: Path, postgres: PostgresServer) -> None:
     url, fleet, model = postgres.schema(), ModelFleet(), Model(ROBOTS)
     async with AsyncExitStack() as stack:

@@ -30,7 +30,7 @@ def handler(event, context):
 """
 EVENTS = 6
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.integration
 
 
 @contextmanager

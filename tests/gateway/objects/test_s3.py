@@ -15,7 +15,7 @@ from gateway.objects import ObjectStore, open_objects
 from tests.support.cutting_proxy import CuttingProxy
 from tests.support.seaweed import SeaweedServer
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.integration
 
 LARGE = np.random.default_rng(7).bytes((8 << 20) * 3)
 SHA = hashlib.sha256(LARGE).hexdigest()

@@ -93,7 +93,7 @@ def key_of(ready: Ready) -> str:
     return (ready.data_dir / LOCAL_KEY_FILE).read_text().strip()
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_killed_again_and_again(tmp_path: Path) -> None:
     """kill -9 after every few parts: each gateway goes on where the dead one's disk was."""
     options = ("--port", "0", "--grpc-port", "0")

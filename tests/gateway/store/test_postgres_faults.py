@@ -130,7 +130,7 @@ async def test_killed_at_random_moments(tmp_path: Path, victim: PostgresServer) 
     assert robot.next > 10
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 async def test_killed_many_times(tmp_path: Path, victim: PostgresServer) -> None:
     robot = await ordeal(victim, tmp_path, cycles=12, seed=2)
     assert robot.refusals > 0

@@ -22,7 +22,7 @@ from tests.support.cutting_proxy import CuttingProxy
 from tests.support.seaweed import SeaweedServer
 from tests.support.waiting import wait_until_async
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.integration
 
 QUICK = CompactPace(size_bytes=1 << 20, small_bytes=0, age_s=0.0, look_every_s=0.05, retry_s=0.05, retry_most_s=0.5)
 CLOCK = SystemClock()

@@ -95,7 +95,7 @@ def test_a_stuck_wheel_stands_still_and_draws_its_stall_current() -> None:
     assert max(second.fast[:, 1, PLACE["left.motor.current"]].max() for second in seconds) > 8.0
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(900)
 def test_silence_and_slow_topics_are_all_found_within_seconds(monkeypatch: pytest.MonkeyPatch) -> None:
     short = JudgeConfig(lasting=LastingConfig(learn_s=1200))

@@ -39,7 +39,7 @@ def test_one_parameter_set_and_one_threshold_reach_the_goals() -> None:
         assert result.false_per_thousand < 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_parameters_and_threshold_of_other_files_are_good_for_these() -> None:
     series, _ = read_folder(data_set("nab_dev"))
     seen: list[int] = []

@@ -20,7 +20,7 @@ from load_tests.fleet.verify import verify
 LOAD = Load(name="some", period_s=0.2, rows=4, samples=2, sample_bytes=100)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(180)
 def test_the_quick_sample_keeps_its_promise_and_writes_a_report(tmp_path: Path) -> None:
     figures = tmp_path / "fleet.json"
@@ -35,7 +35,7 @@ def test_the_quick_sample_keeps_its_promise_and_writes_a_report(tmp_path: Path) 
     assert "Compared with" in (tmp_path / "b.html").read_text()
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(180)
 @pytest.mark.parametrize("transport", ["ws", "aio"])
 async def test_other_transports_carry_the_same_link(transport: str) -> None:
@@ -45,7 +45,7 @@ async def test_other_transports_carry_the_same_link(transport: str) -> None:
     assert [goal["text"] for goal in figures["goals"] if not goal["met"]] == []
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(180)
 @pytest.mark.parametrize("words", [["storm"], ["chaos"], ["viewers", "--seconds", "1"]])
 def test_scenarios_run_small(words: list[str], tmp_path: Path) -> None:
@@ -56,7 +56,7 @@ def test_scenarios_run_small(words: list[str], tmp_path: Path) -> None:
         assert (figures["lost"], figures["duplicated"], figures["not_acknowledged"]) == (0, 0, 0)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 @pytest.mark.timeout(180)
 async def test_what_is_missing_in_the_store_or_there_twice_is_found(tmp_path: Path) -> None:
     figures: dict[str, Any] = {}

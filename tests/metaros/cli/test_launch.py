@@ -138,7 +138,7 @@ def test_kill_9_of_a_node_brings_another_with_its_name_and_parameters(tmp_path: 
     assert (tmp_path / "logs" / "talker.log").read_text().count(line) == 2
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_eleven_crashes_are_a_quarantine_with_a_reason_until_restart_is_asked(tmp_path: Path) -> None:
     table = """
         [[node]]
@@ -204,7 +204,7 @@ def test_a_node_whose_callback_hangs_is_ended_and_restarted(tmp_path: Path) -> N
         running.said("hanging now", times=2)
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_requests_from_another_terminal(tmp_path: Path) -> None:
     table = """
         [[node]]

@@ -59,7 +59,7 @@ def test_derived_classes_and_unknown_names() -> None:
         exec("from metaros.interfaces.std_msgs.msg import Nope")
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_a_type_checker_accepts_user_code(tmp_path: Path) -> None:
     good, bad = tmp_path / "good.py", tmp_path / "bad.py"
     good.write_text(USER_CODE)

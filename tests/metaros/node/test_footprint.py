@@ -59,7 +59,7 @@ def test_a_node_with_twenty_subscriptions_that_hear_has_at_most_six_threads():
             other.kill()
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_many_messages_leave_nothing_behind():
     """A smaller `python -m load_tests.bench_memory`: 300 s of 1 kHz."""
     for sizes in run("typed", 300_000).values():

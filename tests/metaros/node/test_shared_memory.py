@@ -115,7 +115,7 @@ def test_a_slow_subscription_that_holds_the_whole_pool_loses_nothing(sharing, ze
         assert got == list(range(20))
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_subscribers_killed_while_they_hold_memory_give_it_back():
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with metaros.Context(domain_id=0, connect=[], listen=endpoint, shared_memory="auto") as context:
@@ -145,7 +145,7 @@ def ours() -> set[str]:
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.integration
 def test_publishers_killed_in_full_flight_tear_no_message_and_leave_no_memory_behind():
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     before = ours()  # of the tests in this very process, which has read from its own pools and keeps them

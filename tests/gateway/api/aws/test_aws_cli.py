@@ -14,7 +14,7 @@ import pytest
 from tests.support.aws_cli import aws_command
 from tests.support.lambda_gateway import ROLE, LambdaGateway, zipped
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.integration
 
 Run = Callable[..., Any]
 
