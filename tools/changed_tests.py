@@ -157,9 +157,9 @@ def main(arguments: list[str]) -> int:
     if options.list:
         print("\n".join(f"{steps} {test}" for steps, test in ranked))
         return 0
-    if any(name.startswith("dashboard/") for name in changed):
-        if subprocess.run([sys.executable, "tools/dashboard.py", "check"], cwd=ROOT, check=False).returncode:
-            return 1
+    dashboard = any(name.startswith("dashboard/") for name in changed)
+    if dashboard and subprocess.run([sys.executable, "tools/dashboard.py", "check"], cwd=ROOT, check=False).returncode:
+        return 1
     closest = [test for steps, test in ranked if steps == 0]
     environ = {**os.environ, VARIABLE: os.pathsep.join([str(options.seconds), *closest])}
     command = [sys.executable, "-m", "pytest", "-p", "tools.changed_tests", *further]
