@@ -45,8 +45,8 @@ class Bank:
 
     def add(self, *, times: float = 1.0) -> int:
         """A slot for a new series; `times` as many standard deviations as by the config make an alert of it."""
-        if not 0.0 < times < 1e6:
-            raise ValueError(f"times {times}: more than 0, less than a million")
+        if not 1e-6 < times < 1e6:  # so that no limit becomes 0 or infinite
+            raise ValueError(f"times {times}: more than a millionth, less than a million")
         if not self._free:
             start = len(self._pages) * PAGE_ROWS
             self._pages.append(Page(self.config, PAGE_ROWS))

@@ -12,6 +12,8 @@ from gateway.anomaly.parameters import NOVELTIES, THRESHOLD, BankConfig
 
 __all__ = ["Explanation", "Judged", "Learned", "band", "explain", "learned"]
 
+SHORTEST_S = 1e-9  # what is shorter says no rate: that of two samples 1e-313 s apart would be infinite
+
 
 class Learned(NamedTuple):
     """How far a series' learning is, in samples; it is over when both are equal. `of` is an estimate until then."""
@@ -50,11 +52,11 @@ class Explanation:
 
 def learned(config: BankConfig, *, seen: float, elapsed_s: float) -> Learned:
     """How far a series is: samples and time, both as samples at its own rate."""
-    count, left_s = int(seen), config.learn_s - elapsed_s
-    if count >= config.learn_samples and left_s <= 0.0:
+    count, left_s = int(seen), max(config.learn_s - elapsed_s, 0.0)
+    if count >= config.learn_samples and not left_s:
         return Learned(config.learn_samples, config.learn_samples)
-    rate = (count - 1) / elapsed_s if elapsed_s > 0.0 else 0.0
-    more = int(min(max(left_s, 0.0) * rate, 1e9)) + 1
+    rate = (count - 1) / elapsed_s if elapsed_s >= SHORTEST_S else 0.0
+    more = int(min(left_s * rate, 1e9)) + 1
     return Learned(count, max(config.learn_samples, count + more) if count else config.learn_samples)
 
 

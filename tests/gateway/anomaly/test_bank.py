@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.anomaly.bank import PAGE_ROWS, THRESHOLD, Bank, BankConfig, SnapshotError
+from gateway.anomaly.explanation import learned
 from gateway.anomaly.stream import Stream
 
 START_S = 1_767_225_600.0
@@ -205,8 +206,9 @@ def test_slots_are_used_again_and_nothing_of_the_old_series_stays() -> None:
     assert bank.explain(7).reason == "no sample yet"
     assert bank.explain(8).value == 8.0
     assert bank.update(np.array([], dtype=np.int64), np.array([]), np.array([])).size == 0
-    with pytest.raises(ValueError, match="times"):
-        bank.add(times=0.0)
+    for wrong in (0.0, 5e-324, 1e6, math.nan):  # a limit of 0 would make every score a NaN
+        with pytest.raises(ValueError, match="times"):
+            bank.add(times=wrong)
 
 
 def test_a_series_takes_less_than_nine_kib_in_all_its_life() -> None:
@@ -232,11 +234,35 @@ HOSTILE_STAMPS = st.one_of(
 )
 
 
-@settings(max_examples=150, deadline=None)
+HOSTILE = BankConfig(learn_samples=3, learn_s=0.0, profile_learn_s=0.0, places=8, block_samples=2, blocks=2, bins=4)
+
+
+def test_samples_no_time_apart_say_no_rate() -> None:
+    """Found by hypothesis: one sample in 2.2e-313 s is a rate for which there is no number."""
+    for span_s in (5e-324, 2.2e-313, 1e-20):
+        assert learned(HOSTILE, seen=2.0, elapsed_s=span_s) == (2, 3)
+        assert learned(BankConfig(), seen=2.0, elapsed_s=span_s) == (2, 150)
+        bank, stream = Bank(HOSTILE), Stream(HOSTILE)
+        slot = np.array([bank.add()])
+        for stamp_s in (0.0, span_s):
+            assert bank.update(slot, np.array([stamp_s]), np.ones(1))[0] == stream.update(stamp_s, 1.0) == 0.0
+        assert bank.explain(0).reason == stream.explain().reason == "learning: 2 of 3 samples"
+
+
+def test_a_step_beyond_all_numbers_is_a_day() -> None:
+    config = dataclasses.replace(HOSTILE, learn_samples=4, learn_s=HOSTILE.longest_step_s)
+    bank, stream = Bank(config), Stream(config)
+    slot = np.array([bank.add()])
+    for stamp_s in (0.0, -1.7e308, 1.7e308, 1.7e308):
+        bank.update(slot, np.array([stamp_s]), np.ones(1))
+        stream.update(stamp_s, 1.0)
+    assert bank.learned(0) == stream.learned == (4, 4)
+
+
+@settings(max_examples=50)
 @given(st.lists(st.tuples(HOSTILE_STAMPS, HOSTILE_VALUES), min_size=1, max_size=120))
 def test_whatever_comes_the_score_is_a_score(samples: list[tuple[float, float]]) -> None:
-    config = BankConfig(learn_samples=3, learn_s=0.0, profile_learn_s=0.0, places=8, block_samples=2, blocks=2, bins=4)
-    bank, stream = Bank(config), Stream(config)
+    bank, stream = Bank(HOSTILE), Stream(HOSTILE)
     slot = np.array([bank.add()])
     for stamp_s, value in samples:
         score = bank.update(slot, np.array([stamp_s]), np.array([value]))[0]
