@@ -168,7 +168,7 @@ def one_round(kind: str, samples: int) -> dict[str, float]:
         folder = Path(name)
         if kind == "outbox alone":
             return finish(feeder(folder, NOWHERE, "measure", samples))
-        server = PostgresServer() if kind == "PostgreSQL" else None
+        server = PostgresServer(durable=True) if kind == "PostgreSQL" else None
         try:
             if server is not None:
                 server.start()

@@ -175,7 +175,7 @@ def main(argv: Sequence[str] = ()) -> int:
 
     def server() -> PostgresServer:
         if not servers:
-            servers.append(PostgresServer("-c", "shared_buffers=128MB"))
+            servers.append(PostgresServer("-c", "shared_buffers=128MB", durable=True))
             servers[0].start()
         return servers[0]
 

@@ -88,7 +88,7 @@ def main(argv: Sequence[str] = ()) -> int:
     count, rounds = (100, 2) if chosen.quick else (chosen.robots, chosen.rounds)
     good = True
     for engine in chosen.engines.split(","):
-        server = PostgresServer() if engine == "postgres" else None
+        server = PostgresServer(durable=True) if engine == "postgres" else None
         try:
             if server is not None:
                 server.start()

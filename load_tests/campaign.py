@@ -23,6 +23,7 @@ CAMPAIGNS = {
     "functions": "10,000 events for a function under 20 kill -9 of gateway and workers, on SQLite and PostgreSQL",
     "replicas": "30 times kill -9 of one of three gateways on one PostgreSQL, with robots and a viewer",
     "fuzz": "every decoder of foreign bytes, a minute each, guided by coverage where atheris is installed",
+    "api": "every operation of the REST API as everybody, by schemathesis with all that it can do",
     "examples": "ten rounds of the property tests, with examples drawn at random",
     "steady": "the plain suite ten times, three of them beside two busy processes",
     "recovery": "how long until `metaros agent` and `metaros gateway` are back after kill -9",

@@ -258,7 +258,7 @@ def main(argv: Sequence[str] = ()) -> int:
     print(f"functions: {chosen.events} events, {chosen.kills} kills, seed {seed}", flush=True)
     good = True
     for engine in chosen.engines.split(","):
-        server = PostgresServer() if engine == "postgres" else None
+        server = PostgresServer(durable=True) if engine == "postgres" else None
         try:
             if server is not None:
                 server.start()

@@ -23,7 +23,7 @@ class PostgresStack(LoadStack):
     may_end = ("gateway",)  # one that starts while there is no database; a supervisor starts it again
 
     def __init__(self, folder: Path) -> None:
-        self.server = PostgresServer()
+        self.server = PostgresServer(durable=True)
         try:
             self.server.start()
             super().__init__(folder, gateway={"store_url": self.server.url})

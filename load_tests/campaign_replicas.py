@@ -122,7 +122,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--seed", type=int, default=system_rng().randrange(1 << 32))
     options = parser.parse_args(argv)
     print(f"replicas: {options.kills} kills, {options.robots} robots, seed {options.seed}", flush=True)
-    server = PostgresServer()
+    server = PostgresServer(durable=True)
     try:
         server.start()
         with tempfile.TemporaryDirectory(prefix="campaign-replicas-") as folder:

@@ -56,9 +56,10 @@ class SqliteEngine:
                 raise StoreError(
                     f"the store has schema {version}, this program knows {len(MIGRATIONS)}: use a newer program"
                 )
-            for index in range(version, len(MIGRATIONS)):
-                steps = migration(index, DIALECT)
-                self.connection.executescript(f"BEGIN; {steps} PRAGMA user_version = {index + 1}; COMMIT;")
+            if version < len(MIGRATIONS):
+                # In one transaction: a new store waits for the disk once, not once a migration.
+                steps = "".join(migration(index, DIALECT) for index in range(version, len(MIGRATIONS)))
+                self.connection.executescript(f"BEGIN; {steps} PRAGMA user_version = {len(MIGRATIONS)}; COMMIT;")
             self.connection.execute("INSERT OR IGNORE INTO meta VALUES ('store_id', ?)", (secrets.token_hex(16),))
             return str(self.connection.execute("SELECT value FROM meta WHERE key = 'store_id'").fetchone()[0])
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from gateway.settings import Settings
+from gateway.store.engine import shown
 from metaros._proto import link_pb2
 from metaros.errors import ConfigError
 from tests.gateway.harness import (
@@ -95,7 +96,7 @@ def test_the_program_takes_a_url_and_hides_the_password(tmp_path: Path, postgres
         process.send_signal(signal.SIGTERM)
         output, _ = process.communicate(timeout=END_S)
     assert status["ready"]
-    assert f"store postgresql://127.0.0.1:{postgres.port}/postgres" in output
+    assert f"store {shown(url)}\n" in output
     assert "secret" not in output + json.dumps(status)
     assert process.returncode == 0
 

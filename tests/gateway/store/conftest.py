@@ -10,14 +10,16 @@ import pytest
 from gateway.store.engine import StoreEngine
 from gateway.store.engines import open_engine
 from tests.support.postgres import PostgresServer
+from tests.support.sqlite_store import place_store
 
-ENGINES = ("sqlite", "postgres")
+ENGINES = ("sqlite", pytest.param("postgres", marks=pytest.mark.integration))
 
 
 @pytest.fixture(params=ENGINES)
-def store_url(request: pytest.FixtureRequest) -> str:
-    """An empty store's URL; "" is a file."""
+def store_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """An empty store's URL; "" is a file in `tmp_path`."""
     if request.param == "sqlite":
+        place_store(tmp_path)
         return ""
     server: PostgresServer = request.getfixturevalue("postgres")
     return server.schema()

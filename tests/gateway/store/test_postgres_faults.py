@@ -21,9 +21,9 @@ from tests.support.postgres import PostgresServer
 from tests.support.waiting import wait_until_async
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def victim(postgres: PostgresServer) -> Iterator[PostgresServer]:
-    """A server of the test's own, to be killed; `postgres` says whether there can be one."""
+    """A server of these tests' own, to be killed; `postgres` says whether there can be one."""
     server = PostgresServer()
     try:
         server.start()
@@ -126,13 +126,8 @@ async def ordeal(server: PostgresServer, folder: Path, *, cycles: int, seed: int
 
 
 async def test_killed_at_random_moments(tmp_path: Path, victim: PostgresServer) -> None:
-    robot = await ordeal(victim, tmp_path, cycles=2, seed=1)
-    assert robot.next > 10
-
-
-@pytest.mark.integration
-async def test_killed_many_times(tmp_path: Path, victim: PostgresServer) -> None:
-    robot = await ordeal(victim, tmp_path, cycles=12, seed=2)
+    """Five crashes and two shutdowns; load_tests/campaign_postgres.py has them by the hundred."""
+    robot = await ordeal(victim, tmp_path, cycles=7, seed=2)
     assert robot.refusals > 0
 
 
@@ -209,21 +204,18 @@ async def test_no_room_is_refused_and_then_goes_on(tmp_path: Path, postgres: Pos
     url = postgres.schema()
     robot = Robot(tmp_path, url, seed=4)
     robot.start()
-    schema = url.rpartition("=")[2]
     stop = asyncio.Event()
     running = asyncio.create_task(robot.run(stop))
     full = (
-        f"CREATE FUNCTION {schema}.no_room() RETURNS trigger LANGUAGE plpgsql AS"
+        "CREATE FUNCTION no_room() RETURNS trigger LANGUAGE plpgsql AS"
         " $$ BEGIN RAISE EXCEPTION 'No space left on device' USING ERRCODE = 'disk_full'; END $$"
     )
     try:
         await wait_until_async(lambda: robot.acked > 20, timeout_s=60)
-        postgres.ask(full)
-        postgres.ask(
-            f"CREATE TRIGGER no_room BEFORE INSERT ON {schema}.sample_batches EXECUTE FUNCTION {schema}.no_room()"
-        )
+        postgres.ask(full, url=url)
+        postgres.ask("CREATE TRIGGER no_room BEFORE INSERT ON sample_batches EXECUTE FUNCTION no_room()", url=url)
         await wait_until_async(lambda: "No space left" in (robot.store.error or ""), timeout_s=60)
-        postgres.ask(f"DROP TRIGGER no_room ON {schema}.sample_batches")
+        postgres.ask("DROP TRIGGER no_room ON sample_batches", url=url)
         stuck = robot.acked
         await wait_until_async(lambda: robot.acked > stuck + 20, timeout_s=60)
         stop.set()
@@ -251,15 +243,12 @@ async def test_another_database_at_the_same_address_is_refused(tmp_path: Path, p
     url = postgres.schema()
     robot = Robot(tmp_path, url, seed=5)
     robot.start()
-    schema = url.rpartition("=")[2]
     robot.store.submit(run_write(1, [b"1"]))
     robot.next = 2
     await wait_until_async(lambda: robot.acked == 1, timeout_s=60)
-    postgres.ask(f"UPDATE {schema}.meta SET value = 'other' WHERE key = 'store_id'")
-    postgres.ask(
-        "SELECT pg_terminate_backend(pid) FROM pg_stat_activity"
-        " WHERE application_name = 'metaros-gateway' AND pid <> pg_backend_pid()"
-    )
+    postgres.ask("UPDATE meta SET value = 'other' WHERE key = 'store_id'", url=url)
+    others = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = $1 AND pid <> pg_backend_pid()"
+    postgres.ask(others, url.rpartition("/")[2])
     robot.store.submit(run_write(2, [b"2"]))
     robot.next = 3
     await wait_until_async(lambda: "is store other now" in (robot.store.error or ""), timeout_s=60)
