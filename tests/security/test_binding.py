@@ -22,6 +22,7 @@ from gateway.settings import Settings
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.errors import ConfigError
 from tests.gateway.harness import client, running_gateway
+from tests.support.command_line import ask_metaros, call_metaros
 from tests.support.postgres import PostgresServer
 from tests.support.processes import started
 from tests.support.waiting import wait_until
@@ -37,14 +38,11 @@ async def refusal(**settings: Any) -> str:
     return str(refused.value)
 
 
-def run(command: str, home: Path, **environ: str) -> str:
+async def run(command: str, home: Path) -> str:
     """A printed command, as somebody copies it."""
-    words = [sys.executable, "-m", *shlex.split(command)]
-    done = subprocess.run(
-        words, capture_output=True, text=True, timeout=120, env={**os.environ, "HOME": str(home), **environ}
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    done = await ask_metaros(*shlex.split(command)[1:], HOME=str(home))
+    assert done.code == 0, done.err
+    return done.out
 
 
 def commands(text: str) -> list[str]:
@@ -57,8 +55,8 @@ async def test_without_anybody_who_can_sign_in_the_refusal_says_the_way_out(tmp_
     text = await refusal(host=host, data_dir=tmp_path / "my data")
     assert text.splitlines()[0] == f"--host {host}: other machines can connect there, and nobody can sign in yet"
     add, link = commands(text)
-    assert "ada: admin" in await asyncio.to_thread(run, add, tmp_path)
-    assert "/signin#" in await asyncio.to_thread(run, link, tmp_path)
+    assert "ada: admin" in await run(add, tmp_path)
+    assert "/signin#" in await run(link, tmp_path)
     stop = asyncio.Event()
     settings = Settings(host=host, port=0, grpc_port=0, data_dir=tmp_path / "my data")
     await serve(settings, stop, on_ready=lambda _: stop.set())
@@ -68,29 +66,22 @@ async def test_the_way_out_works_on_postgresql(tmp_path: Path, postgres: Postgre
     url = postgres.schema()
     text = await refusal(host="0.0.0.0", data_dir=tmp_path / "data", store_url=url)
     add, _ = commands(text)
-    assert "ada: admin" in await asyncio.to_thread(run, add, tmp_path)
+    assert "ada: admin" in await run(add, tmp_path)
     stop = asyncio.Event()
     settings = Settings(host="0.0.0.0", port=0, grpc_port=0, data_dir=tmp_path / "data", store_url=url)
     await serve(settings, stop, on_ready=lambda _: stop.set())
 
 
-@pytest.mark.parametrize(
-    ("made", "enough"),
-    [
-        ("metaros key create --name k --role admin", True),
-        ("metaros key create --name k --role operator", False),
-        ("metaros user add bob --role operator", False),
-        ("metaros user add bob --role admin", True),
-    ],
-)
-async def test_who_counts_as_somebody(tmp_path: Path, made: str, enough: bool) -> None:
+async def test_who_counts_as_somebody(tmp_path: Path) -> None:
     where = tmp_path / "data"
-    await asyncio.to_thread(run, f"{made} --data-dir {where}", tmp_path)
-    if not enough:
-        assert "nobody can sign in" in await refusal(host="0.0.0.0", data_dir=where)
-        return
-    stop = asyncio.Event()
-    await serve(Settings(host="0.0.0.0", port=0, grpc_port=0, data_dir=where), stop, on_ready=lambda _: stop.set())
+    for made in ("key create --name k --role operator", "user add bob --role operator"):
+        await run(f"metaros {made} --data-dir {where}", tmp_path)
+        assert "nobody can sign in" in await refusal(host="0.0.0.0", data_dir=where), made
+    for number, made in enumerate(("key create --name k --role admin", "user add bob --role admin")):
+        where = tmp_path / str(number)
+        await run(f"metaros {made} --data-dir {where}", tmp_path)
+        async with running_gateway(tmp_path, host="0.0.0.0", data_dir=where):
+            pass
 
 
 async def test_without_tls_a_proxy_has_to_be_named(tmp_path: Path) -> None:
@@ -101,18 +92,8 @@ async def test_without_tls_a_proxy_has_to_be_named(tmp_path: Path) -> None:
     Settings(host="0.0.0.0", tls="off", trusted_proxies=("10.0.0.0/8",), data_dir=tmp_path)
 
 
-@pytest.mark.parametrize("door", ["127.0.0.1", "localhost"])
-async def test_a_wildcard_reached_over_loopback_knows_no_anonymous_viewer(tmp_path: Path, door: str) -> None:
-    async with running_gateway(tmp_path, host="0.0.0.0") as ready, client(ready, key="") as http:
-        http.base_url = httpx.URL(f"https://{door}:{ready.http_port}")
-        answer = await http.get("/api/v1/robots")
-        assert (answer.status_code, answer.json()["code"]) == (401, "sign_in")
-        me = await http.get("/api/v1/auth/me")
-        assert me.json().get("role", "none") == "none"
-
-
 @reachable
-async def test_the_machines_own_names_are_the_gateways_and_no_others(tmp_path: Path) -> None:
+async def test_a_wildcards_names_and_whom_it_knows(tmp_path: Path) -> None:
     async with running_gateway(tmp_path, host="0.0.0.0", allow_hosts=("fleet.example",)) as ready:
         context = ssl.create_default_context(cadata=ready.roots_pem)
         async with httpx.AsyncClient(verify=context, trust_env=False) as http:
@@ -124,6 +105,13 @@ async def test_the_machines_own_names_are_the_gateways_and_no_others(tmp_path: P
             for name in ("evil.example", "203.0.113.5", "0.0.0.0"):
                 answer = await http.get(url, headers={"Host": name})
                 assert (answer.status_code, answer.json()["code"]) == (403, "host_not_allowed"), name
+
+        for loopback in ("127.0.0.1", "localhost"):  # knows no anonymous viewer, as no other address does
+            async with client(ready, key="") as http:
+                http.base_url = httpx.URL(f"https://{loopback}:{ready.http_port}")
+                answer = await http.get("/api/v1/robots")
+                assert (answer.status_code, answer.json()["code"]) == (401, "sign_in")
+                assert (await http.get("/api/v1/auth/me")).json().get("role", "none") == "none"
 
 
 @reachable
@@ -184,7 +172,7 @@ def test_the_program_says_it_and_writes_no_more_than_that(tmp_path: Path) -> Non
     assert done.returncode == 2
     assert done.stderr.startswith("error: --host 0.0.0.0: other machines can connect there")
     add, _ = commands(done.stderr)
-    run(add, tmp_path)
+    assert call_metaros(*shlex.split(add)[1:], HOME=str(tmp_path)).code == 0
     status = tmp_path / "status.json"
     with started([*command, "--status-file", str(status)], env=environ) as process:
         wait_until(lambda: status.exists() or process.poll() is not None)
