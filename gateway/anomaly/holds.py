@@ -31,7 +31,7 @@ class Holds:
         """What opened and what cleared, as masks over `rows`; between breached and inside the state stays."""
         columns = self.columns
         state, held = columns["state"][rows], columns["held_s"][rows]
-        passed = np.clip(np.nan_to_num(now_s - columns["seen_s"][rows]), 0.0, LONGEST_STEP_S)
+        passed = np.minimum(np.fmax(now_s - columns["seen_s"][rows], 0.0), LONGEST_STEP_S)  # never seen, NaN, is 0
         columns["seen_s"][rows] = now_s
         starting = (state == OK) & breached
         columns["since_s"][rows] = np.where(starting, now_s, columns["since_s"][rows])

@@ -76,8 +76,8 @@ class Page:
     def _pass(self, rows: Rows, stamps_s: Floats) -> tuple[Floats, Floats]:
         """Samples and time so far. A clock that jumps back adds nothing, a gap of years no more than a day."""
         with np.errstate(over="ignore"):  # from one end of all numbers to the other is also more than a day
-            step = np.nan_to_num(stamps_s - self.state["stamp_s"][rows])
-        elapsed_s = self.state["elapsed_s"][rows] + np.minimum(np.maximum(step, 0.0), self.config.longest_step_s)
+            step = np.fmax(stamps_s - self.state["stamp_s"][rows], 0.0)  # the first one's, NaN, is 0
+        elapsed_s = self.state["elapsed_s"][rows] + np.minimum(step, self.config.longest_step_s)
         count = self.state["count"][rows] + 1.0
         self.state["stamp_s"][rows] = stamps_s
         self.state["elapsed_s"][rows] = elapsed_s

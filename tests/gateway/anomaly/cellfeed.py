@@ -12,7 +12,12 @@ __all__ = ["second"]
 
 
 def second(
-    at_s: float, values: Sequence[float], *, slots: Sequence[int] | None = None, count: int = 1, spread: float = 0.0
+    at_s: float,
+    values: Sequence[float],
+    *,
+    slots: Sequence[int] | None = None,
+    count: int = 1,
+    spread: float | Sequence[float] = 0.0,
 ) -> Second:
     """One cell a slot, all of its rows alike but for the spread."""
     mean = np.array(values, np.float64)

@@ -68,8 +68,9 @@ def test_a_hot_motor_is_told_with_its_band_and_reason_and_clears_by_itself(robot
     assert 0.5 <= hot.score <= 1.0
     assert {finding.kind for finding in robots.judge.open("r0")} >= {"motor_hot"}
     robots.offset[0] = 0.0
-    robots.run(1200)
-    assert robots.judge.open() == []
+    while robots.judge.open():
+        robots.run(20)
+        assert robots.second < LEARN_S + 1200
 
 
 def test_another_level_is_told_with_where_it_was_expected(robots: Robots) -> None:
@@ -126,10 +127,11 @@ def test_a_restart_goes_on_to_the_last_bit(robots: Robots) -> None:
     assert other.judge.dump() == robots.judge.dump()
 
 
-@pytest.mark.parametrize("spoil", [lambda data: data[: len(data) // 2], lambda data: b"", lambda data: b"x" * 1000])
-def test_a_damaged_snapshot_is_refused(robots: Robots, spoil: object) -> None:
-    with pytest.raises(SnapshotError):
-        Judge.load(spoil(robots.judge.dump()), CONFIG)  # type: ignore[operator]
+def test_a_damaged_snapshot_is_refused(robots: Robots) -> None:
+    whole = robots.judge.dump()
+    for damaged in (whole[: len(whole) // 2], b"", b"x" * 1000):
+        with pytest.raises(SnapshotError):
+            Judge.load(damaged, CONFIG)
 
 
 def test_a_snapshot_of_other_parameters_is_refused(robots: Robots) -> None:
@@ -153,8 +155,8 @@ def test_a_forgotten_robot_leaves_its_numbers_to_the_next(robots: Robots) -> Non
     robots.judge.forget("r0")
     assert (robots.judge.open(), robots.judge.robots(), robots.judge.find("r0", WAVE)) == ([], [], -1)
     fresh = Robots(robots.judge)
-    assert fresh.run(300) == []
-    assert fresh.judge.learned(int(fresh.slots[0, 0])).seen == 299
+    assert fresh.run(150) == []
+    assert fresh.judge.learned(int(fresh.slots[0, 0])).seen == 149
 
 
 def test_bounds_are_kept_and_counted() -> None:
