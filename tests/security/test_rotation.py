@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,6 +22,7 @@ from metaros.errors import MetarosError
 from metaros.interfaces.std_msgs.msg import String
 from metaros.record import open_bag
 from tests.docs.console import Command, World, commands_of, environment, matches
+from tests.support.command_line import Done, call_metaros
 from tests.support.key_ring import bearer
 from tests.support.waiting import wait_until
 
@@ -78,15 +76,13 @@ class Fleet:
     def issuers(self) -> list[dict[str, Any]]:
         """What `metaros ca list` shows."""
         done = self.run("ca", "list", "--data-dir", "kept", "-o", "json")
-        found: list[dict[str, Any]] = json.loads(done.stdout)
+        found: list[dict[str, Any]] = json.loads(done.out)
         return found
 
-    def run(self, *arguments: str, code: int = 0) -> subprocess.CompletedProcess[str]:
+    def run(self, *arguments: str, code: int = 0) -> Done:
         """A command of the test's own."""
-        done = subprocess.run(
-            [sys.executable, "-m", "metaros", *arguments], cwd=self.folder, capture_output=True, text=True, timeout=120
-        )
-        assert done.returncode == code, done.stdout + done.stderr
+        done = call_metaros(*arguments, folder=self.folder)
+        assert done.code == code, done.out + done.err
         return done
 
     def say(self, text: str) -> None:
@@ -154,7 +150,7 @@ def before_retiring(fleet: Fleet) -> None:
     wait_until(lambda: fleet.identity().certificate != fleet.kept["first"].certificate)
     wait_until(fleet.online)
     wait_until(lambda: fleet.issuers()[0]["robots"] == 1)
-    told = fleet.run("ca", "retire", "--data-dir", "kept", code=1).stderr
+    told = fleet.run("ca", "retire", "--data-dir", "kept", code=1).err
     assert "arm_2" in told
     assert "arm_1" not in told
     fleet.kept["off"] = renew(fleet.kept["off"], fleet.folder / ".metaros" / "agent" / "arm_2")
@@ -254,9 +250,8 @@ def sealed_anew(fleet: Fleet) -> None:
     def all_there() -> bool:
         target.unlink(missing_ok=True)
         span = ("--robot", "arm_1", "--start", "-1h", "--gateway", fleet.url)
-        env = {**os.environ, "METAROS_KEY": fleet.admin}
-        command = [sys.executable, "-m", "metaros", "history", "export", str(target), *span]
-        subprocess.run(command, env=env, check=True, timeout=120, capture_output=True)
+        done = call_metaros("history", "export", str(target), *span, METAROS_KEY=fleet.admin)
+        assert done.code == 0, done.err
         sealed = [message.data for message in open_bag(target).messages(["/secret"])]
         fleet.say("after the keys")
         return len({payload[1:9] for payload in sealed}) == 2

@@ -6,12 +6,9 @@ its own. Nothing is filled in but the ports.
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 import ssl
-import subprocess
-import sys
 from pathlib import Path
 
 import grpc
@@ -22,6 +19,7 @@ from edge_agent.identity.files import IdentityFiles
 from gateway.identity.local import LOCAL_KEY_FILE
 from gateway.names import outward_address
 from metaros._proto import link_pb2, link_pb2_grpc
+from tests.support.command_line import call_metaros
 from tests.support.stack import Program, Stack
 from tests.support.waiting import wait_until
 
@@ -42,11 +40,10 @@ def written(beginning: str) -> str:
 
 def run(command: str, home: Path) -> str:
     """A command as somebody types it, in that home."""
-    environ = {**os.environ, "HOME": str(home), "METAROS_RUNTIME_DIR": str(home / "run")}
-    words = [sys.executable, "-m", *shlex.split(command)]
-    done = subprocess.run(words, capture_output=True, text=True, stdin=subprocess.DEVNULL, env=environ, timeout=180)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    environ = {"HOME": str(home), "METAROS_RUNTIME_DIR": str(home / "run")}
+    done = call_metaros(*shlex.split(command)[1:], **environ)
+    assert done.code == 0, done.err
+    return done.out
 
 
 def reach(stack: Stack, root: Path | None) -> str:
