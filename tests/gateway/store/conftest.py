@@ -1,4 +1,4 @@
-"""Every test of the store that asks for `engine` or `store_url` runs on both databases."""
+"""What asks for `engine` or `store_url` runs on both databases, with `objects` beside them: a directory, and S3."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.objects import ObjectStore, open_objects
 from gateway.store.engine import StoreEngine
 from gateway.store.engines import open_engine
 from tests.support.postgres import PostgresServer
@@ -43,3 +44,11 @@ def connect(store_url: str, tmp_path: Path) -> Iterator[Callable[[], StoreEngine
 def engine(connect: Callable[[], StoreEngine]) -> StoreEngine:
     """A connection to an empty store."""
     return connect()
+
+
+@pytest.fixture
+def objects(request: pytest.FixtureRequest, store_url: str, tmp_path: Path) -> Iterator[ObjectStore]:
+    """An empty object store: a directory beside a file, a bucket beside a database that gateways share."""
+    store = open_objects(request.getfixturevalue("s3_url")() if store_url else "", tmp_path)
+    yield store
+    store.close()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -25,8 +24,7 @@ from tests.gateway.store.samples import CPU, gap_write, run_write, write
 NOW_NS = 10**18
 
 
-@pytest.fixture
-def full(engine: StoreEngine, objects: ObjectStore) -> StoreEngine:
+def fill(engine: StoreEngine, objects: ObjectStore) -> None:
     """Two streams of a robot, half of them in two segments, half still in batches."""
     committer = Committer(engine)
     for first in (1, 21):
@@ -37,6 +35,12 @@ def full(engine: StoreEngine, objects: ObjectStore) -> StoreEngine:
         if first == 1:
             work = Compaction(engine, in_transaction(engine), objects, clock=ManualClock())
             assert [work.compact(due) > 0 for due in work.due(everything=True)] == [True, True]
+
+
+@pytest.fixture
+def full(engine: StoreEngine, objects: ObjectStore) -> StoreEngine:
+    """A store with something of everything."""
+    fill(engine, objects)
     return engine
 
 
@@ -57,15 +61,13 @@ def change(engine: StoreEngine, sql: str, *values: object) -> None:
         assert engine.execute(sql, *values) > 0
 
 
-def test_a_sound_store(full: StoreEngine, objects: ObjectStore) -> None:
-    report = look(full, objects)
-    assert (report.objects, report.streams, report.damage, report.orphans) == (2, 2, [], [])
-    assert report.size_bytes == sum(info.size_bytes for info in objects.names())
-
-
-def test_an_empty_store(engine: StoreEngine, objects: ObjectStore) -> None:
+def test_a_sound_store_empty_and_full(engine: StoreEngine, objects: ObjectStore) -> None:
     report = look(engine, objects)
     assert (report.objects, report.streams, report.damage, report.orphans) == (0, 0, [], [])
+    fill(engine, objects)
+    report = look(engine, objects)
+    assert (report.objects, report.streams, report.damage, report.orphans) == (2, 2, [], [])
+    assert report.size_bytes == sum(info.size_bytes for info in objects.names())
 
 
 def put(objects: ObjectStore, name: str, data: bytes) -> None:
@@ -78,32 +80,27 @@ def damages(report: Report) -> list[tuple[str, str | None, str | None]]:
     return [(item.what, item.object, item.topic) for item in report.damage]
 
 
-@pytest.mark.parametrize(
-    ("breaking", "what", "deep"),
-    [
-        (lambda data: None, "missing", False),
-        (lambda data: data[:-9], "size", False),
-        (lambda data: data + b"x", "size", False),
-        (lambda data: _turned(data, 200), "corrupt", True),
-        (lambda data: _turned(data, -3), "corrupt", True),
-    ],
-)
-def test_a_broken_object_is_named_with_what_it_held(
-    full: StoreEngine, objects: ObjectStore, breaking: Callable[[bytes], bytes | None], what: str, deep: bool
-) -> None:
+def test_a_broken_object_is_named_with_what_it_held(full: StoreEngine, objects: ObjectStore) -> None:
     name = segment(full, event=0)
-    broken = breaking(objects.read(name))
-    objects.delete(name)
-    if broken is not None:
-        put(objects, name, broken)
-    if deep:
-        assert look(full, objects, deep=False).damage == []
-    report = look(full, objects, deep=deep)
-    (damage,) = report.damage
-    assert (damage.what, damage.object, damage.robot, damage.topic) == (what, name, "r1", "/scan")
-    assert (damage.first_ns, damage.last_ns) == (1001, 1020)
-    assert "20 messages" in damage.detail
-    assert report.orphans == []
+    whole = objects.read(name)
+    for broken, what, deep in (
+        (None, "missing", False),
+        (whole[:-9], "size", False),
+        (whole + b"x", "size", False),
+        (_turned(whole, 200), "corrupt", True),
+        (_turned(whole, -3), "corrupt", True),
+    ):
+        objects.delete(name)
+        if broken is not None:
+            put(objects, name, broken)
+        if deep:
+            assert look(full, objects, deep=False).damage == []
+        report = look(full, objects, deep=deep)
+        (damage,) = report.damage
+        assert (damage.what, damage.object, damage.robot, damage.topic) == (what, name, "r1", "/scan")
+        assert (damage.first_ns, damage.last_ns) == (1001, 1020)
+        assert "20 messages" in damage.detail
+        assert report.orphans == []
 
 
 def _turned(data: bytes, place: int) -> bytes:

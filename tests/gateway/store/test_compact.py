@@ -17,6 +17,7 @@ from gateway.store.engine import StoreEngine
 from gateway.store.history import find_runs, stored_channels, stored_topics
 from gateway.store.ledger import in_transaction, sweep_objects
 from gateway.store.load import RunLoader
+from gateway.store.query import read_streams
 from gateway.store.samples import SampleFilter
 from gateway.store.writes import StreamWrite
 from metaros.clock import ManualClock
@@ -51,9 +52,10 @@ def payload(seq: int) -> bytes:
 
 
 def fill(engine: StoreEngine, *, batches: int = 24, seed: int = 1) -> dict[int, bytes]:
-    """Batches of one to nine messages of two streams; what stream 7 holds."""
+    """Batches of one to nine messages of two streams, after what was there; what stream 7 holds then."""
     rng, committer = random.Random(seed), Committer(engine)
-    numbers = {7: 1, 8: 1}
+    known = read_streams(engine, "r1")
+    numbers = {stream_id: known.get((stream_id, EPOCH), 0) + 1 for stream_id in (7, 8)}
     for number in range(batches):
         writes: list[StreamWrite] = []
         for stream_id, first_seq in numbers.items():
@@ -97,41 +99,43 @@ def check(engine: StoreEngine, objects: ObjectStore, expected: dict[int, bytes])
     assert content(engine, loader=RunLoader(objects)) == (expected, set())
 
 
-@pytest.mark.parametrize("step", STEPS)
-def test_a_process_killed_after_any_step(step: str, connect: Callable[[], StoreEngine], objects: ObjectStore) -> None:
-    engine = connect()
-    expected = fill(engine)
+def test_a_process_killed_after_any_step(connect: Callable[[], StoreEngine], objects: ObjectStore) -> None:
+    """One store, and a process for each step."""
+    first, second = connect(), connect()
+    for step in STEPS:
+        expected = fill(first, batches=12)
+
+        def on_step(name: str, step: str = step) -> None:
+            if name == step:
+                raise Killed
+
+        with pytest.raises(Killed):
+            compact_all(compaction(first, objects, on_step))
+        assert content(second, loader=RunLoader(objects)) == (expected, set()), step
+        check(second, objects, expected)
+        assert compact_all(compaction(second, objects)) > 0, step
+        check(second, objects, expected)
+
+
+def test_an_error_after_any_step(engine: StoreEngine, objects: ObjectStore) -> None:
+    """The same process tries again."""
+    failing = ""
 
     def on_step(name: str) -> None:
-        if name == step:
-            raise Killed
-
-    with pytest.raises(Killed):
-        compact_all(compaction(engine, objects, on_step))
-    assert content(connect(), loader=RunLoader(objects)) == (expected, set())
-    check(connect(), objects, expected)
-    assert compact_all(compaction(connect(), objects)) > 0
-    check(connect(), objects, expected)
-
-
-@pytest.mark.parametrize("step", STEPS)
-def test_an_error_after_any_step(step: str, engine: StoreEngine, objects: ObjectStore) -> None:
-    expected = fill(engine)
-    failing = True
-
-    def on_step(name: str) -> None:
-        if name == step and failing:
+        if name == failing:
             raise ObjectStoreError("the network is down")
 
     work = compaction(engine, objects, on_step)
-    with pytest.raises(ObjectStoreError):
-        compact_all(work)
-    check(engine, objects, expected)
-    failing = False
-    assert compact_all(work) > 0
-    check(engine, objects, expected)
-    with engine.transaction(write=False):
-        assert engine.fetch("SELECT count(*) FROM sample_batches")[0][0] == 0
+    for step in STEPS:
+        expected, failing = fill(engine, batches=12), step
+        with pytest.raises(ObjectStoreError):
+            compact_all(work)
+        check(engine, objects, expected)
+        failing = ""
+        assert compact_all(work) > 0, step
+        check(engine, objects, expected)
+        with engine.transaction(write=False):
+            assert engine.fetch("SELECT count(*) FROM sample_batches")[0][0] == 0, step
 
 
 def test_a_commit_of_which_nobody_knows(engine: StoreEngine, objects: ObjectStore) -> None:
