@@ -63,7 +63,7 @@ class Cost:
 
     @property
     def folder(self) -> str:
-        """The first two folders, or the first where the test is right in it."""
+        """Where the test is, three folders deep at most."""
         parts = self.test.partition("::")[0].split("/")[:-1]
         return "/".join(parts[:3])
 
@@ -170,6 +170,7 @@ def report(costs: list[Cost], console: Console) -> None:
     console.print(_table("By folder", costs, lambda cost: cost.folder), "")
     console.print(_table("By kind", costs, lambda cost: f"{cost.kind}: {KINDS[cost.kind]}"), "")
     table = Table("", "wall s", "set-up s", "CPU s", title=f"The {DEAREST} dearest", title_justify="left", box=None)
+    table.columns[0].overflow = "fold"
     for cost in sorted(costs, key=lambda cost: -cost.wall_s)[:DEAREST]:
         table.add_row(cost.test, f"{cost.wall_s:.1f}", f"{cost.setup_s:.1f}", f"{cost.cpu_s:.1f}")
     console.print(table)
@@ -187,7 +188,7 @@ def main(arguments: list[str]) -> int:
             old.unlink()
         command = [sys.executable, "-m", "pytest", "-p", "tools.profile_tests", *arguments]
         status = subprocess.run(command, cwd=ROOT, env={**os.environ, VARIABLE: str(folder)}, check=False).returncode
-    report(read(folder), Console(soft_wrap=True))
+    report(read(folder), Console(width=None if sys.stdout.isatty() else 180))
     return status
 
 
