@@ -98,7 +98,7 @@ class Recorder:
     """Notes what each test of one worker cost."""
 
     def __init__(self, path: Path) -> None:
-        self._file = path.open("a", buffering=1)
+        self._path = path
         self._seen: set[str] = set()
         sys.addaudithook(self._audit)
 
@@ -130,7 +130,8 @@ class Recorder:
         finally:
             wall_s = time.monotonic() - began_s
             cost = Cost(item.nodeid, self._kind(item), wall_s, self._setup_s, _cpu_s() - cpu_s)
-            self._file.write(json.dumps(asdict(cost)) + "\n")
+            with self._path.open("a") as file:
+                file.write(json.dumps(asdict(cost)) + "\n")
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Take the time of the set-up."""
@@ -147,7 +148,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def read(folder: Path) -> list[Cost]:
     """The costs that a run left in a folder."""
-    return [Cost(**json.loads(line)) for file in sorted(folder.glob("*.jsonl")) for line in file.open()]
+    return [
+        Cost(**json.loads(line)) for file in sorted(folder.glob("*.jsonl")) for line in file.read_text().splitlines()
+    ]
 
 
 def _table(title: str, costs: Iterable[Cost], by: Callable[[Cost], str]) -> Table:
