@@ -17,7 +17,7 @@ from tests.gateway.watch.replicas import open_replicas
 from tests.support.fake_mesh import FakeMeshes
 from tests.support.postgres import PostgresServer
 
-LEARN_S = 320
+LEARN_S = 120
 
 
 async def test_a_robot_that_moves_is_judged_by_one_at_a_time_and_goes_on_to_the_last_bit(
@@ -37,7 +37,7 @@ async def test_a_robot_that_moves_is_judged_by_one_at_a_time_and_goes_on_to_the_
             assert moving.judges("r2") == ["b"]
         await calm.run(LEARN_S + 30, at_once=20)
         assert moving.judged("a") == calm.judged("z")
-        assert moving.judged("a")["imu.x"][3] == 300
+        assert moving.judged("a")["imu.x"][3] == 100
         moving.link("r1", "c")
         await moving.run(20, shift=60.0, robots=("r1", "r2"))
         await calm.run(20, shift=60.0)
@@ -220,8 +220,8 @@ async def test_what_cannot_be_read_is_learned_anew_and_said_once(
         world.link("r1", "b")
         with caplog.at_level(logging.WARNING):
             await world.run(20)
-        assert [record.message for record in caplog.records if "learned anew" in record.message] != []
-        assert len(caplog.records) == 1
+        (said,) = [record.message for record in caplog.records if record.name.startswith("gateway.watch")]
+        assert "learned anew" in said
         assert 15 <= world.judged("b")["imu.x"][3] <= 20
 
 

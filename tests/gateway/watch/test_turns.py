@@ -106,12 +106,12 @@ def writes_of(rng: Random, rows: int) -> list[StreamWrite]:
     return made
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_kills_at_any_instant_change_nothing(tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(turns_module, "SNAPSHOT_S", 7.0)
     monkeypatch.setattr(turns_module, "RETRY_S", 0.0)
     rng = Random(seed)
-    made = writes_of(rng, 4000)
+    made = writes_of(rng, 1800)
     world = World(tmp_path / "killed")
     world.start()
     kills = 0

@@ -1,0 +1,28 @@
+"""Two gateways that have met, for all tests of a module that ask for `pair`."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from itertools import count
+
+import pytest
+import pytest_asyncio
+
+from tests.gateway.cluster.gateway_pair import Pair, running_pair
+from tests.support.postgres import PostgresServer
+
+_numbers = count(1)
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def both(tmp_path_factory: pytest.TempPathFactory, postgres: PostgresServer) -> AsyncIterator[Pair]:
+    """They run until the module's last test is over."""
+    async with running_pair(tmp_path_factory.mktemp("pair"), postgres) as pair:
+        yield pair
+
+
+@pytest.fixture
+def pair(both: Pair) -> Pair:
+    """They, and a robot that only this test has."""
+    return replace(both, robot=f"sim_{next(_numbers)}")
