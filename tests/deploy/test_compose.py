@@ -22,6 +22,7 @@ import pytest
 import yaml
 
 from tests.support.certificates import make_certificate
+from tests.support.command_line import run_metaros
 from tests.support.deployed import options_of, settings_of
 from tests.support.nginx import nginx_program
 from tests.support.ports import free_port
@@ -205,11 +206,7 @@ class OneHost(Stack):
 
     def run_once(self, *words: str) -> str:
         """A command that ends, with the store and the key of the file's environment."""
-        done = subprocess.run(
-            [sys.executable, "-m", "metaros", *words], capture_output=True, text=True, check=False, timeout=120
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-        return done.stdout
+        return run_metaros(*words)
 
     def up(self) -> None:
         """As docker compose orders it: router, migrate, gateways, nginx."""

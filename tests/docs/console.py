@@ -31,6 +31,8 @@ NUMBER = re.compile(r"(?<![\w/.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w])")
 UNIT = re.compile(r"\b[kM]?B\b")
 STYLE = re.compile(r"\x1b\[[0-9;]*m")
 SHELL = re.compile(r"[|>$`;*]|^(?!metaros )|^metaros interface (list|package)")
+QUOTED = re.compile(r"'[^']*'|\"[^\"$`]*\"")  # in which nothing is the shell's
+INTO = re.compile(r"^(metaros [^|>$`;*]+) > ([\w.]+)$")
 
 
 @dataclass
@@ -132,17 +134,25 @@ class World:
             return self._start(command)
         if command.interrupted:
             return self._interrupt(command)
-        if SHELL.search(command.text):
+        into = INTO.match(QUOTED.sub(lambda quoted: "x" * len(quoted[0]), command.text))
+        if into:
+            (self.folder / into[2]).write_text(self._call(command.text[: into.end(1)], io.StringIO(), command.sample))
+            return ""
+        if SHELL.search(QUOTED.sub("", command.text)):
             return self._shell(command)
-        printed = Terminal()
+        return self._call(command.text, Terminal(), command.sample)
+
+    @staticmethod
+    def _call(text: str, printed: io.StringIO, sample: list[str]) -> str:
+        """In this process; what it printed, without colours."""
         code: object = 0
         with redirect_stdout(printed), redirect_stderr(printed):
             try:
-                main(shlex.split(command.text)[1:])
+                main(shlex.split(text)[1:])
             except SystemExit as ended:
                 code = ended.code
-        ends_well = not any(line.startswith(("error: ", "✗")) for line in command.sample)
-        assert not command.sample or (code in (0, None)) == ends_well, f"exit code {code}:\n{printed.getvalue()}"
+        ends_well = not any(line.startswith(("error: ", "✗")) for line in sample)
+        assert not sample or (code in (0, None)) == ends_well, f"exit code {code}:\n{printed.getvalue()}"
         return STYLE.sub("", printed.getvalue())
 
     def _shell(self, command: Command) -> str:
