@@ -47,8 +47,10 @@ VOLATILE = frozenset(
         "total_bytes",
     }
 )
-WATCHED = "/api/v1/alerts"  # a new data directory is a new gateway, and takes over the alerts of the old one
-TAKEN_OVER = frozenset({"gateway", "revision"})
+VOLATILE_AT = {
+    "/api/v1/alerts": {"gateway", "revision"},  # a new data directory is a new gateway, which takes them over
+    "/api/v1/store": {"objects"},  # the restore is a row of the audit log, whose head is exported when it is
+}
 
 
 async def populate(folder: Path, **settings: Any) -> str:
@@ -176,7 +178,7 @@ async def answers(ready: Ready, paths: list[str]) -> dict[str, tuple[int, bytes]
             answer = await http.get(path)
             body = answer.content
             if answer.headers.get("content-type", "").startswith("application/json"):
-                volatile = VOLATILE | (TAKEN_OVER if path.startswith(WATCHED) else frozenset())
+                volatile = VOLATILE.union(*(names for start, names in VOLATILE_AT.items() if path.startswith(start)))
                 body = orjson.dumps(_steady(answer.json(), volatile), option=orjson.OPT_SORT_KEYS)
             found[path] = (answer.status_code, body)
     return found

@@ -283,7 +283,7 @@ def test_postgresql_is_refused_unless_it_is_empty(
     home: Home, new: Home, tmp_path: Path, postgres: PostgresServer
 ) -> None:
     home.take(tmp_path / "kept")
-    url = postgres.schema()
+    url = postgres.schema(empty=True)
     assert new.restore(tmp_path / "kept", url=url).sent == 2
     with pytest.raises(ConfigError, match="not empty"):
         new.restore(tmp_path / "kept", url=url)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,6 +12,7 @@ import pytest
 from gateway.objects import open_objects
 from tests.gateway.backup.populated import answers, populate, questions
 from tests.gateway.harness import client, running_gateway
+from tests.support.command_line import ask_metaros
 from tests.support.postgres import PostgresServer
 
 pytestmark = pytest.mark.integration
@@ -22,9 +20,8 @@ pytestmark = pytest.mark.integration
 
 async def metaros(*words: str | Path) -> tuple[int, str]:
     """Run it beside everything else; exit code and what it printed."""
-    program = [sys.executable, "-m", "metaros", *map(str, words)]
-    done = await asyncio.to_thread(subprocess.run, program, capture_output=True, text=True, timeout=120)
-    return done.returncode, done.stdout + done.stderr
+    done = await ask_metaros(*map(str, words))
+    return done.code, done.out + done.err
 
 
 def wipe(folder: Path, objects: str) -> None:
@@ -76,17 +73,11 @@ async def there_and_back(folder: Path, *, store: str = "", again: str = "", obje
         assert json.loads(said).get("orphans", []) == []
 
 
-async def test_on_sqlite(tmp_path: Path) -> None:
-    await there_and_back(tmp_path)
+async def test_from_a_file_into_postgresql(tmp_path: Path, postgres: PostgresServer) -> None:
+    await there_and_back(tmp_path, again=postgres.schema(empty=True))
 
 
-async def test_on_postgresql(tmp_path: Path, postgres: PostgresServer) -> None:
-    await there_and_back(tmp_path, store=postgres.schema(), again=postgres.schema())
-
-
-async def test_from_sqlite_into_postgresql(tmp_path: Path, postgres: PostgresServer) -> None:
-    await there_and_back(tmp_path, again=postgres.schema())
-
-
-async def test_with_objects_in_s3(tmp_path: Path, s3_url: Callable[..., str]) -> None:
-    await there_and_back(tmp_path, objects=s3_url())
+async def test_from_postgresql_and_s3_into_a_file(
+    tmp_path: Path, postgres: PostgresServer, s3_url: Callable[..., str]
+) -> None:
+    await there_and_back(tmp_path, store=postgres.schema(), objects=s3_url())
