@@ -101,7 +101,7 @@ class World:
         assert [book.unresolved for book in self.books] == [0, 0]
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(10))
 def test_what_always_holds_of_two_gateways(seed: int) -> None:
     world = World(seed)
     steps = (world.judge, world.settle, world.look, world.move, world.pass_time)

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from itertools import count
+from typing import TYPE_CHECKING
 
 import pytest
 import pytest_asyncio
 
-from tests.gateway.cluster.gateway_pair import Pair, running_pair
-from tests.support.postgres import PostgresServer
+if TYPE_CHECKING:
+    from tests.gateway.cluster.gateway_pair import Pair
+    from tests.support.postgres import PostgresServer
 
 _numbers = count(1)
 
@@ -18,6 +20,8 @@ _numbers = count(1)
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
 async def both(tmp_path_factory: pytest.TempPathFactory, postgres: PostgresServer) -> AsyncIterator[Pair]:
     """They run until the module's last test is over."""
+    from tests.gateway.cluster.gateway_pair import running_pair
+
     async with running_pair(tmp_path_factory.mktemp("pair"), postgres) as pair:
         yield pair
 

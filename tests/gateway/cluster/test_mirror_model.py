@@ -107,7 +107,7 @@ async def play(steps: list[tuple[str, str, str]]) -> None:
             await world.die(name)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(STEPS, min_size=30, max_size=40))
 def test_everybody_agrees_in_the_end(steps: list[tuple[str, str, str]]) -> None:
     asyncio.run(play(steps))

@@ -376,6 +376,6 @@ class FailoverAlone(Failover):
 
 
 TestFailover = pytest.mark.timeout(300)(Failover.TestCase)
-TestFailover.settings = settings(max_examples=60, stateful_step_count=20, deadline=None)
+TestFailover.settings = settings(max_examples=30, stateful_step_count=20)
 TestFailoverAlone = pytest.mark.timeout(300)(FailoverAlone.TestCase)
-TestFailoverAlone.settings = settings(max_examples=60, stateful_step_count=20, deadline=None)
+TestFailoverAlone.settings = settings(max_examples=30, stateful_step_count=20)

@@ -186,7 +186,7 @@ FACTS = st.builds(
 WAVES = st.lists(st.sampled_from(["1", "2", "3", "5%", "10%", "50%", "100%"]), min_size=1, max_size=4).map(tuple)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50)
 @given(
     data=st.data(),
     robots=st.integers(0, 25),

@@ -388,7 +388,7 @@ async def live(folder: Path, seed: int, steps: list[str]) -> None:
 
 
 @given(st.integers(0, 2**32), st.lists(st.sampled_from(STEPS), min_size=5, max_size=60))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40)
 def test_at_most_once_and_exactly_one_end(seed: int, steps: list[str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         asyncio.run(live(Path(folder), seed, steps))

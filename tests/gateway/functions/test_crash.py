@@ -28,7 +28,7 @@ def handler(event, context):
     time.sleep(event["s"])
     return event
 """
-EVENTS = 6
+EVENTS = 4
 
 pytestmark = pytest.mark.integration
 
@@ -78,7 +78,7 @@ def test_events_survive_a_kill(tmp_path: Path) -> None:
         client.create_function(FunctionName="slow", Code=code, **options)
         client.get_waiter("function_active_v2").wait(FunctionName="slow")
         asked = {
-            client.invoke(FunctionName="slow", InvocationType="Event", Payload=json.dumps({"s": 3.0, "n": number}))[
+            client.invoke(FunctionName="slow", InvocationType="Event", Payload=json.dumps({"s": 1.5, "n": number}))[
                 "ResponseMetadata"
             ]["RequestId"]
             for number in range(EVENTS)
