@@ -1,4 +1,7 @@
-"""Every test of the queue that asks for `world` runs on both databases."""
+"""The queue's worlds: its logic on a file, what gateways share on PostgreSQL, and what asks for `any_world` on both.
+
+The statements themselves are tested on both in tests/gateway/store/test_deliveries.py.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +14,10 @@ from tests.gateway.queue.world import World
 from tests.support.postgres import PostgresServer
 
 
-@pytest.fixture(params=("sqlite", "postgres"))
-async def world(request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterator[World]:
+@pytest.fixture
+async def world(tmp_path: Path) -> AsyncIterator[World]:
     """An empty store, a manual clock, and desks on it."""
-    url = ""
-    if request.param == "postgres":
-        server: PostgresServer = request.getfixturevalue("postgres")
-        url = server.schema()
-    world = World(tmp_path, url)
+    world = World(tmp_path, "")
     yield world
     await world.close()
 
@@ -29,3 +28,10 @@ async def shared_world(tmp_path: Path, postgres: PostgresServer) -> AsyncIterato
     world = World(tmp_path, postgres.schema())
     yield world
     await world.close()
+
+
+@pytest.fixture(params=["world", pytest.param("shared_world", marks=pytest.mark.integration)])
+def any_world(request: pytest.FixtureRequest) -> World:
+    """Each of them."""
+    found: World = request.getfixturevalue(request.param)
+    return found

@@ -30,7 +30,8 @@ async def throttled(delivery: Delivery) -> Result:
     return Retry("throttled", counts=False)
 
 
-async def test_everything_accepted_is_delivered_once_and_then_forgotten_but_for_its_dedup(world: World) -> None:
+async def test_everything_accepted_is_delivered_once_and_then_forgotten_but_for_its_dedup(any_world: World) -> None:
+    world = any_world
     told = Told()
     desk = await world.desk(told)
     ids = await desk.accept([one("t", b"1", dedup="d", context={"n": 1}), one("u", b"2")])
@@ -348,7 +349,9 @@ async def test_what_no_database_takes_is_its_callers_trouble_only(shared_world: 
     assert await world.drive(desk) == 1
 
 
-async def test_redriven_letters_are_delivered_and_new_ones_wait_for_the_next_time(world: World) -> None:
+async def test_redriven_letters_are_delivered_and_new_ones_wait_for_the_next_time(any_world: World) -> None:
+    world = any_world
+
     async def act(delivery: Delivery) -> Result:
         return Dead("bad") if delivery.put.target == "bad" else Done()
 

@@ -58,7 +58,8 @@ async def over(desk: QueueDesk, replay_id: str) -> Replay:
     return found[0]
 
 
-async def test_what_matches_in_a_span_is_delivered_once_a_replay(world: World) -> None:
+async def test_what_matches_in_a_span_is_delivered_once_a_replay(any_world: World) -> None:
+    world = any_world
     told = Told()
     desk = await world.desk(told, limits=FAST)
     await stored(world, 120)

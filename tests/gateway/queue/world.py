@@ -14,6 +14,7 @@ from gateway.store import Store
 from gateway.store.retention import Retention
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS, Limits
+from tests.support.sqlite_store import place_store
 
 __all__ = ["Told", "World", "one"]
 
@@ -82,8 +83,10 @@ class World:
     def store(self, name: str = "a") -> Store:
         """A gateway's store; by another name another gateway's, where the database can be shared."""
         if name not in self._stores:
-            retention = Retention(age_s=1e9, size_bytes=1 << 50)
-            store = Store(self.folder / name, clock=self.clock, retention=retention, queue_bytes=1 << 26, url=self.url)
+            folder, retention = self.folder / name, Retention(age_s=1e9, size_bytes=1 << 50)
+            if not self.shared:
+                place_store(folder)
+            store = Store(folder, clock=self.clock, retention=retention, queue_bytes=1 << 26, url=self.url)
             store.start()
             self._stores[name] = store
         return self._stores[name]
