@@ -1,4 +1,6 @@
-"""Tests that ask for `engine` run on both databases, those that ask for `source` also on batches and on segments."""
+"""`engine` is a file here, as the statements are tested on both databases in tests/gateway/store. What asks for `source`
+runs on batches and on segments, and once on PostgreSQL.
+"""
 
 from __future__ import annotations
 
@@ -10,18 +12,36 @@ import pytest
 from gateway.objects import open_objects
 from gateway.store.engine import StoreEngine
 from tests.gateway.history.source import EngineSource, compact_all
-from tests.gateway.store.conftest import connect, engine, store_url
+from tests.gateway.store.conftest import connect, engine
+from tests.support.postgres import PostgresServer
+from tests.support.sqlite_store import place_store
 
-__all__ = ["connect", "engine", "source", "store_url"]
+__all__ = ["connect", "engine", "form", "source", "store_url"]
 
 
-@pytest.fixture(params=["batches", "segments"])
-def source(request: pytest.FixtureRequest, engine: StoreEngine, tmp_path: Path) -> Callable[..., EngineSource]:
+@pytest.fixture(params=["batches", "segments", pytest.param("postgres", marks=pytest.mark.integration)])
+def form(request: pytest.FixtureRequest) -> str:
+    """As what messages are stored."""
+    return str(request.param)
+
+
+@pytest.fixture
+def store_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """An empty store's URL."""
+    if "source" in request.fixturenames and request.getfixturevalue("form") == "postgres":
+        server: PostgresServer = request.getfixturevalue("postgres")
+        return server.schema()
+    place_store(tmp_path)
+    return ""
+
+
+@pytest.fixture
+def source(form: str, engine: StoreEngine, tmp_path: Path) -> Callable[..., EngineSource]:
     """Makes a source of what is committed by then: as it came, or compacted. It may be told another class."""
     objects = open_objects("", tmp_path)
 
     def made(kind: type[EngineSource] = EngineSource) -> EngineSource:
-        if request.param == "segments":
+        if form == "segments":
             assert compact_all(engine, objects)
         return kind(engine, objects)
 

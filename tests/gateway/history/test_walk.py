@@ -41,14 +41,13 @@ class Compacting(EngineSource):
         return found
 
 
-@pytest.mark.parametrize("newest_first", [False, True])
-@pytest.mark.parametrize("window_runs", [1, 2, 256])
-def test_every_message_comes_once_in_order(
-    engine: StoreEngine, source: Callable[..., EngineSource], newest_first: bool, window_runs: int
-) -> None:
-    numbers = fill(engine)
-    walk = Walk(source=source(), newest_first=newest_first, window_runs=window_runs, **ALL)
-    assert [message.seq for message in walk.messages()] == (numbers[::-1] if newest_first else numbers)
+def test_every_message_comes_once_in_order(engine: StoreEngine, source: Callable[..., EngineSource]) -> None:
+    numbers, at = fill(engine), source()
+    for newest_first in (False, True):
+        for window_runs in (1, 2, 256):
+            walk = Walk(source=at, newest_first=newest_first, window_runs=window_runs, **ALL)
+            found = [message.seq for message in walk.messages()]
+            assert found == (numbers[::-1] if newest_first else numbers), (newest_first, window_runs)
 
 
 @pytest.mark.parametrize("newest_first", [False, True])

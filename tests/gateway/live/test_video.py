@@ -228,7 +228,7 @@ def test_lookers_are_counted() -> None:
     assert rig.hub.lookers(rig.channel) == 0
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.data(), st.booleans(), st.integers(600, 5000), st.booleans())
 def test_every_viewer_can_decode_what_it_gets(data: st.DataObject, latest: bool, room: int, lossy: bool) -> None:
     rig, fast = VideoRig(subscription(latest=latest, queue_bytes=room)), ListSink()

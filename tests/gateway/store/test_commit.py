@@ -151,7 +151,7 @@ def made(item: Item, stamp_ns: int) -> tuple[StreamWrite, object | None]:
 
 
 @given(st.lists(st.tuples(st.lists(ITEMS, max_size=8), FATES), max_size=8))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50)
 def test_every_commit_agrees_with_the_rule(commits: list[tuple[list[Item], str]]) -> None:
     """Against the simulator's store, which is the rule in a few lines."""
     with tempfile.TemporaryDirectory() as folder:

@@ -61,7 +61,7 @@ def check_merge(engine: StoreEngine, batches: Batches, choose: Callable[[int], i
 @given(
     st.lists(st.lists(st.tuples(st.booleans(), st.integers(0, 5000)), min_size=1, max_size=400), max_size=12), st.data()
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_merge_keeps_every_row_once(batches: Batches, data: st.DataObject) -> None:
     with tempfile.TemporaryDirectory() as folder:
         engine = SqliteEngine(Path(folder))

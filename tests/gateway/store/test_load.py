@@ -106,7 +106,7 @@ BATCHES = st.lists(st.tuples(st.integers(0, 60), st.integers(-3, 5), st.integers
 
 
 @given(batches=BATCHES, compacted=st.integers(0, 8), max_age=st.one_of(st.none(), st.integers(0, 40)))
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_the_newest_at_an_instant(
     engine: StoreEngine, objects: DirectoryStore, batches: list[Batch], compacted: int, max_age: int | None
 ) -> None:

@@ -28,7 +28,7 @@ def by_the_book(x: list[float], y: list[float], points: int) -> list[int]:
 
 
 @given(st.lists(st.integers(-1000, 1000), min_size=4, max_size=120), st.integers(3, 40))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=50)
 def test_it_keeps_what_its_author_keeps(values: list[int], points: int) -> None:
     x, y = np.arange(len(values), dtype=np.float64), np.array(values, np.float64)
     kept = lttb(x, y, points).tolist()

@@ -56,7 +56,7 @@ def samples(segment: Segment) -> dict[tuple[int, int, int], tuple[int, bytes]]:
 
 
 @given(BATCHES, st.randoms(use_true_random=False), st.integers(100, 5000))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30)
 def test_whatever_is_packed_comes_back(made: list[Made], rng: object, chunk_bytes: int) -> None:
     numbers: dict[tuple[int, int], int] = {}
     items, expected = [], {}
