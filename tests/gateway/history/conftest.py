@@ -1,5 +1,5 @@
-"""`engine` is a file here, as the statements are tested on both databases in tests/gateway/store. What asks for `source`
-runs on batches and on segments, and once on PostgreSQL.
+"""`engine` is a file here, as tests/gateway/store has the statements on both databases. What asks for `source` runs on
+batches and on segments, and once on PostgreSQL.
 """
 
 from __future__ import annotations
