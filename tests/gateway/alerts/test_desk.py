@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -166,25 +167,27 @@ async def test_silences(tmp_path: Path, store_url: str) -> None:
         assert [(what, alert.quiet) for what, alert in world.told][-1] == ("changed", False)
 
 
-@pytest.mark.parametrize(
-    "fields",
-    [
-        {"until_ns": NOW},
-        {"until_ns": NOW - S},
-        {"until_ns": NOW + 367 * 86_400 * S},
-        {"until_ns": NOW + 60 * S, "from_ns": NOW + 60 * S},
-        {"until_ns": NOW + S, "up_to": "fatal"},
-        {"until_ns": NOW + S, "robots": ["x"] * 33},
-        {"until_ns": NOW + S, "robots": [""]},
-        {"until_ns": NOW + S, "causes": ["x" * 129]},
-        {"until_ns": NOW + S, "causes": ["a\0"]},
-        {"until_ns": NOW + S, "reason": "x" * 2001},
-    ],
+NO_SILENCES: tuple[dict[str, Any], ...] = (
+    {"until_ns": NOW},
+    {"until_ns": NOW - S},
+    {"until_ns": NOW + 367 * 86_400 * S},
+    {"until_ns": NOW + 60 * S, "from_ns": NOW + 60 * S},
+    {"until_ns": NOW + S, "up_to": "fatal"},
+    {"until_ns": NOW + S, "robots": ["x"] * 33},
+    {"until_ns": NOW + S, "robots": [""]},
+    {"until_ns": NOW + S, "causes": ["x" * 129]},
+    {"until_ns": NOW + S, "causes": ["a\0"]},
+    {"until_ns": NOW + S, "reason": "x" * 2001},
 )
-async def test_what_is_no_silence(tmp_path: Path, fields: dict[str, Any]) -> None:
+
+
+async def test_what_is_no_silence(tmp_path: Path) -> None:
+    taken = []
     async with open_world(tmp_path) as world:
-        with pytest.raises(InvalidRequestError):
-            await world.desk.add_silence(by="eve", **fields)
+        for fields in NO_SILENCES:
+            with contextlib.suppress(InvalidRequestError):
+                taken.append((fields, await world.desk.add_silence(by="eve", **fields)))
+    assert taken == []
 
 
 async def test_counts_are_of_what_somebody_may_see(tmp_path: Path) -> None:

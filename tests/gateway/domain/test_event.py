@@ -5,15 +5,12 @@ from __future__ import annotations
 import random  # noqa: TID251 - seeded
 from fnmatch import _compile_pattern, fnmatchcase  # type: ignore[attr-defined]
 
-import pytest
-
 from gateway.domain.event import Event, EventFilter, like
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_a_pattern_means_what_a_shell_means_by_it(seed: int) -> None:
-    rng = random.Random(seed)
-    for _ in range(500):
+def test_a_pattern_means_what_a_shell_means_by_it() -> None:
+    rng = random.Random(1)
+    for _ in range(5000):
         text = "".join(rng.choices("ab.", k=rng.randrange(8)))
         pattern = "".join(rng.choices("ab.*?", k=rng.randrange(8)))
         assert like(text, pattern) == fnmatchcase(text, pattern), (text, pattern)

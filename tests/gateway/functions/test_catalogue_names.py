@@ -14,34 +14,32 @@ from gateway.functions.catalogue_names import (
     parse_resource,
 )
 from gateway.functions.errors import FunctionInvalidError, UnknownFunctionError
+from tests.support.tables import refusal
 
 UUID = "00000000-0000-4000-8000-000000000000"
 
 
-@pytest.mark.parametrize(
-    ("text", "name", "qualifier"),
-    [
-        ("f", "f", ""),
-        ("f:1", "f", "1"),
-        ("f:live", "f", "live"),
-        ("f:$LATEST", "f", "$LATEST"),
-        ("function:f", "f", ""),
-        ("000000000000:function:f:2", "f", "2"),
-        ("arn:aws:lambda:local:000000000000:function:f", "f", ""),
-        ("arn:aws:lambda:eu-central-1:000000000000:function:f:live", "f", "live"),
-        ("a" * 64, "a" * 64, ""),
-    ],
+NAMED = (
+    ("f", "f", ""),
+    ("f:1", "f", "1"),
+    ("f:live", "f", "live"),
+    ("f:$LATEST", "f", "$LATEST"),
+    ("function:f", "f", ""),
+    ("000000000000:function:f:2", "f", "2"),
+    ("arn:aws:lambda:local:000000000000:function:f", "f", ""),
+    ("arn:aws:lambda:eu-central-1:000000000000:function:f:live", "f", "live"),
+    ("a" * 64, "a" * 64, ""),
 )
-def test_a_function_is_named(text: str, name: str, qualifier: str) -> None:
-    assert parse_function(text) == (name, qualifier)
 
 
-@pytest.mark.parametrize(
-    "text", ["", "a b", "a" * 65, "f:", "f:a:b", "../x", "f\n", "arn:aws:s3:::f", "é", "f:" + "q" * 129]
-)
-def test_what_is_no_name(text: str) -> None:
-    with pytest.raises(FunctionInvalidError):
-        parse_function(text)
+def test_a_function_is_named() -> None:
+    found = [(text, parse_function(text), (name, qualifier)) for text, name, qualifier in NAMED]
+    assert [case for case in found if case[1] != case[2]] == []
+
+
+def test_what_is_no_name() -> None:
+    texts = ("", "a b", "a" * 65, "f:", "f:a:b", "../x", "f\n", "arn:aws:s3:::f", "é", "f:" + "q" * 129)
+    assert [text for text in texts if not refusal(FunctionInvalidError, parse_function, text)] == []
 
 
 def test_a_qualifier_stands_in_one_place() -> None:

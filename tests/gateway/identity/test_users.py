@@ -21,6 +21,7 @@ from gateway.store.engine import StoreEngine
 from gateway.store.ledger import in_transaction
 from gateway.store.sessions import find_session
 from metaros.limits import LIMITS
+from tests.support.tables import refusal
 
 NOW_NS = 1_700_000_000 * 10**9
 MASTER = MasterKey(b"m" * 32)
@@ -50,10 +51,9 @@ def test_names(engine: StoreEngine) -> None:
             in_transaction(engine)(lambda engine, name=name: users.user_named(engine, name))
 
 
-@pytest.mark.parametrize("robots", [("sim 1",), ("a;b",), ("",), tuple(f"r{n}" for n in range(65)), ("x" * 300,)])
-def test_what_is_no_scope(engine: StoreEngine, robots: tuple[str, ...]) -> None:
-    with pytest.raises(InvalidRequestError):
-        add(engine, "ada", robots=robots)
+def test_what_is_no_scope(engine: StoreEngine) -> None:
+    scopes = (("sim 1",), ("a;b",), ("",), tuple(f"r{n}" for n in range(65)), ("x" * 300,))
+    assert [robots for robots in scopes if not refusal(InvalidRequestError, add, engine, "ada", robots=robots)] == []
 
 
 def test_somebody_can_always_look_after_the_gateway(engine: StoreEngine) -> None:

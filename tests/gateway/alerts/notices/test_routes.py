@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from gateway.alerts.notices.routes import load_routes
 from gateway.outbound.webhook import Webhook
 from metaros.errors import ConfigError
 from tests.support.certificates import make_certificate
+from tests.support.tables import refusal
 
 HOOK = '[[webhook]]\nname = "ops"\nurl = "https://hooks.example.org/x"\n'
 MAIL = '[[smtp]]\nname = "mail"\nhost = "mx.example.org"\nfrom = "a@example.org"\nto = ["b@example.org"]\n'
@@ -82,44 +84,43 @@ def test_what_is_shown_of_a_target_is_no_secret(tmp_path: Path) -> None:
     assert route.to.target == "https://hooks.example.org/"
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("= 1", "not TOML"),
-        ("surprise = 1", "surprise is no key"),
-        ("webhook = 1", "written \\[\\[webhook\\]\\]"),
-        ("wait_s = -1", "wait_s of the top is 0 to 30 days"),
-        ("wait_s = true", "wait_s of the top"),
-        ("wait_s = nan", "wait_s of the top"),
-        ('[[webhook]]\nname = "ops"', "webhook ops lacks url"),
-        ('[[webhook]]\nurl = "https://x"', "webhook 1 lacks name"),
-        (HOOK + HOOK, "two routes are called ops"),
-        (HOOK + "secret = 1", "secret is no key of webhook ops"),
-        (HOOK + 'severity = "fatal"', "severity of webhook ops is one of info, warning, error"),
-        (HOOK + 'private = "yes"', "private of webhook ops is true or false"),
-        (HOOK + "robots = [1]", "robots of webhook ops is a list of patterns"),
-        (HOOK + "repeat_s = 1", "repeat_s of webhook ops is 60 s to 30 days"),
-        (HOOK + 'link = "javascript:1"', "link of webhook ops"),
-        (HOOK + 'secret_file = "none"', "none: No such file"),
-        (HOOK + 'ca_file = "notify.toml"', "no PEM"),
-        (HOOK.replace("https", "http"), "plain only within a private network"),
-        (HOOK.replace("https:", "file:"), "no http\\(s\\) URL"),
-        (HOOK.replace("hooks.", "me:pw@hooks."), "has a user in it"),
-        (HOOK.replace("org/", "org:99999/"), "no http\\(s\\) URL"),
-        (HOOK.replace('"ops"', '"Ops!"'), "name of webhook Ops! is 1 to 63"),
-        (MAIL + 'user = "me"', "go together"),
-        (MAIL + 'tls = "off"', "only within a private network"),
-        (MAIL + 'tls = "ssl"', "tls of smtp mail is one of starttls, tls, off"),
-        (MAIL + "port = 0", "port of smtp mail is 1 to 65535"),
-        (MAIL.replace('["b@example.org"]', "[]"), "to of smtp mail is 1 to 32 addresses"),
-        (MAIL.replace('["b@example.org"]', '["b@x>\\nRCPT TO:<c@y"]'), "to of smtp mail"),
-        (MAIL.replace("a@example.org", "nobody"), "from of smtp mail"),
-        (HOOK * 33, "33 routes, at most 32"),
-    ],
+WRONG = (
+    ("= 1", "not TOML"),
+    ("surprise = 1", "surprise is no key"),
+    ("webhook = 1", "written \\[\\[webhook\\]\\]"),
+    ("wait_s = -1", "wait_s of the top is 0 to 30 days"),
+    ("wait_s = true", "wait_s of the top"),
+    ("wait_s = nan", "wait_s of the top"),
+    ('[[webhook]]\nname = "ops"', "webhook ops lacks url"),
+    ('[[webhook]]\nurl = "https://x"', "webhook 1 lacks name"),
+    (HOOK + HOOK, "two routes are called ops"),
+    (HOOK + "secret = 1", "secret is no key of webhook ops"),
+    (HOOK + 'severity = "fatal"', "severity of webhook ops is one of info, warning, error"),
+    (HOOK + 'private = "yes"', "private of webhook ops is true or false"),
+    (HOOK + "robots = [1]", "robots of webhook ops is a list of patterns"),
+    (HOOK + "repeat_s = 1", "repeat_s of webhook ops is 60 s to 30 days"),
+    (HOOK + 'link = "javascript:1"', "link of webhook ops"),
+    (HOOK + 'secret_file = "none"', "none: No such file"),
+    (HOOK + 'ca_file = "notify.toml"', "no PEM"),
+    (HOOK.replace("https", "http"), "plain only within a private network"),
+    (HOOK.replace("https:", "file:"), "no http\\(s\\) URL"),
+    (HOOK.replace("hooks.", "me:pw@hooks."), "has a user in it"),
+    (HOOK.replace("org/", "org:99999/"), "no http\\(s\\) URL"),
+    (HOOK.replace('"ops"', '"Ops!"'), "name of webhook Ops! is 1 to 63"),
+    (MAIL + 'user = "me"', "go together"),
+    (MAIL + 'tls = "off"', "only within a private network"),
+    (MAIL + 'tls = "ssl"', "tls of smtp mail is one of starttls, tls, off"),
+    (MAIL + "port = 0", "port of smtp mail is 1 to 65535"),
+    (MAIL.replace('["b@example.org"]', "[]"), "to of smtp mail is 1 to 32 addresses"),
+    (MAIL.replace('["b@example.org"]', '["b@x>\\nRCPT TO:<c@y"]'), "to of smtp mail"),
+    (MAIL.replace("a@example.org", "nobody"), "from of smtp mail"),
+    (HOOK * 33, "33 routes, at most 32"),
 )
-def test_what_is_wrong_is_named(tmp_path: Path, text: str, message: str) -> None:
-    with pytest.raises(ConfigError, match=message):
-        load(tmp_path, text)
+
+
+def test_what_is_wrong_is_named(tmp_path: Path) -> None:
+    said = {text: refusal(ConfigError, load, tmp_path, text) for text, _ in WRONG}
+    assert [(text, said[text]) for text, message in WRONG if not re.search(message, said[text])] == []
 
 
 def test_a_secret_that_others_can_read_is_none(tmp_path: Path) -> None:
