@@ -15,8 +15,9 @@ from typing import Any
 
 import uvicorn
 from fastapi import FastAPI, WebSocket, WebSocketDisconnect
-from fastapi.responses import FileResponse, JSONResponse, Response
+from fastapi.responses import JSONResponse, Response
 
+from gateway.api.static import Dashboard
 from gateway.api.views_identity import account_view
 from gateway.domain.principal import EVERY_ROBOT, Principal, Role
 from metaros.clock import SystemClock
@@ -118,12 +119,8 @@ class FakeGateway:
         self.rules.add_routes(app)
         app.add_api_websocket_route("/api/v1/stream", self._stream)
         app.add_api_websocket_route("/api/v1/robots/{robot_id}/teleop", self._drive)
-        app.add_api_route("/{path:path}", self._static)
+        app.mount("/", Dashboard(STATIC))
         return app
-
-    async def _static(self, path: str) -> FileResponse:
-        found = STATIC / path
-        return FileResponse(found if path and found.is_file() else STATIC / "index.html")
 
     async def _topics(self, robot_id: str) -> dict[str, Any]:
         robot = self._robot(robot_id)

@@ -16,8 +16,9 @@ from gateway.settings import Settings
 from metaros._proto import link_pb2
 from tests.gateway.harness import ScriptedAgent, channel
 from tests.support.key_ring import bearer
+from tests.support.stack import Stack
 
-__all__ = ["PASSWORD", "RealGateway", "real_gateway"]
+__all__ = ["PASSWORD", "RealGateway", "real_gateway", "real_stack"]
 
 PASSWORD = "correct horse battery"
 STARTED_S = 60.0
@@ -57,11 +58,12 @@ class RealGateway:
 
 @contextmanager
 def real_gateway(
-    folder: Path, *, obey: Obey | None = None, crowd: Crowd | None = None, **settings: Any
+    folder: Path, *, robot: bool = True, obey: Obey | None = None, crowd: Crowd | None = None, **settings: Any
 ) -> Iterator[RealGateway]:
     """A gateway on free ports with a robot, ended with the block. Rates of sign-ins are off unless given.
 
     `obey` is what the robot does with its frames, by default it says yes to every command. `crowd` brings more robots.
+    Without `robot` nobody is linked.
     """
     started: list[RealGateway] = []
     failed: list[BaseException] = []
@@ -74,11 +76,14 @@ def real_gateway(
             chosen = {"port": 0, "grpc_port": 0, "data_dir": folder / "data", "sign_ins_per_min": 0.0, **settings}
             group.create_task(serve(Settings(**chosen), stop, on_ready=ready.set_result))
             found = await ready
-            async with ScriptedAgent(found) as robot, AsyncExitStack() as stack:
+            async with AsyncExitStack() as stack:
+                lives = []
+                if robot:
+                    sim_1 = await stack.enter_async_context(ScriptedAgent(found))
+                    await sim_1.announce(channel(1, "/sim_1/cmd_vel", "geometry_msgs/msg/Twist"))
+                    lives = [group.create_task((obey or _obey)(sim_1)), group.create_task(_beat(sim_1))]
                 if crowd is not None:
                     await crowd(found, stack)
-                await robot.announce(channel(1, "/sim_1/cmd_vel", "geometry_msgs/msg/Twist"))
-                lives = [group.create_task((obey or _obey)(robot)), group.create_task(_beat(robot))]
                 started.append(RealGateway(found, lambda: loop.call_soon_threadsafe(stop.set)))
                 up.set()
                 await stop.wait()
@@ -106,6 +111,15 @@ def real_gateway(
         thread.join(ENDED_S)
     if failed:
         raise failed[0]
+
+
+@contextmanager
+def real_stack(folder: Path, **settings: Any) -> Iterator[Stack]:
+    """Real programs around a gateway that runs here, which saves the start of its process; nobody is linked yet."""
+    stack = Stack(folder)
+    ports = {"port": stack.http_port, "grpc_port": stack.grpc_port}
+    with real_gateway(folder, robot=False, **ports, **settings), stack:
+        yield stack
 
 
 async def _obey(robot: ScriptedAgent) -> None:

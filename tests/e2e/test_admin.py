@@ -1,4 +1,4 @@
-"""The Admin page over a gateway process: robots enrolled by the command copied there, people, keys, the audit log."""
+"""The Admin page over a real gateway: robots enrolled by the command copied there, people, keys, the audit log."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import os
 import re
 import shlex
 import sqlite3
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 
@@ -17,11 +16,18 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from tests.e2e.conftest import PHONE
+from tests.e2e.real_gateway import real_stack
 from tests.e2e.test_fleet_page import CONTRASTS
+from tests.support.command_line import Done, call_metaros
 from tests.support.stack import Stack
 from tests.support.waiting import wait_until
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(600)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.integration,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.timeout(600),
+]
 
 OpenPage = Callable[..., Page]
 PARTS = ("robots", "users", "keys", "audit")
@@ -66,12 +72,12 @@ def copied(page: Page, name: str, *, clipboard: bool = True) -> str:
     return text
 
 
-def run(command: str) -> subprocess.CompletedProcess[str]:
-    """A command as somebody pastes it into a shell."""
+def run(command: str) -> Done:
+    """A command as somebody pastes it into a shell; in a thread, because Playwright's loop runs in this one."""
     words = shlex.split(command)
     assert words[0] == "metaros"
-    argv = [sys.executable, "-m", *words]
-    return subprocess.run(argv, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120)
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(call_metaros, *words[1:]).result(120)
 
 
 def answer_of(page: Page, title: str) -> Locator:
@@ -82,19 +88,17 @@ def answer_of(page: Page, title: str) -> Locator:
 
 
 @pytest.fixture
-def stack(tmp_path: Path, built: None, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stack]:
+def stack(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stack]:
     """A gateway of the test's own, and a home directory for the agent's identity."""
     monkeypatch.setenv("HOME", str(tmp_path))
-    with Stack(tmp_path) as running:
-        running.gateway()
+    with real_stack(tmp_path) as running:
         yield running
 
 
 @pytest.fixture(scope="module")
-def shared(tmp_path_factory: pytest.TempPathFactory, built: None) -> Iterator[Stack]:
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     """A gateway for the tests that do not mind each other."""
-    with Stack(tmp_path_factory.mktemp("admin")) as running:
-        running.gateway()
+    with real_stack(tmp_path_factory.mktemp("admin")) as running:
         yield running
 
 
@@ -111,7 +115,7 @@ def test_a_robot_is_enrolled_by_the_copied_command_and_revoked(stack: Stack, ope
     assert f"--gateway {stack.url} --name arm_1" in command
 
     done = run(command)
-    assert done.returncode == 0, done.stderr
+    assert done.code == 0, done.err
     expect(page.locator(".enrol-done")).to_have_text("arm_1 is enrolled")
     expect(page.locator("[data-token]")).to_have_count(0)
     row = page.locator("[data-identity=arm_1]")
@@ -151,8 +155,8 @@ def test_a_withdrawn_command_enrols_nobody(shared: Stack, open_page: OpenPage, t
     answer_of(page, "Withdraw this command?").get_by_role("button", name="Withdraw").click()
     expect(page.locator("[data-token]", has_text="late_1")).to_have_count(0)
     done = run(f"{command} --state-dir {shlex.quote(str(tmp_path))}")
-    assert done.returncode != 0
-    assert "token_unknown" in done.stderr
+    assert done.code != 0
+    assert "token_unknown" in done.err
 
 
 def test_an_alarm_stands_first_and_says_what_to_do(stack: Stack, open_page: OpenPage) -> None:
@@ -160,10 +164,10 @@ def test_an_alarm_stands_first_and_says_what_to_do(stack: Stack, open_page: Open
         order = {"robot": name}
         made = httpx.post(f"{stack.url}/api/v1/enrolment-tokens", json=order, headers=bearer(stack.key), timeout=60)
         where = shlex.quote(str(stack.folder / name))
-        assert run(f"{made.json()['command']} --state-dir {where}").returncode == 0
+        assert run(f"{made.json()['command']} --state-dir {where}").code == 0
         if name == "arm_2":  # the same token with another key: a copy of the command was used elsewhere
             other = shlex.quote(str(stack.folder / "copy"))
-            assert run(f"{made.json()['command']} --state-dir {other}").returncode != 0
+            assert run(f"{made.json()['command']} --state-dir {other}").code != 0
     page = signed_in(stack, open_page)
     page.goto(f"{stack.url}/admin/robots")
     alarm = page.locator("[data-alarm]")

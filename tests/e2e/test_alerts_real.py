@@ -13,7 +13,12 @@ from gateway.main import Ready
 from tests.e2e.real_gateway import real_gateway
 from tests.gateway.harness import ScriptedAgent
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(300)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.integration,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.timeout(300),
+]
 
 FOUND_MS = 120_000
 

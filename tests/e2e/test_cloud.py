@@ -74,8 +74,8 @@ def robot() -> CloudRobot:
 
 
 @pytest.fixture
-def gateway(free_port: int, robot: CloudRobot) -> Iterator[FakeGateway]:
-    served = FakeGateway(free_port, [robot])
+def gateway(fake_port: int, robot: CloudRobot) -> Iterator[FakeGateway]:
+    served = FakeGateway(fake_port, [robot])
     served.start()
     yield served
     served.stop()
@@ -212,7 +212,7 @@ def test_a_lost_context_is_said_and_comes_back(gateway: FakeGateway, open_page: 
 
 
 def test_without_webgl_words_stand_in_its_place(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = open_page(f"{gateway.url}/robots")
+    page = open_page(f"{gateway.url}/robots", own=True)
     page.add_init_script(WITHOUT_WEBGL)
     page.goto(f"{gateway.url}/robots/sim_1")
     expect(page.locator("[data-card=cloud] .problem")).to_contain_text("WebGL 2 is off or missing")

@@ -21,7 +21,12 @@ from tests.e2e.real_gateway import RealGateway, real_gateway
 from tests.e2e.test_fleet_page import CONTRASTS
 from tests.gateway.harness import CONTROL, ScriptedAgent
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(300)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.integration,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.timeout(300),
+]
 
 OpenPage = Callable[..., Page]
 TRIGGER = "std_srvs/srv/Trigger"
@@ -198,7 +203,7 @@ def test_what_waits_is_done_when_its_robot_comes(gateway: RealGateway, open_page
 def test_pressed_again_after_a_lost_answer_it_is_done_once(
     gateway: RealGateway, worker: Worker, open_page: OpenPage
 ) -> None:
-    page = commands_of(gateway, open_page)
+    page = commands_of(gateway, open_page, own=True)
     answers: list[int] = []
 
     def lose_the_first(route: Route) -> None:

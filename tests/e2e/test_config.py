@@ -15,7 +15,12 @@ from tests.e2e.living_robot import LivingRobot, living_robot
 from tests.e2e.real_gateway import RealGateway, real_gateway
 from tests.e2e.test_fleet_page import CONTRASTS
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(600)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.integration,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.timeout(600),
+]
 
 OpenPage = Callable[..., Page]
 PICTURED = {"test_an_edit_is_tried_then_applied_and_the_robot_does_it": "arm_1"}

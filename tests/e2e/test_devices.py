@@ -28,9 +28,9 @@ def robot() -> DeviceRobot:
 
 
 @pytest.fixture
-def gateway(free_port: int, robot: DeviceRobot) -> Iterator[FakeGateway]:
+def gateway(fake_port: int, robot: DeviceRobot) -> Iterator[FakeGateway]:
     """That robot alone."""
-    served = FakeGateway(free_port, [robot])
+    served = FakeGateway(fake_port, [robot])
     served.start()
     yield served
     served.stop()

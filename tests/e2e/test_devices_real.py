@@ -8,13 +8,19 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
+from tests.e2e.real_gateway import real_stack
 from tests.support.ld19_emulator import Ld19Emulator
 from tests.support.pty_device import PtyDevice
 from tests.support.serial_peer import answering
 from tests.support.stack import Stack
 from tests.support.waiting import wait_until
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(300)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.integration,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.timeout(300),
+]
 
 OpenPage = Callable[..., Page]
 
@@ -27,11 +33,10 @@ def lidar(tmp_path: Path) -> Iterator[PtyDevice]:
 
 
 @pytest.fixture
-def stack(tmp_path: Path, lidar: PtyDevice, built: None) -> Iterator[Stack]:
+def stack(tmp_path: Path, lidar: PtyDevice) -> Iterator[Stack]:
     """Everything between the lidar and the browser."""
-    with Stack(tmp_path) as started:
+    with real_stack(tmp_path) as started:
         started.router()
-        started.gateway()
         started.agent("r1")
         driver = ("driver", "run", "ld19", "--param", f"port={lidar.path}", "--namespace", "/r1")
         started.start("driver", *driver, "--zenoh-port", str(started.zenoh_port))

@@ -11,6 +11,8 @@ from playwright.sync_api import Page
 
 from tests.e2e.real_gateway import RealGateway, real_gateway
 
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
+
 FOLLOW = """() => {
   window.seen = []
   const source = new EventSource('/api/v1/events?after=0')
@@ -25,7 +27,6 @@ def command(gateway: RealGateway) -> None:
     gateway.ask("POST", "/robots/sim_1/commands", asked)
 
 
-@pytest.mark.integration
 def test_no_event_is_missed_over_a_restart(tmp_path: Path, open_page: Callable[..., Page]) -> None:
     with real_gateway(tmp_path) as first:
         page = open_page(f"{first.url}/docs")

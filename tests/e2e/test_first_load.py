@@ -32,7 +32,7 @@ def watch(page: Page) -> Fetched:
 
 
 def test_the_fleet_is_within_the_budget_with_everything(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = open_page("about:blank")
+    page = open_page("about:blank", own=True)
     fetched = watch(page)
     page.goto(gateway.url)
     expect(page.locator("tr[data-robot]")).to_have_count(3)
@@ -58,13 +58,13 @@ def open_robot(page: Page, gateway: FakeGateway) -> Fetched:
 
 def test_a_robot_with_map_and_plots_is_within_the_budget_of_code(gateway: FakeGateway, open_page: OpenPage) -> None:
     gateway.account = account(Role.VIEWER)
-    page = open_page("about:blank")
+    page = open_page("about:blank", own=True)
     fetched = code(open_robot(page, gateway))
     assert 40_000 < sum(fetched.values()) <= BUDGET_BYTES, fetched
 
 
 def test_what_operators_do_comes_to_operators_alone(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = open_page("about:blank")
+    page = open_page("about:blank", own=True)
     fetched = code(open_robot(page, gateway))
     expect(page.locator(".pad")).to_be_visible()
     (pad,) = (size for name, size in fetched.items() if name.startswith("teleop-"))
@@ -96,7 +96,7 @@ def test_other_pages_are_within_the_budget(gateway: FakeGateway, open_page: Open
     gateway.account = account_view(anonymous_viewer(), has_password=False)
     gateway.functions.world()
     gateway.rules.world()
-    page = open_page("about:blank")
+    page = open_page("about:blank", own=True)
     fetched = watch(page)
     page.goto(gateway.url + path)
     expect(page.locator("h1").first).to_be_visible()
@@ -106,7 +106,7 @@ def test_other_pages_are_within_the_budget(gateway: FakeGateway, open_page: Open
 def test_an_alert_with_its_plot_is_within_the_budget_of_code(gateway: FakeGateway, open_page: OpenPage) -> None:
     gateway.account = account(Role.VIEWER)
     hot = gateway.alerts.heat(gateway.robots[0])
-    page = open_page("about:blank")
+    page = open_page("about:blank", own=True)
     fetched = watch(page)
     page.goto(f"{gateway.url}/alerts/{hot['id']}")
     expect(page.locator("[data-card=band] canvas")).to_be_visible()
@@ -116,7 +116,7 @@ def test_an_alert_with_its_plot_is_within_the_budget_of_code(gateway: FakeGatewa
 def test_the_editor_of_rules_is_within_the_budget(gateway: FakeGateway, open_page: OpenPage) -> None:
     gateway.account = account(Role.ADMIN)
     gateway.rules.world()
-    page = open_page("about:blank")
+    page = open_page("about:blank", own=True)
     fetched = watch(page)
     page.goto(f"{gateway.url}/rules/battery_low")
     expect(page.get_by_label("The rule as JSON")).to_be_visible()
@@ -127,7 +127,7 @@ def test_the_editor_of_rules_is_within_the_budget(gateway: FakeGateway, open_pag
 @pytest.mark.parametrize("tab", ["topics", "graph", "nodes", "config"])
 def test_a_tab_that_is_opened_first_is_within_the_budget(gateway: FakeGateway, open_page: OpenPage, tab: str) -> None:
     gateway.account = account(Role.VIEWER)
-    page = open_page("about:blank")
+    page = open_page("about:blank", own=True)
     fetched = watch(page)
     with page.expect_response(lambda answer: f"/{tab}-" in answer.url and answer.url.endswith(".js")):
         page.goto(f"{gateway.url}/robots/sim_1?tab={tab}")

@@ -11,7 +11,12 @@ from playwright.sync_api import Page, expect
 from tests.e2e.real_gateway import real_gateway
 from tests.e2e.test_functions import zip_of
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(300)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.integration,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.timeout(300),
+]
 
 GREET = """
 def handler(event, context):

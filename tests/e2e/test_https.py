@@ -16,14 +16,19 @@ from pathlib import Path
 import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
-from playwright.sync_api import Page, expect, sync_playwright
+from playwright.sync_api import Page, expect
 
-from tests.e2e.conftest import ARGUMENTS, CHROMIUM
+from tests.e2e.chromium import Chromium
 from tests.support.ports import free_port
 from tests.support.processes import END_S, end
 from tests.support.waiting import wait_until
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(600)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.integration,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.timeout(600),
+]
 
 
 @pytest.fixture
@@ -55,21 +60,17 @@ def link(tmp_path: Path, built: None) -> Iterator[str]:
 
 
 @pytest.fixture
-def page(link: str) -> Iterator[Page]:
+def page(link: str, chromium: Chromium) -> Iterator[Page]:
     """A page of a browser that takes this one certificate, as if its root were in the machine's trust store."""
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine (Debian: apt install chromium)")
     host, _, port = link.split("/")[2].partition(":")
     leaf = x509.load_pem_x509_certificate(ssl.get_server_certificate((host, int(port))).encode())
     spki = leaf.public_key().public_bytes(Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
     known = base64.b64encode(hashlib.sha256(spki).digest()).decode()
-    arguments = [*ARGUMENTS, f"--ignore-certificate-errors-spki-list={known}"]
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
-        opened = browser.new_page()
-        opened.set_default_timeout(60_000)
-        yield opened
-        browser.close()
+    browser = chromium.launch(f"--ignore-certificate-errors-spki-list={known}")
+    opened = browser.new_page()
+    opened.set_default_timeout(60_000)
+    yield opened
+    browser.close()
 
 
 def test_the_dashboard_and_its_live_stream_over_tls(link: str, page: Page) -> None:

@@ -14,7 +14,7 @@ from tests.e2e.fake_gateway import FakeGateway, account
 from tests.e2e.fake_world import FakeRobot
 from tests.e2e.real_gateway import real_gateway
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser")]
+pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
 OpenPage = Callable[..., Page]
 IMAGE = '<img src=x onerror="window.__ran=1;alert(1)">'
@@ -73,7 +73,7 @@ def test_what_a_robot_says_is_text_on_every_page(gateway: FakeGateway, open_page
     odd.gaps = 2
     gateway.robots[:] = [odd, FakeRobot("sim_2", "/sim_2")]
     gateway.account = account(Role.OPERATOR, name=text)
-    page = open_page("about:blank")
+    page = open_page("about:blank", own=True)
     watched = Watched(page)
     page.goto(gateway.url)
     expect(page.locator(".robot-link", has_text=name).first).to_be_visible()
@@ -99,7 +99,7 @@ def test_what_people_and_alarms_say_is_text_on_the_admin_pages(
     tmp_path: Path, built: None, open_page: OpenPage
 ) -> None:
     with real_gateway(tmp_path) as gateway:
-        page = open_page(gateway.link())
+        page = open_page(gateway.link(), own=True)
         expect(page.locator(".who")).to_be_visible()
         watched = Watched(page)
         alarm = {"robot": "arm_1", "state": "active", "enrolled": "2026-11-21T06:00:00Z", "certificates": []}

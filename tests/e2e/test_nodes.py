@@ -18,24 +18,27 @@ from metaros.supervise.client import ask
 from metaros.supervise.program import running_pid
 from tests.e2e.conftest import DESK, PHONE
 from tests.e2e.living_robot import LivingRobot, living_robot
-from tests.e2e.real_gateway import RealGateway, real_gateway
+from tests.e2e.real_gateway import RealGateway, real_gateway, real_stack
 from tests.e2e.test_admin import link
 from tests.e2e.test_fleet_page import CONTRASTS
-from tests.support.stack import Stack
 from tests.support.waiting import wait_until
 from tests.system.test_nodes_from_afar import ROBOT, Afar
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(900)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.integration,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.timeout(900),
+]
 
 OpenPage = Callable[..., Page]
 
 
 @pytest.fixture(scope="module")
-def afar(tmp_path_factory: pytest.TempPathFactory, built: None) -> Iterator[Afar]:
-    """Gateway, agent, supervisor and a lidar, all of them processes."""
-    with Stack(tmp_path_factory.mktemp("nodes")) as stack:
+def afar(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Afar]:
+    """Agent, supervisor and a lidar, all of them processes, and a gateway."""
+    with real_stack(tmp_path_factory.mktemp("nodes")) as stack:
         stack.router()
-        stack.gateway()
         found = Afar(stack)
         try:
             wait_until(lambda: stack.online() == {ROBOT}, timeout_s=120)

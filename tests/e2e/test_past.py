@@ -11,11 +11,17 @@ from playwright.sync_api import Page, expect
 from metaros.clock import SystemClock
 from tests.e2e.fake_world import FakeRobot
 from tests.e2e.past_hour import write_past
+from tests.e2e.real_gateway import real_stack
 from tests.e2e.test_robot_page import CAMERA, MAP, wait_for_data
 from tests.e2e.test_time_bar import LINE, PLOT, drag, stamp, wait_for_instant
 from tests.support.stack import Stack
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(300)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.integration,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.timeout(300),
+]
 
 OpenPage = Callable[..., Page]
 SPAN_S = 900
@@ -23,15 +29,14 @@ LOST = (300, 420)  # seconds after the beginning
 
 
 @pytest.fixture(scope="module")
-def past(tmp_path_factory: pytest.TempPathFactory, built: None) -> Iterator[tuple[Stack, FakeRobot, int]]:
+def past(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Stack, FakeRobot, int]]:
     """A gateway, a robot it has stored that is away, and when its history begins."""
     folder = tmp_path_factory.mktemp("past")
     robots = [FakeRobot("sim_1", "/sim_1"), FakeRobot("sim_2", "/sim_2", phase=2.0)]
     begin_s = int(SystemClock().wall_ns() / 1e9) // 10 * 10 - SPAN_S - 60
     lost = (begin_s + LOST[0], begin_s + LOST[1])
     write_past(folder / "data", robots, begin_s, begin_s + SPAN_S, lost=lost)
-    with Stack(folder) as stack:
-        stack.gateway()
+    with real_stack(folder) as stack:
         yield stack, robots[0], begin_s
 
 

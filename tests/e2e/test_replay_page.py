@@ -9,11 +9,16 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
+from tests.e2e.real_gateway import real_stack
 from tests.support.data import data_set
-from tests.support.stack import Stack
 from tests.support.waiting import wait_until
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(600)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.integration,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.timeout(600),
+]
 
 MAP = "[data-card=map] canvas"
 LOG_S = 280
@@ -33,13 +38,10 @@ INKED = """selector => {
 }"""
 
 
-def test_page_of_the_intel_robot_shows_walls_and_path(
-    tmp_path: Path, open_page: Callable[..., Page], built: None
-) -> None:
+def test_page_of_the_intel_robot_shows_walls_and_path(tmp_path: Path, open_page: Callable[..., Page]) -> None:
     log = data_set("robots/intel.clf.bz2")
-    with Stack(tmp_path) as stack:
+    with real_stack(tmp_path) as stack:
         stack.router()
-        stack.gateway()
         stack.agent("intel")
         wait_until(lambda: stack.online() == {"intel"}, timeout_s=60)
         page = open_page(f"{stack.url}/robots/intel")

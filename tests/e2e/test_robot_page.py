@@ -134,6 +134,8 @@ def test_keys_drive_and_everything_that_ends_a_hold_stops(gateway: FakeGateway, 
     count = ops(gateway).count("drive")
     wait_until(lambda: "release" in ops(gateway), timeout_s=60)
     assert ops(gateway).count("drive") <= count + 1
+    page.keyboard.up("KeyW")
+    page.keyboard.up("KeyA")
 
 
 def test_letters_do_nothing_while_the_pad_has_no_focus(gateway: FakeGateway, open_page: OpenPage) -> None:

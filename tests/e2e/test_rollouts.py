@@ -18,7 +18,12 @@ from tests.support.key_ring import bearer
 from tests.support.releases import signed_release, start_signing
 from tests.support.story_robot import MARK, Defects, StoryRobot
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(400)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.integration,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.timeout(400),
+]
 
 OpenPage = Callable[..., Page]
 ROBOTS = [f"bot_{number:02}" for number in range(8)]

@@ -59,11 +59,11 @@ def ring() -> Keyring:
 
 
 @pytest.fixture(params=[("note",)], ids=["note"])
-def sealed(request: pytest.FixtureRequest, free_port: int, ring: Keyring) -> Iterator[FakeGateway]:
+def sealed(request: pytest.FixtureRequest, fake_port: int, ring: Keyring) -> Iterator[FakeGateway]:
     """One robot with sealed topics: its note, or those that a test names."""
     robot = SealedRobot("sim_1", "/sim_1", note="the safe is open")
     robot.seal_with(ring, *request.param)
-    served = FakeGateway(free_port, [robot])
+    served = FakeGateway(fake_port, [robot])
     served.start()
     yield served
     served.stop()

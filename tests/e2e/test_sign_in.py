@@ -18,7 +18,12 @@ from tests.e2e.conftest import PHONE, save
 from tests.e2e.real_gateway import PASSWORD, RealGateway, real_gateway
 from tests.support.oidc_server import CLIENT_ID, CLIENT_SECRET, oidc_server
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(300)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.integration,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.timeout(300),
+]
 
 OpenPage = Callable[..., Page]
 PLACE = "/robots/sim_1?t=2026-11-21T06:00:00Z&span=1h"
@@ -77,7 +82,7 @@ def test_a_password_leads_back_to_the_very_instant(closed: RealGateway, open_pag
 def test_a_viewer_is_offered_nothing_that_operators_do_and_an_operator_at_once(
     gateway: RealGateway, open_page: OpenPage
 ) -> None:
-    page = open_page(f"{gateway.url}/robots/sim_1")
+    page = open_page(f"{gateway.url}/robots/sim_1", own=True)
     expect(page.locator("[data-account=anonymous]")).to_contain_text("Viewer")
     expect(page.locator("[data-card=teleop]")).to_contain_text("Operators may drive.")
     for control in (page.locator(".pad"), page.get_by_role("button", name="Resume autonomy"), page.locator(".save")):
@@ -151,7 +156,7 @@ def test_whoever_tried_too_often_is_told_to_wait(tmp_path: Path, open_page: Open
         store.run(lambda engine: write_failures(engine, secret_hash("ada"), address_group("127.0.0.1"), tried))
     with real_gateway(tmp_path, anonymous=False) as running:
         running.user("ada", "operator")
-        page = open_page(running.url)
+        page = open_page(running.url, own=True)
         enter(page)
         button = page.get_by_role("button", name="Wait")
         expect(button).to_be_visible()

@@ -6,37 +6,43 @@ import json
 import os
 import urllib.request
 import wave
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Callable, Iterator
 
 import pytest
-from playwright.sync_api import Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, expect
 
-from tests.e2e.conftest import ARGUMENTS, CHROMIUM, save
+from tests.e2e.chromium import Chromium
+from tests.e2e.conftest import save
+from tests.e2e.real_gateway import real_stack
 from tests.support.alsa import MIC, SPEAKER, Alsa, strongest_hz, tone
 from tests.support.stack import Stack
 from tests.support.viewer import open_socket
 from tests.support.waiting import wait_until
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(400)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.integration,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.timeout(400),
+]
 
 RATE, HZ = 48000, 880.0
 
 
-@pytest.fixture
-def alsa(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Alsa:
-    made = Alsa(tmp_path, monkeypatch)
-    made.say(tone(440, 600, 16000))
-    return made
+@pytest.fixture(scope="module")
+def alsa(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Alsa]:
+    """Sound devices for the module's processes."""
+    with pytest.MonkeyPatch.context() as patch:
+        made = Alsa(tmp_path_factory.mktemp("alsa"), patch)
+        made.say(tone(440, 600, 16000))
+        yield made
 
 
-@pytest.fixture
-def stack(tmp_path: Path, alsa: Alsa, built: None) -> Iterator[Stack]:
+@pytest.fixture(scope="module")
+def stack(tmp_path_factory: pytest.TempPathFactory, alsa: Alsa) -> Iterator[Stack]:
     """A gateway, and a robot r1 with a microphone and a speaker."""
-    with Stack(tmp_path) as stack:
+    with real_stack(tmp_path_factory.mktemp("sound")) as stack:
         stack.router()
-        stack.gateway()
         for kind, params in (
             ("speaker", (f"device={SPEAKER}", f"rate={RATE}")),
             ("microphone", (f"device={MIC}", "output=both")),
@@ -49,23 +55,33 @@ def stack(tmp_path: Path, alsa: Alsa, built: None) -> Iterator[Stack]:
         yield stack
 
 
-@contextmanager
-def robot_page(stack: Stack, *, init: str = "") -> Iterator[Page]:
-    """The robot's page in a Chromium whose microphone hears the tone, signed in."""
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine (Debian: apt install chromium)")
+@pytest.fixture(scope="module")
+def hearing(one_chromium: Chromium, stack: Stack) -> Iterator[Browser]:
+    """A Chromium whose microphone hears the tone."""
     said = stack.folder / "said.wav"
     with wave.open(str(said), "wb") as file:
         file.setparams((1, 2, RATE, 0, "NONE", "not compressed"))
         file.writeframes(tone(HZ, 10, RATE).tobytes())
-    hearing = ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream"]
-    hearing += [f"--use-file-for-fake-audio-capture={said}", "--autoplay-policy=document-user-activation-required"]
+    arguments = ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream"]
+    arguments += [f"--use-file-for-fake-audio-capture={said}", "--autoplay-policy=document-user-activation-required"]
     env = {name: value for name, value in os.environ.items() if name != "ALSA_CONFIG_PATH"}
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=[*ARGUMENTS, *hearing], env=env)
-        page = chromium.new_page(viewport={"width": 1440, "height": 900})
+    with one_chromium.used():
+        started = one_chromium.launch(*arguments, env={**env})
+    yield started
+    with one_chromium.used():
+        started.close()
+
+
+@pytest.fixture
+def robot_page(stack: Stack, chromium: Chromium, hearing: Browser) -> Iterator[Callable[..., Page]]:
+    """Open the robot's page there, signed in."""
+    pages: list[Page] = []
+    errors: list[str] = []
+
+    def opened(*, init: str = "") -> Page:
+        page = hearing.new_page(viewport={"width": 1440, "height": 900})
+        pages.append(page)
         page.set_default_timeout(60_000)
-        errors: list[str] = []
         page.on("pageerror", lambda error: errors.append(str(error)))
         if init:
             page.add_init_script(init)
@@ -73,9 +89,12 @@ def robot_page(stack: Stack, *, init: str = "") -> Iterator[Page]:
         page.get_by_role("button", name="Later").click()
         expect(page.locator("[data-account=admin]")).to_be_visible()
         page.goto(f"{stack.url}/robots/r1")
-        yield page
-        chromium.close()
-        assert errors == []
+        return page
+
+    yield opened
+    for page in pages:
+        page.close()
+    assert errors == []
 
 
 def sign_in_link(stack: Stack) -> str:
@@ -90,35 +109,40 @@ def silent(alsa: Alsa) -> bool:
 
 
 @pytest.mark.parametrize("codec", ["opus", "pcm-s16"])
-def test_what_is_said_into_the_page_is_heard(stack: Stack, alsa: Alsa, codec: str) -> None:
-    with robot_page(stack, init="" if codec == "opus" else "delete window.AudioEncoder") as page:
-        row, button = page.locator("[data-talk]"), page.locator(".audio-talk")
-        button.scroll_into_view_if_needed()
-        button.hover()
-        page.mouse.down()
-        expect(row).to_have_attribute("data-talk", "talking")
-        wait_until(lambda: page.wait_for_timeout(200) or strongest_hz(alsa.played(), RATE)[0])
-        page.wait_for_timeout(2000)
-        save(page, "talk")
-        hz, _share = strongest_hz(alsa.played(), RATE)
-        print(f"{codec}: said {HZ} Hz, heard {hz:.2f} Hz")
-        assert abs(hz - HZ) < 5
-        with open_socket(stack.url, "/api/v1/robots/r1/talk", key=stack.key) as other:
-            other.send(json.dumps({"op": "take", "holder": "bob", "codec": codec, "sample_rate": RATE}))
-            assert json.loads(other.recv(timeout=60))["code"] == "lease_taken"
-        page.mouse.up()
-        expect(row).to_have_attribute("data-talk", "armed")
-        wait_until(lambda: silent(alsa))
-        expect(row).to_have_attribute("data-talk", "idle")  # the lease is given back
-        button.focus()
-        page.keyboard.down("Space")
-        wait_until(lambda: page.wait_for_timeout(100) or not silent(alsa))
-        page.keyboard.up("Space")
-        wait_until(lambda: page.wait_for_timeout(100) or silent(alsa))
+def test_what_is_said_into_the_page_is_heard(
+    stack: Stack, alsa: Alsa, robot_page: Callable[..., Page], codec: str
+) -> None:
+    page = robot_page(init="" if codec == "opus" else "delete window.AudioEncoder")
+    before = len(alsa.played())
+    row, button = page.locator("[data-talk]"), page.locator(".audio-talk")
+    button.scroll_into_view_if_needed()
+    button.hover()
+    page.mouse.down()
+    expect(row).to_have_attribute("data-talk", "talking")
+
+    def heard_hz() -> float:
+        page.wait_for_timeout(100)
+        return strongest_hz(alsa.played()[before:], RATE)[0]
+
+    wait_until(lambda: abs(heard_hz() - HZ) < 5)
+    save(page, "talk")
+    with open_socket(stack.url, "/api/v1/robots/r1/talk", key=stack.key) as other:
+        other.send(json.dumps({"op": "take", "holder": "bob", "codec": codec, "sample_rate": RATE}))
+        assert json.loads(other.recv(timeout=60))["code"] == "lease_taken"
+    page.mouse.up()
+    expect(row).to_have_attribute("data-talk", "armed")
+    wait_until(lambda: silent(alsa))
+    expect(row).to_have_attribute("data-talk", "idle")  # the lease is given back
+    button.focus()
+    page.keyboard.down("Space")
+    wait_until(lambda: page.wait_for_timeout(100) or not silent(alsa))
+    page.keyboard.up("Space")
+    wait_until(lambda: page.wait_for_timeout(100) or silent(alsa))
 
 
-def test_who_talks_already_is_named(stack: Stack) -> None:
-    with open_socket(stack.url, "/api/v1/robots/r1/talk", key=stack.key) as other, robot_page(stack) as page:
+def test_who_talks_already_is_named(stack: Stack, robot_page: Callable[..., Page]) -> None:
+    page = robot_page()
+    with open_socket(stack.url, "/api/v1/robots/r1/talk", key=stack.key) as other:
         other.send(json.dumps({"op": "take", "holder": "bob", "codec": "opus", "sample_rate": RATE}))
         assert json.loads(other.recv(timeout=60))["op"] == "granted"
         button = page.locator(".audio-talk")
@@ -134,14 +158,13 @@ def test_who_talks_already_is_named(stack: Stack) -> None:
 
 
 @pytest.mark.parametrize("codec", ["opus", "pcm-s16"])
-def test_a_robot_is_listened_to(stack: Stack, codec: str) -> None:
-    with robot_page(stack, init="" if codec == "opus" else "delete window.AudioDecoder") as page:
-        row = page.locator("[data-listen]").filter(has_text="audio/opus" if codec == "opus" else "audio")
-        expect(row).to_have_count(1)
-        row.get_by_role("button").click()
-        wait_until(lambda: page.wait_for_timeout(100) or float(row.get_attribute("data-peak") or 0) > 0.3)
-        expect(row.locator(".audio-note")).to_contain_text("ms")
-        save(page, f"listen-{codec}")
-        print(codec, "heard after", row.locator(".audio-note").inner_text())
-        row.get_by_role("button").click()
-        expect(row).to_have_attribute("data-peak", "0.000")
+def test_a_robot_is_listened_to(robot_page: Callable[..., Page], codec: str) -> None:
+    page = robot_page(init="" if codec == "opus" else "delete window.AudioDecoder")
+    row = page.locator("[data-listen]").filter(has_text="audio/opus" if codec == "opus" else "audio")
+    expect(row).to_have_count(1)
+    row.get_by_role("button").click()
+    wait_until(lambda: page.wait_for_timeout(100) or float(row.get_attribute("data-peak") or 0) > 0.3)
+    expect(row.locator(".audio-note")).to_contain_text("ms")
+    save(page, f"listen-{codec}")
+    row.get_by_role("button").click()
+    expect(row).to_have_attribute("data-peak", "0.000")

@@ -14,7 +14,12 @@ from tests.e2e.real_gateway import RealGateway, real_gateway
 from tests.e2e.test_fleet_page import CONTRASTS
 from tests.support.waiting import wait_until
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(300)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.integration,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.timeout(300),
+]
 
 OpenPage = Callable[..., Page]
 CAMERA = '{"topics": {"camera/**": {"class": "live", "rate_hz": 5.0}}}'

@@ -163,7 +163,7 @@ def test_a_goal_that_is_sent_again_for_want_of_an_answer_is_the_same_one(
 ) -> None:
     gateway.graph.actions.append(("count", "example_interfaces/action/Fibonacci"))
     gateway.graph.goal_events.append(("result", {"status": "succeeded", "result": {"sequence": [0]}}))
-    page = opened(gateway, open_page, "&action=/sim_1/count")
+    page = opened(gateway, open_page, "&action=/sim_1/count", own=True)
     keys: list[str] = []
     lost = [True, True, False, False]  # the answer's fate
 

@@ -24,7 +24,12 @@ from tests.support.ports import free_port
 from tests.support.processes import END_S, end
 from tests.support.waiting import wait_until
 
-pytestmark = [pytest.mark.browser, pytest.mark.integration, pytest.mark.xdist_group("browser"), pytest.mark.timeout(600)]
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.integration,
+    pytest.mark.xdist_group("browser"),
+    pytest.mark.timeout(600),
+]
 
 OpenPage = Callable[..., Page]
 MAP = "[data-card=map] canvas"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import pytest
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Page, expect
 
-from tests.e2e.conftest import ARGUMENTS, CHROMIUM
+from tests.e2e.chromium import Chromium
 from tests.e2e.fake_gateway import FakeGateway
 from tests.e2e.fake_video import VideoRobot
 from tests.e2e.test_robot_page import CAMERA, COLOURS, wait_for_data
@@ -33,9 +33,9 @@ def robot() -> VideoRobot:
 
 
 @pytest.fixture
-def gateway(free_port: int, robot: VideoRobot) -> Iterator[FakeGateway]:
+def gateway(fake_port: int, robot: VideoRobot) -> Iterator[FakeGateway]:
     """That robot alone."""
-    served = FakeGateway(free_port, [robot])
+    served = FakeGateway(fake_port, [robot])
     served.start()
     yield served
     served.stop()
@@ -48,7 +48,7 @@ def frames(page: Page) -> int:
 
 def watch(gateway: FakeGateway, open_page: OpenPage) -> Page:
     """The robot's page, with its video running."""
-    page = open_page("about:blank")
+    page = open_page("about:blank", own=True)
     page.add_init_script(LISTEN)
     page.goto(gateway.url + ROBOT)
     wait_for_data(page, CAMERA, "d.frames > 20")
@@ -149,13 +149,12 @@ def test_another_codec_is_named(gateway: FakeGateway, robot: VideoRobot, open_pa
 
 @pytest.mark.parametrize("pictures", [True, False], ids=["with JPEG", "video alone"])
 def test_a_page_that_is_not_secure_says_so(
-    gateway: FakeGateway, robot: VideoRobot, browser: Browser, pictures: bool
+    gateway: FakeGateway, robot: VideoRobot, chromium: Chromium, pictures: bool
 ) -> None:
     robot.pictures = pictures
-    rules = f"--host-resolver-rules=MAP {INSECURE_HOST} 127.0.0.1"
-    chromium = browser.browser_type.launch(executable_path=CHROMIUM, args=[*ARGUMENTS, rules])
+    browser = chromium.launch(f"--host-resolver-rules=MAP {INSECURE_HOST} 127.0.0.1")
     try:
-        page = chromium.new_page()
+        page = browser.new_page()
         page.goto(f"http://{INSECURE_HOST}:{gateway.port}{ROBOT}")
         expect(page.locator("[data-card=camera] .video-why")).to_contain_text("this page came by http")
         if pictures:
@@ -165,11 +164,11 @@ def test_a_page_that_is_not_secure_says_so(
             expect(page.locator("[data-card=camera] canvas")).to_have_count(0)
         assert robot.joins == 0
     finally:
-        chromium.close()
+        browser.close()
 
 
 def test_a_browser_without_webcodecs_shows_the_pictures(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = open_page("about:blank")
+    page = open_page("about:blank", own=True)
     page.add_init_script("delete window.VideoDecoder")
     page.goto(gateway.url + ROBOT)
     expect(page.locator("[data-card=camera] .video-why")).to_contain_text("no WebCodecs")
