@@ -67,8 +67,9 @@ async def test_a_rate_crosses_as_the_whole_stream_or_as_key_frames() -> None:
         await known(b, "r1", 1)
         await known(c, "r1", 1)
         _b, slow = b.look("/video", rate_hz=1.0)
+        await wanted(a, "r1", {"/video": 1.0})  # else b's wish may come after the first samples
         _c, whole = c.look("/video", rate_hz=5.0)
-        await wait_until_async(lambda: a.live.wanted("r1") == {"/video": 5.0})
+        await wanted(a, "r1", {"/video": 5.0})
         publish(a, video(), *range(24))
         await wait_until_async(lambda: whole.payloads == MESSAGES)
         await wait_until_async(lambda: slow.payloads == [MESSAGES[0], MESSAGES[12]])
