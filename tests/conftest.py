@@ -39,8 +39,10 @@ def pytest_configure() -> None:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what is of the real world by the table above."""
     for item in items:
-        fixtures = getattr(item, "fixturenames", ())
-        if item.nodeid.startswith(INTEGRATION_FOLDERS) or not INTEGRATION_FIXTURES.isdisjoint(fixtures):
+        asked = set(getattr(item, "fixturenames", ()))
+        if hasattr(item, "callspec"):  # a fixture with a parameter that says which other one it takes
+            asked |= {value for value in item.callspec.params.values() if isinstance(value, str)}
+        if item.nodeid.startswith(INTEGRATION_FOLDERS) or not INTEGRATION_FIXTURES.isdisjoint(asked):
             item.add_marker("integration")
 
 
