@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
-__all__ = ["ARGUMENTS", "CHROMIUM", "DESK", "PHONE", "Chromium", "Desk"]
+__all__ = ["ARGUMENTS", "CHROMIUM", "DESK", "INSECURE_HOST", "PHONE", "Chromium", "Desk"]
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 ARGUMENTS = [
@@ -23,6 +23,8 @@ ARGUMENTS = [
 DESK = {"width": 1440, "height": 900}
 PHONE = {"width": 390, "height": 844}
 PATIENCE_MS = 60_000  # a loaded machine paints late
+INSECURE_HOST = "robots.test"  # this machine, which the browser takes for another one
+RESOLVE = f"--host-resolver-rules=MAP {INSECURE_HOST} 127.0.0.1"
 FORGET = "() => { try { localStorage.clear(); sessionStorage.clear() } catch {} }"
 
 
@@ -39,7 +41,9 @@ class Chromium:
 
     def launch(self, *arguments: str, env: dict[str, str | float | bool] | None = None) -> Browser:
         """Another Chromium, with arguments of its own."""
-        return self._playwright.chromium.launch(executable_path=CHROMIUM, args=[*ARGUMENTS, *arguments], env=env)
+        return self._playwright.chromium.launch(
+            executable_path=CHROMIUM, args=[*ARGUMENTS, RESOLVE, *arguments], env=env
+        )
 
     @property
     def browser(self) -> Browser:

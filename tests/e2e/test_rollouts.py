@@ -14,6 +14,7 @@ from gateway.main import Ready
 from tests.e2e.conftest import PHONE, save
 from tests.e2e.real_gateway import RealGateway, real_gateway
 from tests.e2e.test_fleet_page import CONTRASTS
+from tests.gateway.harness import ScriptedAgent
 from tests.support.key_ring import bearer
 from tests.support.releases import signed_release, start_signing
 from tests.support.story_robot import MARK, Defects, StoryRobot
@@ -49,6 +50,33 @@ class Fleet:
         """A rollout as a program starts it; its id."""
         order = {"version": version, "selector": "fleet=yard", "waves": ["2", "100%"], "steady_s": 0.0, **changes}
         return str(self.gateway.ask("POST", "/rollouts", order)["id"])
+
+
+@pytest.fixture(scope="module")
+def office(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
+    """Three robots that never do what they are told, and the version 2.0.0; ada is an admin, bo an operator."""
+    folder = tmp_path_factory.mktemp("office")
+
+    async def crowd(ready: Ready, stack: AsyncExitStack) -> None:
+        for name in ("sim_2", "sim_3"):
+            await stack.enter_async_context(ScriptedAgent(ready, name, session=name.encode().ljust(16)))
+
+    with real_gateway(folder, crowd=crowd) as running:
+        running.user("ada", "admin")
+        running.user("bo", "operator")
+        made = Fleet(running, folder / "people", Defects())
+        start_signing(made.folder, running.ask("POST", "/updates/online-keys", {})["keys"])
+        made.publish("2.0.0")
+        yield made
+
+
+@pytest.fixture
+def idle(office: Fleet) -> Iterator[Fleet]:
+    """There, no rollout is under way."""
+    yield office
+    for rollout in office.gateway.ask("GET", "/rollouts")["rollouts"]:
+        if rollout["state"] in ("running", "paused", "halted"):
+            office.gateway.ask("POST", f"/rollouts/{rollout['id']}/abort", {"reason": "the test is over"})
 
 
 @pytest.fixture
@@ -147,29 +175,31 @@ def test_a_rollout_halts_by_itself_and_is_mended(fleet: Fleet, open_page: OpenPa
     expect(page.locator("[data-rollout][data-state=done]")).to_have_count(1)
 
 
-def test_a_nodes_version_is_for_the_node_that_runs_it(fleet: Fleet, open_page: OpenPage) -> None:
+def test_a_nodes_version_is_for_the_node_that_runs_it(idle: Fleet, open_page: OpenPage) -> None:
+    fleet = idle
     fleet.publish("1.2.0", node="lidar-node")
     row = {"bundle": "lidar-node", "version": "1.0.0"}
-    fleet.gateway.ask("PUT", "/templates/nodes", {"selector": "robot=sim_1", "document": {"nodes": {"lidar": row}}})
+    fleet.gateway.ask("PUT", "/templates/nodes", {"selector": "robot=sim_3", "document": {"nodes": {"lidar": row}}})
     page = page_of(fleet, open_page)
     page.get_by_role("button", name="Start a rollout…").click()
     dialog = page.get_by_role("dialog")
+    dialog.locator("select").first.select_option(label="lidar-node 1.2.0")
     expect(dialog).to_contain_text("Templates run it as lidar.")
     dialog.get_by_label("Node", exact=True).fill("lidar")
-    dialog.get_by_label("Robots", exact=True).fill("robot=sim_1")
+    dialog.get_by_label("Robots", exact=True).fill("robot=sim_3")
     dialog.get_by_role("button", name="Dry run").click()
     expect(dialog.get_by_label("Dry run").locator("h3")).to_have_text("lidar 1.2.0 to 1 robot in 1 wave")
     dialog.get_by_role("button", name="Start for 1 robot").click()
     expect(page.locator("h1")).to_have_text("lidar 1.2.0")
     expect(page.locator(".rollout-plan")).to_contain_text("lidar-node 1.2.0 as node lidar")
-    expect(page.locator("[data-member=sim_1]")).to_have_attribute("data-member-state", "updating")
-    twin = fleet.gateway.ask("GET", "/robots/sim_1/twin")
+    expect(page.locator("[data-member=sim_3]")).to_have_attribute("data-member-state", "updating")
+    twin = fleet.gateway.ask("GET", "/robots/sim_3/twin")
     assert twin["own"] == {"nodes": {"lidar": {"version": "1.2.0"}}}
 
 
-def test_it_is_paused_resumed_and_ended_with_reasons(fleet: Fleet, open_page: OpenPage) -> None:
-    fleet.publish("2.0.0")
-    rid = fleet.start("2.0.0", selector="robot in (bot_00, sim_1)", waves=["1", "1"], health_s=600.0)
+def test_it_is_paused_resumed_and_ended_with_reasons(idle: Fleet, open_page: OpenPage) -> None:
+    fleet = idle
+    rid = fleet.start("2.0.0", selector="robot in (sim_1, sim_2)", waves=["1", "1"], health_s=600.0)
     page = page_of(fleet, open_page, f"/rollouts/{rid}")
     page.get_by_role("button", name="Pause…").click()
     page.get_by_role("dialog").get_by_label("Why").fill("lunch <b>break</b>")
@@ -188,8 +218,8 @@ def test_it_is_paused_resumed_and_ended_with_reasons(fleet: Fleet, open_page: Op
     expect(page.get_by_role("button", name="End it…")).to_have_count(0)
 
 
-def test_an_operator_looks_and_does_not_steer(fleet: Fleet, open_page: OpenPage) -> None:
-    fleet.publish("2.0.0")
+def test_an_operator_looks_and_does_not_steer(idle: Fleet, open_page: OpenPage) -> None:
+    fleet = idle
     rid = fleet.start("2.0.0", selector="robot=sim_1", health_s=600.0)
     page = page_of(fleet, open_page, name="bo")
     expect(page.get_by_text("Admins may start rollouts; bo is an operator.")).to_be_visible()
@@ -199,11 +229,20 @@ def test_an_operator_looks_and_does_not_steer(fleet: Fleet, open_page: OpenPage)
     for name in ("Pause…", "Resume…", "End it…"):
         expect(page.get_by_role("button", name=name)).to_have_count(0)
     page.goto(f"{fleet.gateway.url}/rollouts/versions")
-    expect(page.locator("tr[data-bundle]")).to_have_count(1)
+    expect(page.locator("tr[data-bundle]", has_text="2.0.0")).to_have_count(1)
     expect(page.get_by_role("button", name="Withdraw")).to_have_count(0)
 
 
-def test_versions_and_a_withdrawal(fleet: Fleet, open_page: OpenPage) -> None:
+def test_versions_and_a_withdrawal(tmp_path: Path, open_page: OpenPage) -> None:
+    with real_gateway(tmp_path) as running:
+        running.user("ada", "admin")
+        fleet = Fleet(running, tmp_path / "people", Defects())
+        start_signing(fleet.folder, running.ask("POST", "/updates/online-keys", {})["keys"])
+        withdraw_a_version(fleet, open_page)
+
+
+def withdraw_a_version(fleet: Fleet, open_page: OpenPage) -> None:
+    """From none to two, one of them withdrawn."""
     page = page_of(fleet, open_page, "/rollouts/versions")
     expect(page.locator(".nothing")).to_contain_text("No version is uploaded yet")
     for version in ("2.9.0", "2.10.0"):
@@ -224,21 +263,28 @@ def test_versions_and_a_withdrawal(fleet: Fleet, open_page: OpenPage) -> None:
     expect(page.get_by_role("dialog").locator("option")).to_have_text(["agent 2.9.0"])
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_it_fits_a_phone_and_can_be_read(fleet: Fleet, open_page: OpenPage, scheme: str) -> None:
+def test_it_fits_a_phone_and_can_be_read(fleet: Fleet, open_page: OpenPage) -> None:
     fleet.publish("2.0.0", defect=True)
     rid = fleet.start("2.0.0", waves=["2", "4", "100%"])
-    desk = page_of(fleet, open_page, f"/rollouts/{rid}", scheme=scheme)
+    desk = page_of(fleet, open_page, f"/rollouts/{rid}")
     state_of(desk, "halted")
     expect(wave(desk, 2)).to_have_attribute("aria-label", "Wave 2: 3 done, 1 failed", timeout=SETTLED_MS)
     fleet.publish("3.0.0")
     fleet.start("3.0.0", selector="robot=sim_1", health_s=600.0)
+    phone = page_of(fleet, open_page, size=PHONE, touch=True)
+    for scheme in ("light", "dark"):
+        for page in (desk, phone):
+            page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+        fits_and_can_be_read(fleet, rid, desk, phone, scheme)
+
+
+def fits_and_can_be_read(fleet: Fleet, rid: str, desk: Page, page: Page, scheme: str) -> None:
+    """Every part, on a desk and on a phone."""
     for path, name in (("/rollouts", "list"), (f"/rollouts/{rid}", "one"), ("/rollouts/versions", "versions")):
         desk.goto(fleet.gateway.url + path)
         expect(desk.locator("[data-rollout], [data-member], [data-bundle]").first).to_be_visible()
         save(desk, f"rollouts-{name}-desk-{scheme}")
         assert desk.evaluate(CONTRASTS) == [], path
-    page = page_of(fleet, open_page, size=PHONE, touch=True, scheme=scheme)
     for path, name in (("/rollouts", "list"), (f"/rollouts/{rid}", "one"), ("/rollouts/versions", "versions")):
         page.goto(fleet.gateway.url + path)
         expect(page.locator("[data-rollout], [data-member], [data-bundle]").first).to_be_visible()
@@ -252,19 +298,20 @@ def test_it_fits_a_phone_and_can_be_read(fleet: Fleet, open_page: OpenPage, sche
     assert page.evaluate(CONTRASTS) == []
 
 
-def test_markup_in_labels_and_reasons_is_inert(fleet: Fleet, open_page: OpenPage) -> None:
-    fleet.publish("2.0.0")
+def test_markup_in_labels_and_reasons_is_inert(idle: Fleet, open_page: OpenPage) -> None:
+    fleet = idle
     rid = fleet.start("2.0.0", selector="robot=sim_1", health_s=600.0)
     fleet.gateway.ask("POST", f"/rollouts/{rid}/pause", {"reason": "<img src=x onerror='window.__ran=1'>"})
     page = page_of(fleet, open_page)
-    expect(page.locator("[data-rollout]")).to_contain_text("<img src=x")
+    expect(page.locator(f"[data-rollout='{rid}']")).to_contain_text("<img src=x")
     page.goto(f"{fleet.gateway.url}/rollouts/{rid}")
     expect(page.locator(".rollout-note")).to_contain_text("<img src=x")
     assert page.evaluate("window.__ran") is None
     assert page.locator("main img").count() == 0
 
 
-def test_what_is_no_rollout_is_said(fleet: Fleet, open_page: OpenPage) -> None:
+def test_what_is_no_rollout_is_said(idle: Fleet, open_page: OpenPage) -> None:
+    fleet = idle
     page = page_of(fleet, open_page, "/rollouts/nonsense")
     expect(page.locator(".nothing")).to_have_text("There is no such rollout.")
     page.goto(f"{fleet.gateway.url}/rollouts/{'0' * 26}")

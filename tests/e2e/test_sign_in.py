@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -30,19 +31,38 @@ PLACE = "/robots/sim_1?t=2026-11-21T06:00:00Z&span=1h"
 BUDGET = "Byte budget of the uplink"
 
 
+@pytest.fixture(scope="module")
+def open_to_all(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealGateway]:
+    with real_gateway(tmp_path_factory.mktemp("open")) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def closed_to_strangers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealGateway]:
+    with real_gateway(tmp_path_factory.mktemp("closed"), anonymous=False) as running:
+        yield running
+
+
+@contextmanager
+def with_ada(running: RealGateway) -> Iterator[RealGateway]:
+    """There is a new ada, an operator, for as long."""
+    running.user("ada", "operator")
+    yield running
+    if any(user["name"] == "ada" for user in running.ask("GET", "/users")["users"]):
+        running.ask("DELETE", "/users/ada")
+
+
 @pytest.fixture
-def gateway(tmp_path: Path) -> Iterator[RealGateway]:
+def gateway(open_to_all: RealGateway) -> Iterator[RealGateway]:
     """Open to viewers, as on a machine of one's own; ada is an operator."""
-    with real_gateway(tmp_path) as running:
-        running.user("ada", "operator")
+    with with_ada(open_to_all) as running:
         yield running
 
 
 @pytest.fixture
-def closed(tmp_path: Path) -> Iterator[RealGateway]:
-    """It shows nothing to who is not known."""
-    with real_gateway(tmp_path, anonymous=False) as running:
-        running.user("ada", "operator")
+def closed(closed_to_strangers: RealGateway) -> Iterator[RealGateway]:
+    """It shows nothing to who is not known; ada is an operator."""
+    with with_ada(closed_to_strangers) as running:
         yield running
 
 

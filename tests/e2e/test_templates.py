@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -25,21 +24,31 @@ OpenPage = Callable[..., Page]
 CAMERA = '{"topics": {"camera/**": {"class": "live", "rate_hz": 5.0}}}'
 
 
-@pytest.fixture
-def gateway(tmp_path: Path) -> Iterator[RealGateway]:
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealGateway]:
     """ada is an admin, bo an operator."""
-    with real_gateway(tmp_path) as running:
+    with real_gateway(tmp_path_factory.mktemp("templates")) as running:
         running.user("ada", "admin")
         running.user("bo", "operator")
         yield running
 
 
 @pytest.fixture
-def robot(gateway: RealGateway) -> Iterator[LivingRobot]:
-    """arm_1, at the lab."""
-    with living_robot(gateway.ready, "arm_1") as lives:
-        gateway.ask("PATCH", "/robots/arm_1/labels", {"labels": {"site": "lab"}})
+def gateway(served: RealGateway) -> Iterator[RealGateway]:
+    """It, without templates."""
+    yield served
+    for template in served.ask("GET", "/templates")["templates"]:
+        served.ask("DELETE", f"/templates/{template['name']}")
+
+
+@pytest.fixture
+def robot(gateway: RealGateway, request: pytest.FixtureRequest) -> Iterator[LivingRobot]:
+    """A robot of the test's own, at the lab as long as it is there."""
+    name = f"arm_{request.node.name.removeprefix('test_')}"
+    with living_robot(gateway.ready, name) as lives:
+        gateway.ask("PATCH", f"/robots/{name}/labels", {"labels": {"site": "lab"}})
         yield lives
+        gateway.ask("PATCH", f"/robots/{name}/labels", {"labels": {"site": None}})
 
 
 def opened(gateway: RealGateway, open_page: OpenPage, name: str = "ada", **options: object) -> Page:
@@ -70,7 +79,7 @@ def test_one_is_made_changed_and_deleted(gateway: RealGateway, open_page: OpenPa
     editor.get_by_label("Reason").fill("bandwidth")
     editor.get_by_role("button", name="Show what would change").click()
     plan = editor.get_by_label("What would change")
-    expect(plan).to_contain_text("arm_1 would change")
+    expect(plan).to_contain_text(f"{robot.name} would change")
     expect(plan.locator("[data-path='/topics/camera~1**/rate_hz'] ins")).to_have_text("5.0")
     save(page, "templates-plan")
     assert gateway.ask("GET", "/templates")["templates"] == []
@@ -111,7 +120,7 @@ def test_its_history_leads_back(gateway: RealGateway, open_page: OpenPage, robot
     expect(entries.first.get_by_role("button", name="Go back")).to_have_count(0)
     entries.last.locator("summary").click()
     entries.last.get_by_role("button", name="Go back to this…").click()
-    expect(entries.last.get_by_label("What would change")).to_contain_text("arm_1 would change")
+    expect(entries.last.get_by_label("What would change")).to_contain_text(f"{robot.name} would change")
     save(page, "templates-history")
     wait_until(lambda: robot.document.get("budget") == {"bytes_per_s": 70_000})
     entries.last.get_by_role("button", name="Go back to it for 1 robot").click()

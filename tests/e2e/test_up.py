@@ -48,7 +48,7 @@ class Up:
     def __init__(self, folder: Path) -> None:
         self.http_port, self.grpc_port, self.zenoh_port = free_port(), free_port(), free_port()
         self.url = f"http://127.0.0.1:{self.http_port}"
-        command = [sys.executable, "-m", "metaros", "up", "--robots", "3", "--data-dir", str(folder / "data")]
+        command = [sys.executable, "-m", "metaros", "up", "--robots", "2", "--data-dir", str(folder / "data")]
         command += ["--port", str(self.http_port), "--grpc-port", str(self.grpc_port)]
         command += ["--zenoh-port", str(self.zenoh_port)]
         self.log = folder / "up.log"
@@ -108,10 +108,10 @@ class Up:
 
 @pytest.fixture(scope="module")
 def up(tmp_path_factory: pytest.TempPathFactory, built: None) -> Iterator[Up]:
-    """One stack for the module, with three robots and this host online."""
+    """One stack for the module, with two robots and this host online."""
     running = Up(tmp_path_factory.mktemp("up"))
     try:
-        wait_until(lambda: running.online() == 4, timeout_s=START_MS / 1000, every_s=0.2)
+        wait_until(lambda: running.online() == 3, timeout_s=START_MS / 1000, every_s=0.2)
         yield running
     finally:
         running.stop()
@@ -133,18 +133,18 @@ def travelled(page: Page, seconds: float) -> float:
     return math.hypot(to_x - x, to_y - y)
 
 
-def test_fleet_shows_four_robots_with_live_values(up: Up, open_page: OpenPage) -> None:
+def test_fleet_shows_three_robots_with_live_values(up: Up, open_page: OpenPage) -> None:
     page = open_page(up.url)
-    expect(page.locator("tr[data-robot]")).to_have_count(4)
-    expect(page.locator("[data-state=online], [data-state=attention]")).to_have_count(4)
-    for name in ("sim_1", "sim_2", "sim_3"):
+    expect(page.locator("tr[data-robot]")).to_have_count(3)
+    expect(page.locator("[data-state=online], [data-state=attention]")).to_have_count(3)
+    for name in ("sim_1", "sim_2"):
         expect(page.locator(f"tr[data-robot={name}] [data-label=Battery]")).to_contain_text("%")
         expect(page.locator(f"tr[data-robot={name}] [data-label=Speed]")).to_contain_text("m/s")
     host = page.locator("tr[data-robot]:not([data-robot^=sim_])")
     expect(host.locator("[data-label=CPU]")).to_contain_text("%")
     save(page, "fleet-desk")
     phone = open_page(up.url, size=PHONE, touch=True)
-    expect(phone.locator("tr[data-robot]")).to_have_count(4)
+    expect(phone.locator("tr[data-robot]")).to_have_count(3)
     save(phone, "fleet-phone")
 
 
@@ -163,9 +163,9 @@ def test_robot_page_shows_pose_scan_camera_and_plots(up: Up, open_page: OpenPage
 
 
 def test_the_past_is_scrubbed_and_its_minute_is_saved(up: Up, open_page: OpenPage) -> None:
-    at = f"{up.url}/api/v1/robots/sim_3/at?format=json&topic=scan&max_age=5m&t="
+    at = f"{up.url}/api/v1/robots/sim_1/at?format=json&topic=scan&max_age=5m&t="
     wait_until(lambda: httpx.get(f"{at}-11s", timeout=30).json()["messages"] != [])  # so long has it been there
-    page = open_page(f"{up.url}/robots/sim_3?span=15m")
+    page = open_page(f"{up.url}/robots/sim_1?span=15m")
     page.wait_for_function("() => Number(document.querySelector('.strip')?.dataset.messages) > 50")
     page.get_by_role("slider", name="Instant shown").focus()
     page.keyboard.press("Shift+ArrowLeft")  # 10 s before the present
@@ -179,10 +179,10 @@ def test_the_past_is_scrubbed_and_its_minute_is_saved(up: Up, open_page: OpenPag
     save(page, "robot-past")
     expect(page.get_by_role("button", name="Save 60 s here")).to_have_count(0)  # this is a viewer yet
     sign_in(page, up.link(), f"{up.url}/recordings")
-    page.get_by_label("Robot to record").select_option("sim_3")
+    page.get_by_label("Robot to record").select_option("sim_1")
     page.get_by_role("button", name="Save last 60 s").click()
     row = page.locator("tr[data-recording][data-state=stored]")
-    expect(row).to_contain_text("sim_3")
+    expect(row).to_contain_text("sim_1")
     with page.expect_download() as download:
         row.get_by_role("link", name="Download").click()
     assert download.value.path().read_bytes().startswith(b"\x89MCAP0\r\n")
@@ -220,7 +220,7 @@ def test_an_outage_is_filled_in_and_the_link_tab_says_so(up: Up, open_page: Open
     finally:
         gateway.resume()
     wait_until(lambda: up.robot("sim_1")["link"]["reconnects"] >= 1, timeout_s=60, every_s=0.2)
-    wait_until(lambda: up.online() == 4, timeout_s=60, every_s=0.2)
+    wait_until(lambda: up.online() == 3, timeout_s=60, every_s=0.2)
     assert up.robot("sim_1")["counts"]["lost"] == 0
     expect(page.locator("[data-card=backfill]")).to_contain_text("Up to date", timeout=60_000)
     save(page, "link-desk")
@@ -234,7 +234,7 @@ def test_an_outage_is_filled_in_and_the_link_tab_says_so(up: Up, open_page: Open
 
 
 def test_page_recovers_when_the_gateway_is_killed(up: Up, open_page: OpenPage) -> None:
-    page = open_page(f"{up.url}/robots/sim_3")
+    page = open_page(f"{up.url}/robots/sim_1")
     page.wait_for_function(f"() => Number(document.querySelector({MAP!r})?.dataset.scans) > 3")
     page.evaluate(WATCH_STREAM)  # it may be back between two looks from here
     up.gateway().kill()

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.e2e.chromium import Chromium
+from tests.e2e.chromium import INSECURE_HOST
 from tests.e2e.fake_gateway import FakeGateway
 from tests.e2e.fake_video import VideoRobot
 from tests.e2e.test_robot_page import CAMERA, COLOURS, wait_for_data
@@ -19,11 +19,10 @@ pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 OpenPage = Callable[..., Page]
 ROBOT = "/robots/sim_1"
 NOTE = "[data-card=camera] .note"
-INSECURE_HOST = "robots.test"  # an address that is not this machine's own, to the browser
-LISTEN = """
-window.drawn = [];
-addEventListener("drawn", ({ detail }) => window.drawn.push(detail));
-"""
+LISTEN = """() => {
+  window.drawn = [];
+  addEventListener("drawn", ({ detail }) => window.drawn.push(detail));
+}"""
 
 
 @pytest.fixture
@@ -48,16 +47,16 @@ def frames(page: Page) -> int:
 
 def watch(gateway: FakeGateway, open_page: OpenPage) -> Page:
     """The robot's page, with its video running."""
-    page = open_page("about:blank", own=True)
-    page.add_init_script(LISTEN)
-    page.goto(gateway.url + ROBOT)
-    wait_for_data(page, CAMERA, "d.frames > 20")
+    page = open_page(gateway.url + ROBOT)
+    page.evaluate(LISTEN)
+    wait_for_data(page, CAMERA, "d.frames > 5")
+    page.wait_for_function("window.drawn.length > 0")
     return page
 
 
 def wait_for_more(page: Page) -> None:
     """New pictures come."""
-    wait_for_data(page, CAMERA, f"d.frames > {frames(page) + 10}")
+    wait_for_data(page, CAMERA, f"d.frames > {frames(page) + 5}")
 
 
 def test_video_is_shown_with_its_numbers_and_announced(
@@ -149,22 +148,17 @@ def test_another_codec_is_named(gateway: FakeGateway, robot: VideoRobot, open_pa
 
 @pytest.mark.parametrize("pictures", [True, False], ids=["with JPEG", "video alone"])
 def test_a_page_that_is_not_secure_says_so(
-    gateway: FakeGateway, robot: VideoRobot, chromium: Chromium, pictures: bool
+    gateway: FakeGateway, robot: VideoRobot, open_page: OpenPage, pictures: bool
 ) -> None:
     robot.pictures = pictures
-    browser = chromium.launch(f"--host-resolver-rules=MAP {INSECURE_HOST} 127.0.0.1")
-    try:
-        page = browser.new_page()
-        page.goto(f"http://{INSECURE_HOST}:{gateway.port}{ROBOT}")
-        expect(page.locator("[data-card=camera] .video-why")).to_contain_text("this page came by http")
-        if pictures:
-            wait_for_data(page, CAMERA, "d.frames > 3")
-            expect(page.locator(NOTE)).to_contain_text("320×240")
-        else:
-            expect(page.locator("[data-card=camera] canvas")).to_have_count(0)
-        assert robot.joins == 0
-    finally:
-        browser.close()
+    page = open_page(f"http://{INSECURE_HOST}:{gateway.port}{ROBOT}")
+    expect(page.locator("[data-card=camera] .video-why")).to_contain_text("this page came by http")
+    if pictures:
+        wait_for_data(page, CAMERA, "d.frames > 3")
+        expect(page.locator(NOTE)).to_contain_text("320×240")
+    else:
+        expect(page.locator("[data-card=camera] canvas")).to_have_count(0)
+    assert robot.joins == 0
 
 
 def test_a_browser_without_webcodecs_shows_the_pictures(gateway: FakeGateway, open_page: OpenPage) -> None:
