@@ -14,19 +14,13 @@ from playwright.sync_api import Browser, Page
 from tests.e2e.chromium import ARGUMENTS, CHROMIUM, DESK, PHONE, Chromium, Desk
 from tests.e2e.fake_gateway import FakeGateway
 from tests.e2e.fake_world import FakeRobot
+from tests.e2e.readable import save
 from tests.support.ports import free_port
 from tools import hatch_build
 
 __all__ = ["ARGUMENTS", "CHROMIUM", "DESK", "PHONE", "ROOT", "save"]
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-def save(page: Page, name: str) -> None:
-    """Keep a screenshot where METAROS_SHOTS says, for people to look at."""
-    folder = os.environ.get("METAROS_SHOTS")
-    if folder:
-        page.screenshot(path=str(Path(folder) / f"{name}.png"))
 
 
 @pytest.fixture(scope="session")

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from tests.e2e.conftest import DESK, PHONE
 from tests.e2e.living_robot import LivingRobot, living_robot
+from tests.e2e.readable import save, unreadable
 from tests.e2e.real_gateway import RealGateway, real_gateway
-from tests.e2e.test_fleet_page import CONTRASTS
 
 pytestmark = [
     pytest.mark.browser,
@@ -54,13 +52,6 @@ def opened(gateway: RealGateway, open_page: OpenPage, robot: str, *, who: str = 
     page.goto(f"{gateway.url}/robots/{robot}?tab=config")
     expect(page.locator("[data-standing]")).to_be_visible()
     return page
-
-
-def shot(page: Page, name: str) -> None:
-    """Kept where METAROS_SHOTS says, whole."""
-    if folder := os.environ.get("METAROS_SHOTS"):
-        page.evaluate("scrollTo(0, 0)")  # the bar on top sticks where the page is
-        page.screenshot(path=str(Path(folder) / f"{name}.png"), full_page=True)
 
 
 def standing(page: Page, step: str, revision: int) -> Locator:
@@ -112,7 +103,7 @@ def test_an_edit_is_tried_then_applied_and_the_robot_does_it(
     expect(plan.locator("[data-path='/topics/camera~1**/rate_hz']")).to_contain_text("2.5")
     expect(plan.locator(".change")).to_have_count(2)
     assert served.ask("GET", f"/robots/{robot.name}/twin")["revision"] == 1, "nothing is stored by looking"
-    shot(page, "config-plan")
+    save(page, "config-plan", whole=True)
     page.get_by_role("button", name=f"Apply to {robot.name}").click()
     standing(page, "in_step", 2)
     assert robot.document["topics"]["camera/**"] == {"class": "live", "rate_hz": 2.5, "latest_only": True}
@@ -156,7 +147,7 @@ def test_a_trial_counts_down_and_ends_well(served: RealGateway, open_page: OpenP
     served.ask("PUT", f"/robots/{robot.name}/twin?confirm_within_s=600", ARM)
     card = standing(page, "applying", 1)
     expect(card.locator("[data-countdown]")).to_contain_text(re.compile(r"goes back in \d+ s"))
-    shot(page, "config-trial")
+    save(page, "config-trial", whole=True)
     first = int(card.locator("[data-countdown]").get_attribute("data-countdown") or "0")
     assert 0 < first <= 600
     page.wait_for_function(
@@ -182,7 +173,7 @@ def test_what_the_robot_did_not_keep_is_said_plainly_and_can_be_tried_again(
     expect(card).to_contain_text("It lives by revision 1")
     expect(card.locator("[data-path='/budget/bytes_per_s']")).to_contain_text("20000")
     expect(page.locator("[data-key='budget.bytes_per_s']")).to_have_attribute("data-mark", "add")
-    shot(page, f"config-{mood}")
+    save(page, f"config-{mood}", whole=True)
     robot.mood = "take"
     page.get_by_role("button", name="Try it again").click()
     standing(page, "in_step", 3)
@@ -326,21 +317,17 @@ def test_a_viewer_sees_all_of_it_and_changes_nothing(
     expect(entry.get_by_role("button")).to_have_count(0)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_it_fits_a_phone_and_can_be_read(
-    served: RealGateway, open_page: OpenPage, robot: LivingRobot, scheme: str
-) -> None:
+def test_it_fits_a_phone_and_can_be_read(served: RealGateway, open_page: OpenPage, robot: LivingRobot) -> None:
     served.ask("PUT", f"/robots/{robot.name}/twin?reason=first", ARM)
     robot.report(parameters={"/arm_1/lidar": {"values": {"rate_hz": 8.0, "frame": "laser"}}})
     robot.mood = "revert"
     served.ask("PATCH", f"/robots/{robot.name}/twin?reason=less", {"budget": {"bytes_per_s": 20000}, "lifecycle": None})
+    faults = []
     for size, touch, word in ((DESK, False, "desk"), (PHONE, True, "phone")):
-        page = opened(served, open_page, robot.name, size=size, touch=touch, scheme=scheme)
+        page = opened(served, open_page, robot.name, size=size, touch=touch)
         standing(page, "reverted", 2)
-        assert page.evaluate(CONTRASTS) == []
-        shot(page, f"config-{word}-{scheme}")
+        faults += unreadable(page, word, shot=f"config-{word}", whole=True)
         page.get_by_role("button", name="Edit", exact=True).click()
         expect(page.locator("[data-section=topics]")).to_be_visible()
-        assert page.evaluate("document.documentElement.scrollWidth") == size["width"]
-        assert page.evaluate(CONTRASTS) == []
-        shot(page, f"config-edit-{word}-{scheme}")
+        faults += unreadable(page, f"{word}, editing", shot=f"config-edit-{word}", whole=True)
+    assert faults == []

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from tests.e2e.conftest import PHONE, save
+from tests.e2e.conftest import PHONE
 from tests.e2e.fake_devices import Device, DeviceRobot, usual
 from tests.e2e.fake_gateway import FakeGateway
-from tests.e2e.test_fleet_page import CONTRASTS
+from tests.e2e.readable import unreadable
 from tests.e2e.test_time_bar import at
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
@@ -112,19 +112,14 @@ def test_the_past_has_the_state_of_then(gateway: FakeGateway, open_page: OpenPag
     expect(page.locator("[data-device]")).to_have_count(1)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("size", [None, PHONE], ids=["desk", "phone"])
-def test_it_is_readable(
-    gateway: FakeGateway, robot: DeviceRobot, open_page: OpenPage, scheme: str, size: dict[str, int] | None
-) -> None:
+def test_it_is_readable(gateway: FakeGateway, robot: DeviceRobot, open_page: OpenPage) -> None:
     robot.device("gps").state, robot.device("gps").message = "waiting", "no such device: /dev/ttyACM0"
     robot.device("ld19").level, robot.device("ld19").message = 1, "the motor is slow: 5.1 of 10 turns a second"
-    shape = {} if size is None else {"size": size}
-    page = open_page(gateway.url + ROBOT, scheme=scheme, **shape)
+    page = open_page(gateway.url + ROBOT)
     expect(page.locator("[data-device]")).to_have_count(6)
     page.locator("[data-device] summary").first.click()
-    card = page.locator("[data-card=devices]")
-    card.scroll_into_view_if_needed()
-    save(page, f"devices-{scheme}-{'phone' if size else 'desk'}")
-    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
-    assert page.evaluate(CONTRASTS) == []
+    page.locator("[data-card=devices]").scroll_into_view_if_needed()
+    faults = unreadable(page, "desk", shot="devices-desk")
+    page.set_viewport_size(PHONE)  # type: ignore[arg-type]
+    page.locator("[data-card=devices]").scroll_into_view_if_needed()
+    assert faults + unreadable(page, "phone", shot="devices-phone") == []

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import datetime
 import json
-import os
 import re
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -18,9 +16,9 @@ from metaros.supervise.client import ask
 from metaros.supervise.program import running_pid
 from tests.e2e.conftest import DESK, PHONE
 from tests.e2e.living_robot import LivingRobot, living_robot
+from tests.e2e.readable import save, unreadable
 from tests.e2e.real_gateway import RealGateway, real_gateway, real_stack
 from tests.e2e.test_admin import link
-from tests.e2e.test_fleet_page import CONTRASTS
 from tests.support.waiting import wait_until
 from tests.system.test_nodes_from_afar import ROBOT, Afar
 
@@ -59,13 +57,6 @@ def opened(afar: Afar, open_page: OpenPage, **query: str) -> Page:
     page.goto(f"{afar.stack.url}/robots/{ROBOT}?tab=nodes{asked}")
     expect(page.locator("[data-node=lidar]")).to_be_visible()
     return page
-
-
-def shot(page: Page, name: str) -> None:
-    """Kept where METAROS_SHOTS says, whole."""
-    if folder := os.environ.get("METAROS_SHOTS"):
-        page.evaluate("scrollTo(0, 0)")  # the bar on top sticks where the page is
-        page.screenshot(path=str(Path(folder) / f"{name}.png"), full_page=True)
 
 
 def row(page: Page, node: str, state: str) -> Locator:
@@ -126,7 +117,7 @@ def test_parameters_are_typed_bounded_set_and_kept(afar: Afar, open_page: OpenPa
     expect(page.locator("[data-parameter=beams]")).to_contain_text("without a point")
     page.locator("[data-parameter=beams]").get_by_role("textbox").fill("90")
     page.get_by_label("Keep: also after the node starts again").check()
-    shot(page, "nodes-parameters")
+    save(page, "nodes-parameters", whole=True)
     page.get_by_role("button", name="Set 2 values").click()
     expect(page.get_by_role("button", name="Set", exact=True)).to_be_disabled()
     expect(page.locator(".parameter-changed")).to_have_count(0)
@@ -145,7 +136,7 @@ def test_a_lifecycle_is_driven_step_by_step(afar: Afar, open_page: OpenPage) -> 
     expect(page.locator("[data-lifecycle=active]")).to_be_visible()
     expect(page.locator(".states [aria-current]")).to_have_text("active")
     expect(page.get_by_role("status").filter(has_text="it is active now")).to_be_visible()
-    shot(page, "nodes-lifecycle")
+    save(page, "nodes-lifecycle", whole=True)
     page.get_by_role("button", name="Shutdown").click()
     page.get_by_role("dialog").get_by_role("button", name="Cancel").click()
     assert afar.on("GET", "/lidar/lifecycle")["state"] == "active"
@@ -260,7 +251,7 @@ def test_the_last_words_of_a_crash_are_there_and_inert(
     expect(crash).to_contain_text("exit code 1")
     expect(crash.locator(".last-words")).to_contain_text("<no such device>")
     expect(crash).to_contain_text("camera-driver --fast")
-    shot(page, "nodes-crash")
+    save(page, "nodes-crash", whole=True)
     page.get_by_role("button", name="Log", exact=True).click()
     expect(page.locator(".log-error")).to_contain_text("<no such device>")
     expect(page).to_have_url(re.compile(r"node=camera$"))
@@ -274,16 +265,13 @@ def test_a_viewer_reads_and_does_nothing(served: RealGateway, open_page: OpenPag
     expect(page.get_by_role("button", name="Send signal")).to_have_count(0)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_it_fits_a_phone_and_can_be_read(
-    served: RealGateway, open_page: OpenPage, arm: LivingRobot, scheme: str
-) -> None:
+def test_it_fits_a_phone_and_can_be_read(served: RealGateway, open_page: OpenPage, arm: LivingRobot) -> None:
+    faults = []
     for size, touch, word in ((DESK, False, "desk"), (PHONE, True, "phone")):
-        page = looked(served, open_page, query="&node=camera", size=size, touch=touch, scheme=scheme)
+        page = looked(served, open_page, query="&node=camera", size=size, touch=touch)
         expect(page.get_by_role("log")).to_contain_text("trying again")
-        assert page.evaluate("document.documentElement.scrollWidth") == size["width"]
-        assert page.evaluate(CONTRASTS) == []
-        shot(page, f"nodes-{word}-{scheme}")
+        faults += unreadable(page, word, shot=f"nodes-{word}", whole=True)
+    assert faults == []
 
 
 def test_an_offline_robots_nodes_are_greyed_and_start_later(served: RealGateway, open_page: OpenPage) -> None:

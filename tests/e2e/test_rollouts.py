@@ -12,8 +12,8 @@ from playwright.sync_api import Locator, Page, expect
 
 from gateway.main import Ready
 from tests.e2e.conftest import PHONE, save
+from tests.e2e.readable import unreadable
 from tests.e2e.real_gateway import RealGateway, real_gateway
-from tests.e2e.test_fleet_page import CONTRASTS
 from tests.gateway.harness import ScriptedAgent
 from tests.support.key_ring import bearer
 from tests.support.releases import signed_release, start_signing
@@ -272,30 +272,16 @@ def test_it_fits_a_phone_and_can_be_read(fleet: Fleet, open_page: OpenPage) -> N
     fleet.publish("3.0.0")
     fleet.start("3.0.0", selector="robot=sim_1", health_s=600.0)
     phone = page_of(fleet, open_page, size=PHONE, touch=True)
-    for scheme in ("light", "dark"):
-        for page in (desk, phone):
-            page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
-        fits_and_can_be_read(fleet, rid, desk, phone, scheme)
-
-
-def fits_and_can_be_read(fleet: Fleet, rid: str, desk: Page, page: Page, scheme: str) -> None:
-    """Every part, on a desk and on a phone."""
-    for path, name in (("/rollouts", "list"), (f"/rollouts/{rid}", "one"), ("/rollouts/versions", "versions")):
-        desk.goto(fleet.gateway.url + path)
-        expect(desk.locator("[data-rollout], [data-member], [data-bundle]").first).to_be_visible()
-        save(desk, f"rollouts-{name}-desk-{scheme}")
-        assert desk.evaluate(CONTRASTS) == [], path
-    for path, name in (("/rollouts", "list"), (f"/rollouts/{rid}", "one"), ("/rollouts/versions", "versions")):
-        page.goto(fleet.gateway.url + path)
-        expect(page.locator("[data-rollout], [data-member], [data-bundle]").first).to_be_visible()
-        save(page, f"rollouts-{name}-phone-{scheme}")
-        assert page.evaluate("document.documentElement.scrollWidth") == PHONE["width"], path
-        assert page.evaluate(CONTRASTS) == [], path
-    page.goto(f"{fleet.gateway.url}/rollouts")
-    page.get_by_role("button", name="Start a rollout…").click()
-    expect(page.get_by_role("dialog").locator("[data-named]")).to_be_visible()
-    save(page, f"rollouts-start-phone-{scheme}")
-    assert page.evaluate(CONTRASTS) == []
+    faults = []
+    for page, word in ((desk, "desk"), (phone, "phone")):
+        for path, name in (("/rollouts", "list"), (f"/rollouts/{rid}", "one"), ("/rollouts/versions", "versions")):
+            page.goto(fleet.gateway.url + path)
+            expect(page.locator("[data-rollout], [data-member], [data-bundle]").first).to_be_visible()
+            faults += unreadable(page, f"{word} {name}", shot=f"rollouts-{name}-{word}")
+    phone.goto(f"{fleet.gateway.url}/rollouts")
+    phone.get_by_role("button", name="Start a rollout…").click()
+    expect(phone.get_by_role("dialog").locator("[data-named]")).to_be_visible()
+    assert faults + unreadable(phone, "start", shot="rollouts-start-phone") == []
 
 
 def test_markup_in_labels_and_reasons_is_inert(idle: Fleet, open_page: OpenPage) -> None:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable
-from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
 from playwright.sync_api import Locator, Page, Route, expect
 
 from gateway.domain.principal import Role
-from tests.e2e.conftest import DESK, PHONE, save
+from tests.e2e.conftest import DESK, PHONE
 from tests.e2e.fake_gateway import FakeGateway, account
-from tests.e2e.test_fleet_page import CONTRASTS
+from tests.e2e.readable import save, unreadable
 from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
@@ -30,13 +28,6 @@ def opened(gateway: FakeGateway, open_page: OpenPage, query: str = "", **options
 
 def row(page: Page, name: str) -> Locator:
     return page.locator(f"tr[data-topic='/sim_1/{name}']")
-
-
-def shot(page: Page, name: str) -> None:
-    """Kept where METAROS_SHOTS says, whole."""
-    if folder := os.environ.get("METAROS_SHOTS"):
-        page.evaluate("scrollTo(0, 0)")
-        page.screenshot(path=str(Path(folder) / f"{name}.png"), full_page=True)
 
 
 def test_a_row_tells_rate_bandwidth_type_qos_and_class(gateway: FakeGateway, open_page: OpenPage) -> None:
@@ -145,14 +136,14 @@ def test_a_goal_is_begun_followed_and_cancelled(gateway: FakeGateway, open_page:
     expect(form.get_by_label("Feedback")).to_contain_text('"sequence"')
     expect(status).to_contain_text("executing · 1 message of feedback")
     expect(form.get_by_role("button", name="Under way")).to_be_disabled()
-    shot(page, "goal")
+    save(page, "goal", whole=True)
     form.get_by_role("button", name="Cancel goal").click()
     wait_until(lambda: gateway.graph.cancelled == ["ab" * 16])
     told.append(("result", {"status": "canceled", "result": {"sequence": [0, 1, 1, 2]}}))
     expect(form.get_by_label("Result")).to_contain_text("2")
     expect(status).to_contain_text("canceled")
     expect(form.get_by_role("button", name="Send goal")).to_be_enabled()
-    shot(page, "goal-over")
+    save(page, "goal-over", whole=True)
     gateway.graph.goals_known = False
     form.get_by_role("button", name="Send goal").click()
     expect(status).to_contain_text("lost · the gateway does not know of it any more")
@@ -238,22 +229,18 @@ def test_the_way_into_foxglove_carries_a_ticket_for_this_robot(gateway: FakeGate
         (["sim_1"], "viewer"),
         (["sim_1"], "operator"),
     ]
-    assert page.evaluate(CONTRASTS) == []
-    save(page, "topics-foxglove")
+    assert unreadable(page, shot="topics-foxglove") == []
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_it_fits_a_phone_and_can_be_read(gateway: FakeGateway, open_page: OpenPage, scheme: str) -> None:
+def test_it_fits_a_phone_and_can_be_read(gateway: FakeGateway, open_page: OpenPage) -> None:
+    faults = []
     for size, touch, word in ((DESK, False, "desk"), (PHONE, True, "phone")):
         query = "&topic=/sim_1/odom&service=/sim_1/base/set_light"
-        page = opened(gateway, open_page, query, size=size, touch=touch, scheme=scheme)
+        page = opened(gateway, open_page, query, size=size, touch=touch)
         expect(page.locator("[data-path='pose.pose.position.x']")).to_be_visible()
         expect(page.get_by_role("switch")).to_be_visible()
-        assert page.evaluate("document.documentElement.scrollWidth") == size["width"]
-        assert page.evaluate(CONTRASTS) == []
-        shot(page, f"topics-{word}-{scheme}")
+        faults += unreadable(page, word, shot=f"topics-{word}", whole=True)
         page.get_by_role("button", name="Publish", exact=True).click()
         expect(page.locator("[data-field='pose.pose.position.x']")).to_be_visible()
-        assert page.evaluate("document.documentElement.scrollWidth") == size["width"]
-        assert page.evaluate(CONTRASTS) == []
-        shot(page, f"topics-publish-{word}-{scheme}")
+        faults += unreadable(page, f"{word}, publishing", shot=f"topics-publish-{word}", whole=True)
+    assert faults == []
