@@ -79,18 +79,28 @@ class Desk:
         self._contexts: list[BrowserContext] = []
 
     def open(
-        self, url: str, *, size: dict[str, int] = DESK, scheme: str = "light", touch: bool = False, own: bool = False
+        self,
+        url: str,
+        *,
+        size: dict[str, int] = DESK,
+        scheme: str = "light",
+        touch: bool = False,
+        own: bool = False,
+        clock: bool = False,
     ) -> Page:
         """Open an address at a size and in a colour scheme.
 
         A page that gets listeners, routes or scripts of its own is the test's `own`: these cannot all be taken back.
+        So is one with a `clock`, whose time the test moves on: `page.clock.fast_forward`.
         """
         browser = self._chromium.browser
-        if own or touch in self._lent:
+        if own or clock or touch in self._lent:
             page = self._new(browser, touch)
             self._contexts.append(page.context)
         else:
             page = self._lent[touch] = self._chromium.kept.pop(touch, None) or self._new(browser, touch)
+        if clock:
+            page.clock.install()
         page.on("pageerror", self._note)
         page.set_viewport_size(size)  # type: ignore[arg-type]
         page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]

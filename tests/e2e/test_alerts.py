@@ -17,6 +17,7 @@ from tests.e2e.test_fleet_page import PROBE
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
 OpenPage = Callable[..., Page]
+CLIP_LOOKS_AGAIN_MS = 5_000
 ROWS = "[...document.querySelectorAll('[data-alert-row]')].map(row => row.dataset.alertRow).join()"
 # How many pixels of the plot have about that hue: red is out of the band, teal within it.
 REDS = """() => {
@@ -170,13 +171,15 @@ def test_people_see_to_it(gateway: FakeGateway, open_page: OpenPage) -> None:
 
 def test_the_clip_is_asked_for_and_downloaded(gateway: FakeGateway, open_page: OpenPage) -> None:
     hot = gateway.alerts.heat(gateway.robots[0])
-    page = open_page(f"{gateway.url}/alerts/{hot['id']}")
+    page = open_page(f"{gateway.url}/alerts/{hot['id']}", clock=True)
     page.get_by_role("button", name="Ask for the clip").click()
     expect(page.locator("[data-clip-state=requested]")).to_contain_text("waits for the robot")
     (clip,) = gateway.recordings.rows
     clip |= {"state": "transferring", "size_bytes": 4_000_000, "received_bytes": 1_000_000}
+    page.clock.fast_forward(CLIP_LOOKS_AGAIN_MS)
     expect(page.get_by_role("progressbar")).to_have_attribute("aria-valuenow", "25")
     clip |= {"state": "stored", "received_bytes": 4_000_000}
+    page.clock.fast_forward(CLIP_LOOKS_AGAIN_MS)
     with page.expect_download() as download:
         page.get_by_role("link", name="Download MCAP").click()
     assert download.value.suggested_filename.startswith("sim_1-")

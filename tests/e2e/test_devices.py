@@ -85,10 +85,11 @@ def test_counts_that_rise_are_marked_and_unfold(gateway: FakeGateway, robot: Dev
 
 
 def test_a_device_that_says_nothing_is_silent(gateway: FakeGateway, robot: DeviceRobot, open_page: OpenPage) -> None:
-    page = open_page(gateway.url + ROBOT)
+    page = open_page(gateway.url + ROBOT, clock=True)
     imu = row_of(page, "/sim_1/imu")
     expect(imu.locator(".device-state")).to_have_text("working")
     robot.device("imu").silent = True
+    page.clock.fast_forward(10_000)
     expect(imu.locator(".device-state")).to_have_text("silent")
     expect(imu).to_contain_text("said nothing for")
     robot.device("imu").silent = False

@@ -94,7 +94,7 @@ def test_topics_tab_is_in_the_address(gateway: FakeGateway, open_page: OpenPage)
 
 
 def test_holding_the_pad_drives_and_releasing_stops(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = open_page(f"{gateway.url}/robots/sim_1")
+    page = open_page(f"{gateway.url}/robots/sim_1", clock=True)
     press_pad(page)
     wait_until(lambda: ops(gateway).count("drive") >= 5, timeout_s=60)
     page.mouse.up()
@@ -104,6 +104,7 @@ def test_holding_the_pad_drives_and_releasing_stops(gateway: FakeGateway, open_p
     assert drives[0]["linear"] == pytest.approx(0.45, abs=0.05)
     assert drives[0]["angular"] == 0
     assert [said["seq"] for said in drives] == list(range(1, len(drives) + 1))
+    page.clock.fast_forward(2000)  # most of the time in which nobody holds it
     wait_until(lambda: "release" in ops(gateway), timeout_s=60)
     after = ops(gateway)
     assert "drive" not in after[after.index("stop") :], "nothing drives after the stop"

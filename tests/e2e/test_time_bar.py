@@ -21,6 +21,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
 OpenPage = Callable[..., Page]
 ROBOT = "/robots/sim_1"
+LOOKS_AGAIN_MS = 15_000  # more than the page waits before it asks what is stored again
 PLOT = "[data-card=plot][data-topic='odom.twist.twist.linear.x'] .plot"
 
 # How many pixels of a plot's columns are drawn in the line's colour, from a part of its width to another.
@@ -176,9 +177,10 @@ def test_without_history_it_says_so_and_shows_what_is_live(gateway: FakeGateway,
 
 
 def test_a_minute_is_asked_for_and_marked(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = open_page(gateway.url + ROBOT)
+    page = open_page(gateway.url + ROBOT, clock=True)
     page.get_by_role("button", name="Save last 60 s").click()
     expect(page.locator("[data-save=asked]")).to_be_visible()
+    page.clock.fast_forward(LOOKS_AGAIN_MS)
     wait_for_data(page, ".strip", "d.recordings == 1")
     url, at_s = at(gateway, 200)
     page.goto(url)
