@@ -24,13 +24,13 @@ FOUND_MS = 120_000
 
 
 async def silent(ready: Ready, stack: AsyncExitStack) -> None:
-    """A robot that says hello and then nothing: after 15 s its link counts as dead."""
+    """A robot that says hello and then nothing: after three heartbeats its link counts as dead."""
     await stack.enter_async_context(ScriptedAgent(ready, "sim_2"))
 
 
 def test_a_robot_that_goes_away_is_an_alert(tmp_path: Path, open_page: Callable[..., Page]) -> None:
-    with real_gateway(tmp_path, crowd=silent) as gateway:
-        gateway.ask("PUT", "/alert-checks/offline", {"for_s": 5.0, "clear_s": 1.0})
+    with real_gateway(tmp_path, robot=False, crowd=silent, heartbeat_s=0.5) as gateway:
+        gateway.ask("PUT", "/alert-checks/offline", {"for_s": 1.0, "clear_s": 1.0})
         page = open_page(gateway.link())
         expect(page.locator(".who")).to_be_visible()
         page.goto(f"{gateway.url}/alerts")
