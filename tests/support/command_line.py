@@ -1,4 +1,4 @@
-"""`metaros …` in this process, which saves each call the start of an interpreter; `program` where a process is the point."""
+"""`metaros …` in this process, which saves each call the start of an interpreter; `program` for a real process."""
 
 from __future__ import annotations
 

@@ -6,10 +6,13 @@ import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import boto3
 import botocore.exceptions
@@ -18,10 +21,14 @@ from botocore.config import Config
 from tests.support.ports import free_port
 from tests.support.waiting import wait_until
 
+if TYPE_CHECKING:
+    from types_boto3_s3 import S3Client
+
 __all__ = ["ACCESS_KEY", "BUCKET", "SECRET_KEY", "SeaweedServer"]
 
 ACCESS_KEY, SECRET_KEY, BUCKET = "metaros-tests", "a-secret-of-the-tests", "fleet"
 SWITCHED_OFF = ("-master.telemetry=false", "-s3.port.iceberg=0", "-s3.port.lance=0")
+ALONE = ("-master.electionTimeout=300ms",)  # a server that is started again waits for nobody's vote; it would for 10 s
 
 
 class SeaweedServer:
@@ -59,7 +66,7 @@ class SeaweedServer:
             [
                 *(program, "-logtostderr=true", "server", *SWITCHED_OFF, "-ip=127.0.0.1", "-ip.bind=127.0.0.1"),
                 *("-s3", "-filer", f"-dir={folder}", f"-s3.config={self._folder / 's3.json'}", *ports, *sockets),
-                *("-volume.max=40", "-master.volumeSizeLimitMB=64"),
+                *("-volume.max=40", "-master.volumeSizeLimitMB=64", *ALONE),
             ],
             stdin=subprocess.DEVNULL,
             stdout=self._log,
@@ -79,6 +86,7 @@ class SeaweedServer:
     def close(self) -> None:
         """End it and delete its data."""
         self.kill()
+        self._client.close()
         self._log.close()
         shutil.rmtree(self._folder, ignore_errors=True)
 
@@ -86,7 +94,17 @@ class SeaweedServer:
         assert self.process is not None
         if self.process.poll() is not None:
             raise RuntimeError((self._folder / "log").read_text()[-2000:])
-        client = boto3.client(
+        try:
+            socket.create_connection(("127.0.0.1", self.port), timeout=1.0).close()  # S3 is the last that comes
+            self._client.put_object(Bucket=BUCKET, Key="it-runs", Body=b"1")  # it makes the bucket
+            self._client.delete_object(Bucket=BUCKET, Key="it-runs")
+        except (OSError, botocore.exceptions.BotoCoreError, botocore.exceptions.ClientError):
+            return False
+        return True
+
+    @cached_property
+    def _client(self) -> S3Client:
+        return boto3.client(
             "s3",
             endpoint_url=self.endpoint,
             region_name="us-east-1",
@@ -94,11 +112,3 @@ class SeaweedServer:
             aws_secret_access_key=SECRET_KEY,
             config=Config(connect_timeout=2, read_timeout=10, retries={"total_max_attempts": 1}),
         )
-        try:
-            client.put_object(Bucket=BUCKET, Key="it-runs", Body=b"1")  # it makes the bucket
-            client.delete_object(Bucket=BUCKET, Key="it-runs")
-        except (botocore.exceptions.BotoCoreError, botocore.exceptions.ClientError):
-            return False
-        finally:
-            client.close()
-        return True
