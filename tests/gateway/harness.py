@@ -28,7 +28,7 @@ from tests.support.key_ring import KeyRing, bearer
 CONTROL, DATA, BACKFILL = link_pb2.LANE_CONTROL, link_pb2.LANE_DATA, link_pb2.LANE_BACKFILL
 EPOCH = 77
 RING = KeyRing()
-TRUSTS_NOBODY = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # for plain HTTP: reading the system's roots costs 50 ms a client
+TRUSTS_NOBODY = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # plain HTTP needs no roots, whose reading takes 50 ms
 OPERATOR_KEY = RING.add(role=Role.OPERATOR, name="test operator")
 
 
