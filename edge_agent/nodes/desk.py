@@ -36,7 +36,7 @@ __all__ = ["NodeDesk"]
 
 LOG = logging.getLogger("metaros.agent.nodes")
 AGAIN_S: Final = (5.0, 300.0)  # between tries to fetch a bundle
-JUDGE_S: Final = 1.0
+JUDGE_S: Final = 1.0  # new versions are looked at so often, and more often where they prove themselves sooner
 VERBS: Final = ("start", "stop", "restart", "signal", "retry", "crashes")
 
 
@@ -57,6 +57,7 @@ class NodeDesk:
         self._ledger = ledger
         self._settings, self._place, self._clock, self._bundles = settings, place, clock, bundles
         self._launcher = launcher or Launcher(ledger.directory)
+        self._judge_s = min(JUDGE_S, settings.health_s / 4)
         self.line = SupervisorLine(ledger.directory, self._launcher, self._on_list)
         self._wanted: dict[str, NodeWanted] | None = None  # None: nobody has said yet; the table stays as it is
         self._found: dict[str, Any] | None = None
@@ -171,8 +172,9 @@ class NodeDesk:
 
     async def _apply(self) -> None:
         """Give the supervisor what can run now, where it has something else."""
-        assert self._wanted is not None
-        rows = self._rows_now(self._wanted)
+        wanted = self._wanted  # while the supervisor is asked, others may be wanted
+        assert wanted is not None
+        rows = self._rows_now(wanted)
         data = [as_json(row) for row in rows]
         tag = hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
         if not rows and not self._launcher.has_table:
@@ -183,7 +185,7 @@ class NodeDesk:
             self._on_list(await self.line.ask("set_table", rows=data, tag=tag, timeout_s=120.0))
         for row in rows:
             if row.version:
-                self._trial(self._wanted[row.name]).begin(row.version)
+                self._trial(wanted[row.name]).begin(row.version)
         self._ledger.keep()
 
     def _rows_now(self, wanted: Mapping[str, NodeWanted]) -> list[Row]:
@@ -250,7 +252,7 @@ class NodeDesk:
     async def _judge(self) -> None:
         """New versions of bundles: good, or back to the last good one."""
         while True:
-            await asyncio.sleep(JUDGE_S)
+            await asyncio.sleep(self._judge_s)
             for node in (self._found or {}).get("nodes", []):
                 wanted = (self._wanted or {}).get(node["name"])
                 if wanted is None or not wanted.bundle:

@@ -6,7 +6,7 @@ import asyncio
 import logging
 import os
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from metaros.limits import LIMITS
@@ -21,10 +21,11 @@ _SAID = 300
 
 
 class SafeStops:
-    """At most one a node at a time: a death during it asks for nothing new."""
+    """At most one a node at a time: a death during it asks for nothing new. `changed` is called when one has ended."""
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, *, changed: Callable[[], None] = lambda: None) -> None:
         self._directory = directory
+        self._changed = changed
         self._running: dict[str, asyncio.Task[None]] = {}
         self._told: dict[str, str] = {}
 
@@ -56,6 +57,7 @@ class SafeStops:
         problem = await asyncio.to_thread(self._run, node, argv, env)
         self._told[node] = f"failed: {problem}" if problem else "done"
         LOG.error("%s: safe stop %s", node, self._told[node])
+        self._changed()
 
     def _run(self, node: str, argv: tuple[str, ...], env: Mapping[str, str]) -> str:
         """What went wrong, or nothing."""

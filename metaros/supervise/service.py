@@ -51,7 +51,7 @@ class NodeService:
         self._file = TableFile(directory / TABLE)
         self._leases = Leases()
         self._crashes = Crashes(directory / "crashes")
-        self._safe_stops = SafeStops(directory)
+        self._safe_stops = SafeStops(directory, changed=self._say_changed)
         self._supervisor = Supervisor(clock=clock, rng=rng, on_event=self._on_event, may_run=self._wanted)
         self._rows: dict[str, Row] = {}
         self._stages: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""The desk with a real supervisor beside it, which it starts itself."""
+"""The desk with a real supervisor beside it, which it starts itself; tests that neither end nor kill it share one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import AsyncIterator, Iterable
+from collections.abc import AsyncIterator, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,14 +24,19 @@ from edge_agent.nodes.link import NodeLink
 from edge_agent.nodes.rows import Place
 from edge_agent.uplink.desk import Told
 from metaros._proto import link_pb2
-from metaros.clock import SystemClock
+from metaros.clock import ManualClock, SystemClock
 from metaros.errors import MetarosError
 from metaros.supervise.client import ask
 from metaros.supervise.program import running_pid
 from metaros.twin import TwinError
-from tests.support.waiting import wait_until_async
+from tests.support.waiting import wait_until, wait_until_async
 
-SLEEP = "import signal; print('up', flush=True); signal.sigwait([signal.SIGINT])"
+SLEEP = """
+import os, signal
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+print(f"up {os.getpid()}", flush=True)
+signal.sigwait([signal.SIGINT])
+"""
 MARK = "import os, sys; open(sys.argv[1], 'w').write(os.environ['METAROS_NODE'])"
 CRASH = "import sys; sys.exit('broken')"
 ALLOWED = [
@@ -97,6 +102,7 @@ class Rig:
     def __init__(self, directory: Path) -> None:
         self.directory = directory
         self.bundles = FakeBundles(directory)
+        self.clock = ManualClock(wall_ns=SystemClock().wall_ns())  # a version has run well once a test says so
         self.desk = self.make()
         self._task: asyncio.Task[None] | None = None
 
@@ -105,12 +111,12 @@ class Rig:
             Ledger(self.directory),
             settings=NodeSettings(
                 allowed=allowed_entries(ALLOWED, "test"),
-                health_s=0.5,
-                trial_s=60.0,
-                safe_stop=(sys.executable, "-c", MARK, str(self.directory / "rest")),
+                health_s=0.2,
+                trial_s=3600.0,
+                safe_stop=(sys.executable, "-S", "-c", MARK, str(self.directory / "rest")),
             ),
             place=Place(namespace="/", zenoh_port=1),
-            clock=SystemClock(),
+            clock=self.clock,
             bundles=self.bundles,
         )
 
@@ -145,16 +151,62 @@ class Rig:
             raise AssertionError(f"{name} is {self.node(name)}, not {wanted}") from None
         return self.node(name)
 
+    async def proves_itself(self, name: str) -> None:
+        """Time passes until the version that runs is a good one."""
+
+        def so() -> bool:
+            self.clock.advance(1.0)
+            return bool(self.node(name)["update"]["state"] == "healthy")
+
+        await self.until(name, state="running")
+        await wait_until_async(so)
+
+    async def up(self, name: str) -> int:
+        """The process of a node that sleeps and may be asked to end; one that is just starting may not hear it."""
+        log = self.directory / "logs" / f"{name}.log"
+
+        def so() -> bool:
+            pid = self.node(name).get("pid")
+            return pid is not None and log.exists() and f" up {pid}\n".encode() in log.read_bytes()
+
+        await wait_until_async(so)
+        return int(self.node(name)["pid"])
+
 
 @pytest.fixture
 async def rig(tmp_path: Path) -> AsyncIterator[Rig]:
+    """With a directory of its own, where no supervisor runs yet."""
     rig = Rig(tmp_path)
     await rig.start()
     yield rig
     await rig.stop()
+    await asyncio.to_thread(no_supervisor, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def directory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """What the tests with `shared` share; the first of them starts the supervisor."""
+    directory = tmp_path_factory.mktemp("robot")
+    yield directory
+    no_supervisor(directory)
+
+
+@pytest.fixture
+async def shared(directory: Path) -> AsyncIterator[Rig]:
+    """On the directory of all; a bundle's trials stay on it, so each test with bundles has a name of its own."""
+    rig = Rig(directory)
+    await rig.start()
+    yield rig
+    await rig.desk.set_nodes({})
+    await wait_until_async(lambda: not rig.desk.reported())
+    await rig.stop()
+
+
+def no_supervisor(directory: Path) -> None:
+    """End the one of this directory."""
     with contextlib.suppress(MetarosError):
-        await asyncio.to_thread(ask, tmp_path, "shutdown")
-    await wait_until_async(lambda: running_pid(tmp_path) is None)
+        ask(directory, "shutdown")
+    wait_until(lambda: running_pid(directory) is None)
 
 
 async def test_without_nodes_there_is_no_supervisor(rig: Rig) -> None:
@@ -200,64 +252,66 @@ async def test_stopped_by_hand_it_stays_down(rig: Rig) -> None:
         await rig.desk.verb("a", "start")
 
 
-async def test_a_refused_table_changes_nothing(rig: Rig) -> None:
-    await rig.desk.set_nodes({"a": {"allowed": "sleep"}})
-    pid = (await rig.until("a", state="running"))["pid"]
+async def test_a_refused_table_changes_nothing(shared: Rig) -> None:
+    await shared.desk.set_nodes({"a": {"allowed": "sleep"}})
+    pid = (await shared.until("a", state="running"))["pid"]
     with pytest.raises(NodeRefusedError, match="free commands"):
-        await rig.desk.set_nodes({"x": {"command": ["sh"]}})
+        await shared.desk.set_nodes({"x": {"command": ["sh"]}})
     with pytest.raises(TwinError, match="circle"):
-        await rig.desk.set_nodes({"x": {"allowed": "sleep", "after": ["y"]}, "y": {"allowed": "sleep", "after": ["x"]}})
-    await rig.again()
-    assert (await rig.until("a", state="running"))["pid"] == pid
+        await shared.desk.set_nodes(
+            {"x": {"allowed": "sleep", "after": ["y"]}, "y": {"allowed": "sleep", "after": ["x"]}}
+        )
+    await shared.again()
+    assert (await shared.until("a", state="running"))["pid"] == pid
 
 
-async def test_verbs_and_logs(rig: Rig) -> None:
-    await rig.desk.set_nodes({"a": {"allowed": "sleep"}})
-    pid = (await rig.until("a", state="running"))["pid"]
-    await rig.desk.verb("a", "restart")
-    await wait_until_async(lambda: rig.node("a").get("pid") not in (None, pid))
-    await rig.desk.verb("a", "stop")
-    await rig.until("a", state="stopped", why="by hand")
-    await rig.desk.verb("a", "start")
-    await rig.until("a", state="running")
+async def test_verbs_and_logs(shared: Rig) -> None:
+    await shared.desk.set_nodes({"a": {"allowed": "sleep"}})
+    pid = await shared.up("a")
+    await shared.desk.verb("a", "restart")
+    await wait_until_async(lambda: shared.node("a").get("pid") not in (None, pid))
+    await shared.up("a")
+    await shared.desk.verb("a", "stop")
+    await shared.until("a", state="stopped", why="by hand")
+    await shared.desk.verb("a", "start")
+    await shared.until("a", state="running")
     with pytest.raises(MetarosError, match="no verb"):
-        await rig.desk.verb("a", "shutdown")
+        await shared.desk.verb("a", "shutdown")
     with pytest.raises(SupervisorError, match="no node 'b'"):
-        await rig.desk.verb("b", "start")
-    await wait_until_async(lambda: b" up\n" in (rig.directory / "logs" / "a.log").read_bytes())
-    page = json.loads(await rig.desk.read_log("a", query="up"))
-    assert "up" in [line["text"] for line in page["lines"]]
+        await shared.desk.verb("b", "start")
+    pid = await shared.up("a")
+    page = json.loads(await shared.desk.read_log("a", query="up"))
+    assert f"up {pid}" in [line["text"] for line in page["lines"]]
     assert set(page) == {"lines", "cursor", "more"}
 
 
-async def test_the_commands_of_the_link(rig: Rig) -> None:
-    await rig.desk.set_nodes({"a": {"allowed": "sleep"}})
-    await rig.until("a", state="running")
-    await wait_until_async(lambda: b" up\n" in (rig.directory / "logs" / "a.log").read_bytes())
+async def test_the_commands_of_the_link(shared: Rig) -> None:
+    await shared.desk.set_nodes({"a": {"allowed": "sleep"}})
+    await shared.up("a")
     verb = link_pb2.Command(node_verb=link_pb2.NodeVerb(node="a", verb="signal", signal=int(signal.SIGKILL)))
-    assert await rig.link.actions["node_verb"](verb, 30.0) == b""
-    await rig.until("a", last_exit="killed by SIGKILL")
+    assert await shared.link.actions["node_verb"](verb, 30.0) == b""
+    await shared.until("a", last_exit="killed by SIGKILL")
     log = link_pb2.Command(read_log=link_pb2.ReadLog(node="a", max_bytes=1000, backwards=True))
-    assert json.loads(await rig.link.actions["read_log"](log, 30.0))["lines"]
+    assert json.loads(await shared.link.actions["read_log"](log, 30.0))["lines"]
 
 
-async def test_crashes_are_seen(rig: Rig) -> None:
-    await rig.desk.set_nodes({"bad": {"allowed": "crash"}, "good": {"allowed": "sleep"}})
-    await wait_until_async(lambda: rig.node("bad").get("crashes", 0) >= 3)
-    assert rig.node("bad")["last_exit"] == "exit code 1"
-    assert rig.node("bad")["quarantined"] is False
-    await rig.until("good", state="running", crashes=0)
+async def test_crashes_are_seen(shared: Rig) -> None:
+    await shared.desk.set_nodes({"bad": {"allowed": "crash"}, "good": {"allowed": "sleep"}})
+    await wait_until_async(lambda: shared.node("bad").get("crashes", 0) >= 3)
+    assert shared.node("bad")["last_exit"] == "exit code 1"
+    assert shared.node("bad")["quarantined"] is False
+    await shared.until("good", state="running", crashes=0)
     verb = link_pb2.Command(node_verb=link_pb2.NodeVerb(node="bad", verb="crashes"))
-    reports = json.loads(await rig.link.actions["node_verb"](verb, 30.0))["crashes"]
+    reports = json.loads(await shared.link.actions["node_verb"](verb, 30.0))["crashes"]
     assert (reports[0]["reason"], reports[0]["lines"]) == ("exit code 1: broken", ["broken"])
     assert [report["at_ns"] for report in reports] == sorted(report["at_ns"] for report in reports)
 
 
-async def test_the_robots_own_settings_say_how_it_comes_to_rest(rig: Rig) -> None:
-    await rig.desk.set_nodes({"arm": {"allowed": "wrong", "critical": True}, "lamp": {"allowed": "wrong"}})
-    await rig.until("arm", state="ended", safe_stop="done")
-    assert (rig.directory / "rest").read_text() == "arm"
-    assert "safe_stop" not in await rig.until("lamp", state="ended")
+async def test_the_robots_own_settings_say_how_it_comes_to_rest(shared: Rig) -> None:
+    await shared.desk.set_nodes({"arm": {"allowed": "wrong", "critical": True}, "lamp": {"allowed": "wrong"}})
+    await shared.until("arm", state="ended", safe_stop="done")
+    assert (shared.directory / "rest").read_text() == "arm"
+    assert "safe_stop" not in await shared.until("lamp", state="ended")
 
 
 def test_reports_that_are_too_long_lose_the_oldest() -> None:
@@ -271,64 +325,80 @@ def test_reports_that_are_too_long_lose_the_oldest() -> None:
 # -- bundles -----------------------------------------------------------------------------------------------------------
 
 
-async def test_a_bundle_comes_runs_and_proves_itself(rig: Rig) -> None:
-    await rig.desk.set_nodes({"a": {"bundle": "b", "version": "1.0"}})
-    found = await rig.until("a", state="running", version="1.0")
-    await wait_until_async(lambda: rig.node("a")["update"]["state"] == "healthy")
-    assert rig.bundles.well == ["1.0"]
-    await rig.desk.set_nodes({"a": {"bundle": "b", "version": "9.0"}})
-    await wait_until_async(lambda: rig.node("a")["update"]["state"] == "refused")
-    assert rig.node("a")["update"]["code"] == "update_unknown"
-    assert rig.node("a")["pid"] == found["pid"]  # the old one serves on
-    await rig.desk.set_nodes({"a": {"bundle": "b", "version": "3.0"}})
-    await wait_until_async(lambda: rig.bundles.kept == {("b", "1.0"), ("b", "3.0")})  # while 3.0 is on trial
-    await wait_until_async(lambda: rig.bundles.kept == {("b", "3.0")})
+async def test_a_bundle_comes_runs_and_proves_itself(shared: Rig) -> None:
+    await shared.desk.set_nodes({"new": {"bundle": "b", "version": "1.0"}})
+    found = await shared.until("new", state="running", version="1.0")
+    await shared.proves_itself("new")
+    assert shared.bundles.well == ["1.0"]
+    await shared.desk.set_nodes({"new": {"bundle": "b", "version": "9.0"}})
+    await wait_until_async(lambda: shared.node("new")["update"]["state"] == "refused")
+    assert shared.node("new")["update"]["code"] == "update_unknown"
+    assert shared.node("new")["pid"] == found["pid"]  # the old one serves on
+    await shared.desk.set_nodes({"new": {"bundle": "b", "version": "3.0"}})
+    await wait_until_async(lambda: shared.bundles.kept == {("b", "1.0"), ("b", "3.0")})  # while 3.0 is on trial
+    await shared.proves_itself("new")
+    await wait_until_async(lambda: shared.bundles.kept == {("b", "3.0")})
 
 
-async def test_the_old_version_serves_on_while_another_agent_fetches_the_new_one(rig: Rig) -> None:
-    await rig.desk.set_nodes({"a": {"bundle": "b", "version": "1.0"}})
-    pid = (await rig.until("a", state="running", version="1.0"))["pid"]
-    await rig.again()
-    await rig.desk.set_nodes({"a": {"bundle": "b", "version": "4.0"}, "c": {"allowed": "sleep"}})
-    await rig.until("c", state="running")
-    assert rig.node("a")["pid"] == pid
-    await wait_until_async(lambda: rig.node("a")["update"]["state"] == "downloading")
-    assert rig.node("a")["pid"] == pid
-    rig.bundles.away.set()
-    await rig.until("a", state="running", version="4.0")
+async def test_the_old_version_serves_on_while_another_agent_fetches_the_new_one(shared: Rig) -> None:
+    await shared.desk.set_nodes({"old": {"bundle": "b", "version": "1.0"}})
+    pid = (await shared.until("old", state="running", version="1.0"))["pid"]
+    await shared.again()
+    await shared.desk.set_nodes({"old": {"bundle": "b", "version": "4.0"}, "c": {"allowed": "sleep"}})
+    await shared.until("c", state="running")
+    assert shared.node("old")["pid"] == pid
+    await wait_until_async(lambda: shared.node("old")["update"]["state"] == "downloading")
+    assert shared.node("old")["pid"] == pid
+    shared.bundles.away.set()
+    await shared.until("old", state="running", version="4.0")
 
 
-async def test_a_container_that_may_not_run_is_one_nodes_problem(rig: Rig) -> None:
-    await rig.desk.set_nodes({"a": {"bundle": "box", "version": "5.0", "migratable": True}, "c": {"allowed": "sleep"}})
-    await rig.until("c", state="running")
-    await rig.until("a", state="refused")
-    assert rig.node("a")["update"]["code"] == "node_not_allowed"
-    assert "cannot be migratable" in rig.node("a")["update"]["message"]
+async def test_a_container_that_may_not_run_is_one_nodes_problem(shared: Rig) -> None:
+    box = {"bundle": "box", "version": "5.0", "migratable": True}
+    await shared.desk.set_nodes({"box": box, "c": {"allowed": "sleep"}})
+    await shared.until("c", state="running")
+    await shared.until("box", state="refused")
+    assert shared.node("box")["update"]["code"] == "node_not_allowed"
+    assert "cannot be migratable" in shared.node("box")["update"]["message"]
 
 
-async def test_a_broken_version_goes_back_by_itself_and_is_told(rig: Rig) -> None:
-    await rig.desk.set_nodes({"a": {"bundle": "b", "version": "1.0"}})
-    await wait_until_async(lambda: rig.node("a").get("update", {}).get("state") == "healthy")
-    await rig.desk.set_nodes({"a": {"bundle": "b", "version": "2.0"}})
-    await wait_until_async(lambda: rig.node("a")["update"]["state"] == "rolled_back")
-    await rig.until("a", state="running", version="1.0")
-    assert rig.node("a")["update"]["version"] == "2.0"
-    await rig.again()  # nor is it tried again by another agent
-    await rig.desk.set_nodes({"a": {"bundle": "b", "version": "2.0"}})
-    await rig.until("a", state="running", version="1.0")
-    assert rig.node("a")["update"]["state"] == "rolled_back"
-    await rig.desk.set_nodes({"a": {"bundle": "b", "version": "3.0"}})
-    await rig.until("a", state="running", version="3.0")
+async def test_a_broken_version_goes_back_by_itself_and_is_told(shared: Rig) -> None:
+    await shared.desk.set_nodes({"bad": {"bundle": "b", "version": "1.0"}})
+    await shared.until("bad", state="running", version="1.0")
+    await shared.proves_itself("bad")
+    await shared.desk.set_nodes({"bad": {"bundle": "b", "version": "2.0"}})
+    await wait_until_async(lambda: shared.node("bad")["update"]["state"] == "rolled_back")
+    await shared.until("bad", state="running", version="1.0")
+    assert shared.node("bad")["update"]["version"] == "2.0"
+    await shared.again()  # nor is it tried again by another agent
+    await shared.desk.set_nodes({"bad": {"bundle": "b", "version": "2.0"}})
+    await shared.until("bad", state="running", version="1.0")
+    assert shared.node("bad")["update"]["state"] == "rolled_back"
+    await shared.desk.set_nodes({"bad": {"bundle": "b", "version": "3.0"}})
+    await shared.until("bad", state="running", version="3.0")
+
+
+async def test_others_may_be_wanted_while_the_supervisor_is_asked(shared: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    ask_it = shared.desk.line.ask
+
+    async def and_change(verb: str, **request: Any) -> dict[str, Any]:
+        found = await ask_it(verb, **request)
+        if [row["name"] for row in request.get("rows", [])] == ["gone"]:
+            await shared.desk.set_nodes({"c": {"allowed": "sleep"}})
+        return found
+
+    monkeypatch.setattr(shared.desk.line, "ask", and_change)
+    await shared.desk.set_nodes({"gone": {"bundle": "b", "version": "1.0"}})
+    await shared.until("c", state="running")
+    assert shared.node("gone") == {}
 
 
 # -- leases ------------------------------------------------------------------------------------------------------------
 
 
-def leases(since_ns: int, *rows: tuple[str, int]) -> Told:
-    frame = link_pb2.NodeLeases(
-        since_ns=since_ns,
-        leases=[link_pb2.NodeLease(node=node, lease_id="x", valid_ms=valid_ms, epoch=7) for node, valid_ms in rows],
-    )
+def leases(since_ns: int, *rows: tuple[str, int], lease_id: str = "x") -> Told:
+    given = [link_pb2.NodeLease(node=node, lease_id=lease_id, valid_ms=valid_ms, epoch=7) for node, valid_ms in rows]
+    frame = link_pb2.NodeLeases(since_ns=since_ns, leases=given)
     return Told(link_pb2.GatewayFrame(node_leases=frame), SystemClock().monotonic_s())
 
 
@@ -338,32 +408,34 @@ def moment_of(rig: Rig) -> int:
     return rig.told[-1].leases_taken.boot_ns
 
 
-async def test_a_lease_that_nobody_renews_ends_with_agent_and_link_dead(rig: Rig) -> None:
-    await rig.desk.set_nodes({"m": {"allowed": "sleep", "migratable": True}})
-    await rig.until("m", state="stopped", why="no lease")
-    first = moment_of(rig)
-    rig.link.take(leases(first, ("m", 60_000)))
-    pid = (await rig.until("m", state="running"))["pid"]
-    rig.link.take(leases(moment_of(rig), ("m", 61_000)))
+async def test_a_lease_that_nobody_renews_ends_with_agent_and_link_dead(shared: Rig) -> None:
+    await shared.desk.set_nodes({"m": {"allowed": "sleep", "migratable": True}, "other": {"allowed": "sleep"}})
+    await shared.until("m", state="stopped", why="no lease")
+    await shared.up("other")
+    first = moment_of(shared)
+    shared.link.take(leases(first, ("m", 60_000)))
+    pid = (await shared.until("m", state="running"))["pid"]
     assert psutil.Process(pid).environ()["METAROS_LEASE_EPOCH"] == "7"
-    rig.link.take(leases(moment_of(rig), ("m", 3_000)))
-    rig.link.take(leases(first, ("m", 60_000)))  # it was long on its way: the newer word holds
-    await rig.again()
-    await rig.stop()  # the agent is gone, and with it the link
-    await wait_until_async(lambda: not psutil.pid_exists(pid))
+    shared.link.take(leases(moment_of(shared), ("m", 1_500), lease_id="y"))
+    await shared.until("m", lease_id="y")
+    shared.link.take(leases(first, ("m", 60_000), lease_id="z"))  # it was long on its way: the newer word holds
+    await shared.desk.verb("other", "restart")  # goes the same way, after it
+    await shared.again()
+    await shared.stop()  # the agent is gone, and with it the link
+    await wait_until_async(lambda: not psutil.pid_exists(pid), timeout_s=30.0)  # not after a minute
 
 
-async def test_a_frame_that_lay_in_a_buffer_gives_nothing(rig: Rig) -> None:
-    await rig.desk.set_nodes({"m": {"allowed": "sleep", "migratable": True}, "a": {"allowed": "sleep"}})
-    await rig.until("m", why="no lease")
-    moment = moment_of(rig)
-    rig.link.take(leases(moment, ("m", 1)))  # it is over when it comes
-    rig.link.take(leases(moment - 10**9, ("m", 60_000)))  # told over another link, before
-    rig.link.take(leases(moment + 10**12, ("m", 60_000)))  # or of the machine before it started again
-    rig.link.take(leases(0, ("m", 60_000)))
-    assert len(rig.told) == 5  # each of them is answered
-    rig.link.link_down()
-    rig.link.take(leases(moment, ("m", 60_000)))  # the link that it was told over is gone
-    await rig.desk.verb("a", "restart")  # goes the same way, after them
-    await rig.until("a", state="running")
-    assert rig.node("m")["why"] == "no lease"
+async def test_a_frame_that_lay_in_a_buffer_gives_nothing(shared: Rig) -> None:
+    await shared.desk.set_nodes({"m": {"allowed": "sleep", "migratable": True}, "a": {"allowed": "sleep"}})
+    await shared.until("m", why="no lease")
+    moment = moment_of(shared)
+    shared.link.take(leases(moment, ("m", 1)))  # it is over when it comes
+    shared.link.take(leases(moment - 10**9, ("m", 60_000)))  # told over another link, before
+    shared.link.take(leases(moment + 10**12, ("m", 60_000)))  # or of the machine before it started again
+    shared.link.take(leases(0, ("m", 60_000)))
+    assert len(shared.told) == 5  # each of them is answered
+    shared.link.link_down()
+    shared.link.take(leases(moment, ("m", 60_000)))  # the link that it was told over is gone
+    await shared.desk.verb("a", "restart")  # goes the same way, after them
+    await shared.until("a", state="running")
+    assert shared.node("m")["why"] == "no lease"
