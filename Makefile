@@ -17,13 +17,11 @@ setup:
 up: setup
 	@$(BIN)/metaros up $(ARGS)
 
-# pytest's 1: every test has run, some failed. In CI a few of these are looked at once more, alone.
 test: setup
 ifdef CHANGED
 	@$(BIN)/python tools/changed_tests.py -n $(WORKERS) -m "not integration" $(ARGS)
 else
-	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup $(MARKERS) $(ARGS) \
-		|| { [ $$? -eq 1 ] && [ -n "$(CI)" ] && $(BIN)/python tools/second_look.py; }
+	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup $(MARKERS) $(ARGS)
 endif
 
 profile: setup
