@@ -51,6 +51,7 @@ from edge_agent.video.desk import VideoDesk
 from edge_agent.zenoh_profile import session_environ
 from metaros.clock import Clock, SystemClock, system_rng
 from metaros.errors import ConfigError
+from metaros.limits import LIMITS, Limits
 from metaros.node import Context, Node
 from metaros.signals import on_stop
 
@@ -73,11 +74,11 @@ async def run_until_signal(settings: Settings) -> None:
         await agent
 
 
-async def run_agent(settings: Settings, *, clock: Clock | None = None) -> None:
+async def run_agent(settings: Settings, *, clock: Clock | None = None, limits: Limits = LIMITS) -> None:
     """Tap, queues, uplink, commands and host metrics around one Zenoh session; until cancelled."""
     clock = clock or SystemClock()
     with contextlib.ExitStack() as stack:
-        state = await open_state(settings, clock, stack)
+        state = await open_state(settings, clock, stack, limits=limits)
         context = stack.enter_context(
             Context(
                 connect=[f"tcp/127.0.0.1:{settings.zenoh_port}"],

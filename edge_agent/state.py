@@ -20,6 +20,7 @@ from edge_agent.topics import TopicTable
 from edge_agent.twin.setup import TwinStart, open_twin
 from edge_agent.uplink_limit import stored_limit
 from metaros.clock import Clock, system_rng
+from metaros.limits import LIMITS, Limits
 
 __all__ = ["AgentState", "open_state"]
 
@@ -42,7 +43,9 @@ class AgentState:
     twin: TwinStart
 
 
-async def open_state(settings: Settings, clock: Clock, stack: contextlib.ExitStack) -> AgentState:
+async def open_state(
+    settings: Settings, clock: Clock, stack: contextlib.ExitStack, *, limits: Limits = LIMITS
+) -> AgentState:
     """Lock and read the state directory; `stack` gives it back. While the disk is full or read-only it tries again.
 
     Without a place for what is accepted nothing is tapped: samples are then not seen, rather than seen and forgotten.
@@ -55,7 +58,7 @@ async def open_state(settings: Settings, clock: Clock, stack: contextlib.ExitSta
         try:
             with contextlib.ExitStack() as held:
                 directory = held.enter_context(locked(settings.state_dir or default_state_dir(settings.name)))
-                state = read_state(settings, directory, clock)
+                state = read_state(settings, directory, clock, limits)
                 stack.push(held.pop_all())
         except DiskError as error:
             if str(error) != said:
@@ -68,7 +71,7 @@ async def open_state(settings: Settings, clock: Clock, stack: contextlib.ExitSta
             return state
 
 
-def read_state(settings: Settings, directory: Path, clock: Clock) -> AgentState:
+def read_state(settings: Settings, directory: Path, clock: Clock, limits: Limits = LIMITS) -> AgentState:
     """Open everything; DiskError where something cannot be read, or the outbox cannot be written."""
     rng = system_rng()
     disk, outbox_disk = OsDisk(directory), OsDisk(directory / "outbox")
@@ -91,7 +94,14 @@ def read_state(settings: Settings, directory: Path, clock: Clock) -> AgentState:
         command_log=CommandLog(disk),
         kept_results=KeptResults(disk),
         limit_bytes_per_s=stored_limit(disk),
-        twin=open_twin(disk, TopicTable(settings.topics), clock, namespace=settings.namespace, boot_id=boot_id()),
+        twin=open_twin(
+            disk,
+            TopicTable(settings.topics),
+            clock,
+            namespace=settings.namespace,
+            boot_id=boot_id(),
+            limits=limits,
+        ),
     )
 
 

@@ -18,6 +18,7 @@ from edge_agent.uplink.desk import Told
 from metaros._proto import link_pb2
 from metaros.clock import Clock
 from metaros.errors import MetarosError
+from metaros.limits import LIMITS, Limits
 
 __all__ = ["TwinDesk"]
 
@@ -30,13 +31,15 @@ class TwinDesk:
 
     frames = frozenset({"twin", "twin_confirmed"})
 
-    def __init__(self, confirm: Confirm, file: TwinFile, applier: Applier, clock: Clock) -> None:
+    def __init__(
+        self, confirm: Confirm, file: TwinFile, applier: Applier, clock: Clock, *, limits: Limits = LIMITS
+    ) -> None:
         self._confirm = confirm
         self._file = file
         self._applier = applier
         self._inbox: deque[Callable[[], list[Action]]] = deque(maxlen=WAITING)
         self._wake = asyncio.Event()
-        self.reporter = Reporter(confirm, applier.reported, clock)
+        self.reporter = Reporter(confirm, applier.reported, clock, limits=limits)
 
     # -- the link ---------------------------------------------------------------------------------------------------
 

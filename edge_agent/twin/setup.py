@@ -20,6 +20,7 @@ from edge_agent.twin.values import NodeValues
 from edge_agent.uplink_limit import UplinkLimit
 from metaros.clock import Clock
 from metaros.errors import UsageError
+from metaros.limits import LIMITS, Limits
 from metaros.twin import Twin, parse
 
 if TYPE_CHECKING:
@@ -39,6 +40,7 @@ class TwinStart:
     table: TopicTable
     namespace: str
     originals: Originals
+    limits: Limits
 
     def build(
         self,
@@ -64,12 +66,14 @@ class TwinStart:
             nodes=nodes,
             agent=agent,
         )
-        desk = TwinDesk(self.confirm, self.file, applier, clock)
+        desk = TwinDesk(self.confirm, self.file, applier, clock, limits=self.limits)
         values.changed = nodes.changed = agent.changed = desk.stir
         return desk, values
 
 
-def open_twin(disk: Disk, own: TopicTable, clock: Clock, *, namespace: str, boot_id: str) -> TwinStart:
+def open_twin(
+    disk: Disk, own: TopicTable, clock: Clock, *, namespace: str, boot_id: str, limits: Limits = LIMITS
+) -> TwinStart:
     """Read what was kept; what is on trial too long is taken back here. Raises DiskError."""
     file = TwinFile(disk)
 
@@ -78,7 +82,7 @@ def open_twin(disk: Disk, own: TopicTable, clock: Clock, *, namespace: str, boot
         table_of(own, twin, namespace=namespace)
         return twin
 
-    confirm = Confirm(file.load(), clock, boot_id=boot_id, check=check)
+    confirm = Confirm(file.load(), clock, boot_id=boot_id, limits=limits, check=check)
     actions = confirm.start()
     try:
         table = table_of(own, check(confirm.lives_by.document), namespace=namespace)
@@ -92,4 +96,5 @@ def open_twin(disk: Disk, own: TopicTable, clock: Clock, *, namespace: str, boot
         table=table,
         namespace=namespace,
         originals=Originals(disk),
+        limits=limits,
     )

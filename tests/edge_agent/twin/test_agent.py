@@ -8,6 +8,7 @@ import json
 import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +22,14 @@ from edge_agent.twin.record import Pending, Record, Version
 from edge_agent.twin.state import TwinFile
 from metaros._proto import link_pb2
 from metaros.interfaces.std_msgs.msg import String
+from metaros.limits import LIMITS, Limits
 from metaros.link import CHANNEL_MASK
 from tests.edge_agent.conftest import Rig, Robot
 from tests.support.fake_gateway import FakeGateway, fake_gateway
 from tests.support.gateway_half import GatewayHalf
 from tests.support.waiting import wait_until_async
+
+QUICK = replace(LIMITS, twin_report_s=0.02, twin_settle_s=0.2, twin_window_least_s=0.3)
 
 
 class WeakLink(GatewayHalf):
@@ -84,7 +88,7 @@ class Twin:
 
 
 @asynccontextmanager
-async def running(twin: Twin, zenoh_router: str) -> AsyncIterator[Rig]:
+async def running(twin: Twin, zenoh_router: str, limits: Limits = QUICK) -> AsyncIterator[Rig]:
     settings = Settings(
         name="sim_1",
         namespace="/sim_1",
@@ -93,7 +97,7 @@ async def running(twin: Twin, zenoh_router: str) -> AsyncIterator[Rig]:
         host_metrics=False,
         state_dir=twin.state,
     )
-    task = asyncio.create_task(run_agent(settings))
+    task = asyncio.create_task(run_agent(settings, limits=limits))
     try:
         await wait_until_async(lambda: twin.gateway.connected or task.done())
         assert not task.done(), task.exception()
@@ -146,11 +150,11 @@ async def test_a_document_that_kills_the_link_is_taken_back_by_itself(
     async with fake_gateway(WeakLink()) as gateway:
         twin, talking = Twin(gateway, tmp_path / "agent"), asyncio.create_task(chat())
         try:
-            async with running(twin, zenoh_router) as rig:
+            async with running(twin, zenoh_router, replace(QUICK, twin_settle_s=0.5)) as rig:
                 await rig.wait_channel("/sim_1/chat")
                 await twin.comes_to(0, "applied")
                 sessions = gateway.sessions
-                twin.desire(1, window_s=4.0, topics={"chat": {"class": "bulk"}})
+                twin.desire(1, window_s=2.0, topics={"chat": {"class": "bulk"}})
                 await wait_until_async(lambda: twin.kept.pending is not None)
                 await wait_until_async(lambda: gateway.sessions > sessions)
                 await wait_until_async(lambda: twin.kept.undone == "reverted", timeout_s=90)
@@ -167,10 +171,10 @@ async def test_a_document_that_kills_the_link_is_taken_back_by_itself(
 async def test_what_nobody_confirms_is_taken_back_and_not_tried_again(twin: Twin, zenoh_router: str) -> None:
     async with running(twin, zenoh_router):
         await twin.comes_to(0, "applied")
-        twin.desire(1, window_s=1.0, budget={"bytes_per_s": 50_000})
+        twin.desire(1, window_s=0.3, budget={"bytes_per_s": 50_000})
         await twin.comes_to(1, "reverted")
         told = len(twin.gateway.half.twins)
-        twin.desire(1, window_s=1.0, budget={"bytes_per_s": 50_000})
+        twin.desire(1, window_s=0.3, budget={"bytes_per_s": 50_000})
         await wait_until_async(lambda: len(twin.gateway.half.twins) > told)
         assert (twin.last.state, twin.reported["budget"]) == ("reverted", {"bytes_per_s": 0})
         await twin.becomes(2, budget={"bytes_per_s": 60_000})
@@ -249,5 +253,7 @@ async def test_a_managed_node_is_led_to_its_state_and_back(twin: Twin, robot: Ro
 
 
 async def test_a_gateway_that_does_not_know_twins_hears_nothing_of_them(agent: Rig) -> None:
-    await wait_until_async(lambda: len(agent.half.statistics) >= 2)
-    assert agent.half.twins == []
+    result = await agent.result(agent.command(set_uplink=link_pb2.SetUplink(bytes_per_s=9000)))  # a twin reports it
+    assert result.ok
+    result = await agent.result(agent.command(set_uplink=link_pb2.SetUplink(bytes_per_s=8000)))
+    assert (agent.half.twins, agent.gateway.sessions) == ([], 1)  # a report would have ended the first session
