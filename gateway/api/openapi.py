@@ -41,13 +41,17 @@ HEADERS: dict[str, dict[str, Any]] = {
     "429": {"Retry-After": {"schema": {"type": "integer", "minimum": 1}}},  # not where a table is full: too_many
 }
 NEVER = ("HTTPValidationError", "ValidationError")  # FastAPI's; ours are problem documents with status 400
+_MADE: dict[tuple[int, ...], dict[str, Any]] = {}  # of routers: it takes a second, and gateways of a process share it
 
 
 def describe_permissions(app: FastAPI, routers: Iterable[APIRouter]) -> None:
     """Make the application's document say them, for all routes of these routers."""
     plain, served = app.openapi, tuple(routers)
+    key = tuple(map(id, served))
 
     def document() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            app.openapi_schema = _MADE.get(key)
         if app.openapi_schema is None:
             described = plain()
             components = described.setdefault("components", {})
@@ -61,7 +65,7 @@ def describe_permissions(app: FastAPI, routers: Iterable[APIRouter]) -> None:
                             operation = described["paths"][route.path_format][method.lower()]
                             _describe(operation, route.path_format, method, declared(route))
             add_examples(described)
-            app.openapi_schema = described
+            app.openapi_schema = _MADE[key] = described
         return app.openapi_schema
 
     app.openapi = document  # type: ignore[method-assign]
