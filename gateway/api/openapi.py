@@ -41,13 +41,13 @@ HEADERS: dict[str, dict[str, Any]] = {
     "429": {"Retry-After": {"schema": {"type": "integer", "minimum": 1}}},  # not where a table is full: too_many
 }
 NEVER = ("HTTPValidationError", "ValidationError")  # FastAPI's; ours are problem documents with status 400
-_MADE: dict[tuple[int, ...], dict[str, Any]] = {}  # of routers: it takes a second, and gateways of a process share it
+_MADE: dict[tuple[object, ...], dict[str, Any]] = {}  # takes a second, and the gateways of a process share it
 
 
 def describe_permissions(app: FastAPI, routers: Iterable[APIRouter]) -> None:
     """Make the application's document say them, for all routes of these routers."""
     plain, served = app.openapi, tuple(routers)
-    key = tuple(map(id, served))
+    key = (app.title, *map(id, served))
 
     def document() -> dict[str, Any]:
         if app.openapi_schema is None:
