@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -22,6 +23,10 @@ PYTHON = BIN / ("python.exe" if os.name == "nt" else "python")
 STATE = ROOT / ".make"
 STAMP = STATE / "setup"
 STATIC = ROOT / "gateway" / "static"
+
+HASHED = ("--require-hashes", "-r")
+EDITABLE = ("--no-deps", "--no-build-isolation", "-e", ".")
+EDITABLE_ENV = {**os.environ, "METAROS_SKIP_DASHBOARD": "1"}
 
 # (command, what works without it, Debian package): said in one line each, never fatal.
 OPTIONAL = (
@@ -75,17 +80,41 @@ def fingerprint(paths: Sequence[Path]) -> str:
     return digest.hexdigest()
 
 
+def succeeds(*command: str | Path) -> bool:
+    """Whether a command that has an alternative ends well."""
+    words = [str(part) for part in command]
+    return subprocess.run(words, cwd=ROOT, env=EDITABLE_ENV, capture_output=True).returncode == 0
+
+
+def install_by_uv() -> bool:
+    """What pip does in a quarter of its time; False where uv cannot, such as with an index that only pip knows."""
+    pinned = re.search(r"^uv==.*(?:\n    .*)*", (ROOT / "requirements.lock").read_text(), re.MULTILINE)
+    if pinned is None:
+        return False
+    (STATE / "uv.txt").write_text(pinned[0])
+    pip = (PYTHON, "-m", "pip", "install", "-q", "--disable-pip-version-check")
+    uv = (PYTHON, "-m", "uv", "pip", "install", "-q", "--python", PYTHON)
+    return (
+        succeeds(*pip, *HASHED, STATE / "uv.txt")
+        and succeeds(*uv, *HASHED, "requirements.lock")
+        and succeeds(*uv, *EDITABLE)
+    )
+
+
+def install_by_pip() -> None:
+    """The lock and this project; what goes wrong ends the setup."""
+    pip = (PYTHON, "-m", "pip", "install", "-q", "--disable-pip-version-check")
+    run(*pip, *HASHED, "requirements.lock", what="installing requirements.lock")
+    run(*pip, *EDITABLE, what="installing metaros", env=EDITABLE_ENV)
+
+
 def install(*, state: str) -> None:
     """Install the lock and this project, unless the stamp says that is done."""
     if STAMP.exists() and STAMP.read_text() == state:
         return
     say("installing locked dependencies (a minute on a fresh machine)")
-    run(PYTHON, "-m", "pip", "install", "-q", "--disable-pip-version-check", "--require-hashes",
-        "-r", "requirements.lock", what="installing requirements.lock")  # fmt: skip
-    env = {**os.environ, "METAROS_SKIP_DASHBOARD": "1"}
-    run(PYTHON, "-m", "pip", "install", "-q", "--disable-pip-version-check", "--no-deps", "--no-build-isolation",
-        "-e", ".", what="installing metaros", env=env)  # fmt: skip
-    STATE.mkdir(exist_ok=True)
+    if not install_by_uv():
+        install_by_pip()
     STAMP.write_text(state)
 
 
@@ -121,6 +150,7 @@ def main() -> None:
     """Everything, in order."""
     if sys.version_info < (3, 11):  # noqa: UP036 - an older Python may well run this file
         raise SystemExit("metaros: needs Python 3.11 or newer (Debian: apt install python3)")
+    STATE.mkdir(exist_ok=True)
     make_venv()
     install(state=fingerprint([ROOT / "requirements.lock", ROOT / "pyproject.toml"]))
     with compiling():
