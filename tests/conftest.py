@@ -38,15 +38,25 @@ def pytest_configure() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of small matrices its threads only wait for each other: busily
 
 
-@pytest.hookimpl(tryfirst=True)  # before `-m` chooses
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what is of the real world by the table above."""
+@pytest.hookimpl(wrapper=True)  # before `-m` chooses, and before xdist looks for groups
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> Iterator[None]:
+    """Mark what is of the real world by the table above; tests that share a module's fixture stay in one worker."""
     for item in items:
         asked = set(getattr(item, "fixturenames", ()))
         if hasattr(item, "callspec"):  # a fixture with a parameter that says which other one it takes
             asked |= {value for value in item.callspec.params.values() if isinstance(value, str)}
         if item.nodeid.startswith(INTEGRATION_FOLDERS) or not INTEGRATION_FIXTURES.isdisjoint(asked):
             item.add_marker("integration")
+        if item.get_closest_marker("xdist_group") is None and _shares_a_fixture(item):
+            item.add_marker(pytest.mark.xdist_group(item.nodeid.partition("::")[0]))
+    return (yield)
+
+
+def _shares_a_fixture(item: pytest.Item) -> bool:
+    """Whether it takes a fixture that its module's other tests take, too."""
+    info = getattr(item, "_fixtureinfo", None)
+    found = info.name2fixturedefs if info is not None else {}
+    return any(fixtures[-1].scope in ("module", "class") for fixtures in found.values())
 
 
 @pytest.fixture
