@@ -8,6 +8,7 @@ from __future__ import annotations
 import array
 import json
 import os
+import select
 import signal
 import socket
 import sys
@@ -18,10 +19,51 @@ from metaros.functions.sandbox import identity
 from metaros.functions.sandbox.libc import PR_SET_CHILD_SUBREAPER, PR_SET_PDEATHSIG, prctl
 from metaros.functions.sandbox.room import L3, Room, build, shut
 
-__all__ = ["keep", "run_entry", "set_surroundings", "tell"]
+__all__ = ["Watched", "keep", "run_entry", "set_surroundings", "tell"]
 
 PATH = "/usr/local/bin:/usr/bin:/bin"
 PROXIES = ("HTTPS_PROXY", "HTTP_PROXY", "https_proxy", "http_proxy")
+
+
+class Watched:
+    """A keeper's signals, as bytes of a pipe: so one that comes just before it begins to wait ends that wait, too.
+
+    (A handler in Python runs between two steps of the interpreter: of a `recv` that was as good as begun, after it.)
+    """
+
+    def __init__(self) -> None:
+        if sys.platform != "linux":
+            raise NotImplementedError
+        self._came, self._comes = os.pipe()
+        for end in (self._came, self._comes):
+            os.set_blocking(end, False)
+        signal.set_wakeup_fd(self._comes, warn_on_full_buffer=False)
+        for name in (signal.SIGCHLD, signal.SIGTERM):
+            signal.signal(name, lambda *_: None)
+
+    def release(self) -> None:
+        """For the worker, which is forked off: it has none of that."""
+        if sys.platform != "linux":
+            raise NotImplementedError
+        signal.set_wakeup_fd(-1)
+        for name in (signal.SIGTERM, signal.SIGCHLD, signal.SIGINT):
+            signal.signal(name, signal.SIG_DFL)
+        os.close(self._came)
+        os.close(self._comes)
+
+    def wait(self, worker: int, control: socket.socket) -> None:
+        """Return when the worker has ended, which is told, the gateway lets go, or the keeper is to end."""
+        if sys.platform != "linux":
+            raise NotImplementedError
+        poll = select.poll()
+        poll.register(self._came, select.POLLIN)
+        poll.register(control, select.POLLIN)
+        while True:
+            ready = {descriptor for descriptor, _ in poll.poll()}
+            if self._came in ready and (signal.SIGTERM in os.read(self._came, 4096) or _reap(worker, control)):
+                return
+            if control.fileno() in ready:
+                return
 
 
 def tell(control: socket.socket, message: dict[str, Any], *files: int) -> bool:
@@ -37,46 +79,49 @@ def tell(control: socket.socket, message: dict[str, Any], *files: int) -> bool:
 
 
 def keep(request: dict[str, Any], control: socket.socket, output: int, logs: int, was: tuple[int, int]) -> NoReturn:
-    """Be a worker's keeper: tells `kept`, then how the worker ended; ends it where the gateway lets go of `control`."""
+    """Be a worker's keeper: tells `kept`, by what it can be ended however soon it does so itself, and then how the
+    worker ended; ends it where the gateway lets go of `control`.
+    """
     if sys.platform != "linux":
         raise NotImplementedError
     try:
         os.setsid()
         os.umask(0o022)  # whatever the gateway's is: folders of the room are for the worker, who is somebody else
-        tell(control, {"kept": True})
+        own_fd = os.pidfd_open(os.getpid())
+        tell(control, {"kept": True}, own_fd)
+        os.close(own_fd)
         room = build(request, was)
         own = request["level"] >= L3
         # A killed fork server takes its keepers along. They end the rest; in a pid namespace the kernel does.
         prctl(PR_SET_PDEATHSIG, signal.SIGKILL if own else signal.SIGTERM)
         prctl(PR_SET_CHILD_SUBREAPER, 1)  # whose parent ends is the keeper's, so that all of a worker's memory is found
-        signal.signal(signal.SIGTERM, lambda *_: _end_all())
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGCHLD})
+        signals = Watched()
         worker = os.fork()
         if worker == 0:
+            signals.release()
             _work(request, room, control, output, logs)
-        signal.signal(signal.SIGCHLD, lambda *_: _reap(worker, control))
         for opened in (output, logs, *(listener.detach() for listener in room.listeners)):
             os.close(opened)
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGCHLD})
-        control.recv(1)
+        signals.wait(worker, control)
     except BaseException as error:
         tell(control, {"error": f"{type(error).__name__}: {error}"})
     _end_all()
 
 
-def _reap(worker: int, control: socket.socket) -> None:
+def _reap(worker: int, control: socket.socket) -> bool:
+    """Take from the kernel who has ended; whether the worker is among them, of which the gateway is told."""
     if sys.platform != "linux":
         raise NotImplementedError
     while True:
         try:
             pid, status = os.waitpid(-1, os.WNOHANG)
         except ChildProcessError:
-            return
+            return False
         if pid == 0:
-            return
+            return False
         if pid == worker:
             tell(control, {"status": os.waitstatus_to_exitcode(status)})
-            _end_all()
+            return True
 
 
 def _end_all() -> NoReturn:
@@ -95,8 +140,6 @@ def _work(request: dict[str, Any], room: Room, control: socket.socket, output: i
     keeper = os.getppid()
     try:
         _streams(output)
-        for name in (signal.SIGTERM, signal.SIGCHLD, signal.SIGINT):
-            signal.signal(name, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_SETMASK, set())
         os.umask(0o022)
         prctl(PR_SET_PDEATHSIG, signal.SIGKILL)

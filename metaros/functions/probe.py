@@ -17,6 +17,7 @@ from metaros.functions.program import Confinement, Program
 from metaros.functions.sandbox import landlock
 from metaros.functions.sandbox.calls import CALLS
 from metaros.functions.sandbox.level import Level, Probe, check
+from metaros.limits import LIMITS
 
 __all__ = ["probe", "require"]
 
@@ -57,7 +58,10 @@ async def _try(level: Level) -> str:
         except (LaunchError, OSError) as error:
             return str(error)
         try:
-            status = await launched.wait()
+            async with asyncio.timeout(LIMITS.function_launch_s):
+                status = await launched.wait()
+        except TimeoutError:
+            return f"a worker that does nothing did not end within {LIMITS.function_launch_s} s"
         finally:
             launched.close()
     return OK if status == 0 else f"a worker that does nothing ended with {status}"

@@ -169,15 +169,10 @@ class Zygote:
                 raise LaunchError(f"the fork server is gone: {error}") from None
 
     async def _greet(self, ends: _Ends, confinement: Confinement) -> Launched:
-        """Hear from keeper and worker; the kernel itself tells their process ids."""
+        """Hear from keeper and worker; the kernel itself tells their process ids, as this process sees them."""
         if sys.platform != "linux":
             raise NotImplementedError
-        keeper, _, _ = await _hear(ends.control)
-        try:
-            keeper_fd = os.pidfd_open(keeper)
-        except ProcessLookupError:  # it is gone already, and said why
-            await _hear(ends.control)
-            raise LaunchError("the worker ended before it was up") from None
+        keeper, (keeper_fd,), _ = await _hear(ends.control)  # its own: it may be gone already, and the worker with it
         try:
             pid, files, _ = await _hear(ends.control)
         except BaseException:
@@ -276,7 +271,8 @@ async def _receive(source: socket.socket) -> tuple[bytes, list[int], int]:
         raise NotImplementedError
     while True:
         try:
-            data, extra, _, _ = source.recvmsg(MESSAGE_BYTES, socket.CMSG_SPACE(12) + socket.CMSG_SPACE(8))
+            space = socket.CMSG_SPACE(12) + socket.CMSG_SPACE(8)
+            data, extra, _, _ = source.recvmsg(MESSAGE_BYTES, space, socket.MSG_CMSG_CLOEXEC)
         except BlockingIOError:
             await _ready(source)
             continue

@@ -95,6 +95,36 @@ async def test_how_a_worker_ends_is_told(zygote: Zygote, level: Level, code: str
         await asyncio.gather(asking, return_exceptions=True)
 
 
+def code_that_ends_when_told(folder: Path) -> Path:
+    """Of a handler whose worker ends with 3 as soon as there is a file `go` beside it."""
+    folder.chmod(0o755)
+    (folder / "app.py").write_text("import os\nwhile not os.path.exists('go'):\n    pass\nos._exit(3)\n")
+    return folder
+
+
+def see_one_come_and_go(zygote: Zygote, go: Path) -> None:
+    """With this thread's event loop standing still, as on a busy machine."""
+    wait_until(lambda: len(processes_below(zygote.pid)) == 2)
+    go.touch()
+    wait_until(lambda: processes_below(zygote.pid) == [])
+
+
+@pytest.mark.parametrize("level", [Level.L1, Level.L3], ids=lambda level: level.name)
+async def test_a_worker_that_is_gone_before_its_gateway_looks_was_up_all_the_same(
+    zygote: Zygote, level: Level, tmp_path: Path
+) -> None:
+    assert await here(level)
+    program = Program(handler="app.handler", code_dir=code_that_ends_when_told(tmp_path), entry="metaros")
+    starting = asyncio.ensure_future(zygote.fork(program, Confinement(level=level, tmp_dir=tmp_path / "tmp")))
+    await asyncio.sleep(0)  # it has asked
+    see_one_come_and_go(zygote, tmp_path / "go")
+    launched = await starting
+    try:
+        assert await launched.wait() == 3
+    finally:
+        launched.close()
+
+
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
 async def test_a_killed_zygote_takes_its_workers_along(level: Level, tmp_path: Path) -> None:
     zygote = Zygote()
