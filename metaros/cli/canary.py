@@ -18,7 +18,7 @@ _WAIT_S = 1.0
 
 def round_trips(context: Context, *, zenoh_port: int, domain: int, rounds: int) -> list[float]:
     """Seconds from publish to arrival in another session; fewer than `rounds` where messages were lost."""
-    from metaros.cli.connection import connect, wait_for
+    from metaros.cli.connection import connect
     from metaros.idl import message_class, type_hash
     from metaros.node import Node
     from metaros.wire import qos_default
@@ -35,7 +35,7 @@ def round_trips(context: Context, *, zenoh_port: int, domain: int, rounds: int) 
                 topic, type_name, type_hash(type_name), qos_default, lambda _: arrived.put(clock.monotonic_s())
             )
             publisher = writer.create_publisher(message, topic, 10)
-            wait_for(lambda: context.graph.endpoints(topic=topic, kind="MS"), timeout_s=_WAIT_S)
+            context.graph.wait_for(lambda: bool(context.graph.endpoints(topic=topic, kind="MS")), _WAIT_S)
             times = []
             for number in range(rounds):
                 sent = clock.monotonic_s()

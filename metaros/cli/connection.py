@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import difflib
-import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from metaros.clock import SystemClock
 from metaros.errors import UnavailableError
 
 if TYPE_CHECKING:
     from metaros.node import Context
     from metaros.wire import Graph, WireSession
 
-__all__ = ["absolute", "closest", "connect", "look", "look_with_session", "settle", "wait_for"]
+__all__ = ["absolute", "closest", "connect", "look", "look_with_session"]
 
-_SETTLED_S = 0.25  # the graph is complete once nothing was added for so long; a busy machine has gaps of 0.12 s
-_STEP_S = 0.02
+_LINK_WAIT_S = 2.0
 _MUCH_WORSE = 0.15  # names of one node are all alike: only those nearly as close as the closest are hints
 
 
@@ -37,10 +34,11 @@ def look_with_session(zenoh_port: int, domain: int, *, spin_time: float) -> Iter
     _check_port(zenoh_port)
     session = WireSession(domain_id=domain, connect=f"tcp/127.0.0.1:{zenoh_port}", shared_memory="off")
     try:
-        _check_linked(session.connected, zenoh_port)
+        _check_linked(session, zenoh_port)
         graph = Graph(session)
         try:
-            settle(graph, timeout_s=spin_time)
+            if spin_time > 0:
+                graph.settle(spin_time)
             yield session, graph
         finally:
             graph.close()
@@ -55,9 +53,9 @@ def connect(zenoh_port: int, domain: int, *, spin_time: float = 0.0) -> Iterator
     from metaros.node import Context
 
     with Context(domain_id=domain, connect=f"tcp/127.0.0.1:{zenoh_port}", shared_memory="off") as context:
-        _check_linked(context.connected, zenoh_port)
+        _check_linked(context.session, zenoh_port)
         if spin_time > 0:
-            settle(context.graph, timeout_s=spin_time)
+            context.graph.settle(spin_time)
         yield context
 
 
@@ -70,35 +68,15 @@ def _check_port(zenoh_port: int) -> None:
         raise UnavailableError(f"{where}\nstart one: `metaros up` (a whole fleet) or `metaros router`")
 
 
-def _check_linked(connected: Callable[[], bool], zenoh_port: int) -> None:
+def _check_linked(session: WireSession, zenoh_port: int) -> None:
     """Somebody listens: is it a router?"""
     from metaros.cli.up_ports import port_owner
 
-    if not wait_for(connected, timeout_s=2.0):
+    if not session.wait_linked(_LINK_WAIT_S):
         raise UnavailableError(
             f"127.0.0.1:{zenoh_port} is no Zenoh router: {port_owner(zenoh_port)} has the port\n"
             "start a router on another port: metaros router --port PORT, then use --zenoh-port PORT"
         )
-
-
-def wait_for(condition: Callable[[], object], *, timeout_s: float) -> bool:
-    """Ask `condition()` until it is true, for at most `timeout_s`."""
-    clock, pause = SystemClock(), threading.Event()
-    deadline = clock.monotonic_s() + timeout_s
-    while not (answer := bool(condition())) and clock.monotonic_s() < deadline:
-        pause.wait(_STEP_S)
-    return answer
-
-
-def settle(graph: Graph, *, timeout_s: float, quiet_s: float = _SETTLED_S) -> None:
-    """Wait until the graph has not grown for `quiet_s`, at most `timeout_s`."""
-    clock, pause = SystemClock(), threading.Event()
-    deadline = clock.monotonic_s() + timeout_s
-    seen, since = -1, clock.monotonic_s()
-    while (now := clock.monotonic_s()) < deadline and now - since < quiet_s:
-        if (size := len(graph.nodes()) + len(graph.endpoints())) != seen:
-            seen, since = size, now
-        pause.wait(_STEP_S)
 
 
 def absolute(name: str) -> str:

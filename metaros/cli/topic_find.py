@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from metaros.cli.connection import absolute, closest, settle, wait_for
+from metaros.cli.connection import absolute, closest
 from metaros.cli.types import full_type
 from metaros.errors import MetarosError, TypeHashError, UnavailableError, UnknownTypeError, UsageError
 
@@ -37,8 +37,9 @@ def find_topic(context: Context, topic: str, type_name: str = "", *, spin_time: 
     """
     name = absolute(topic)
     wanted = _full_name(type_name) if type_name else ""
-    wait_for(lambda: _matching(context, name, wanted), timeout_s=spin_time)
-    settle(context.graph, timeout_s=min(spin_time, 0.3), quiet_s=0.05)  # its other publishers, of other types perhaps
+    context.graph.wait_for(lambda: bool(_matching(context, name, wanted)), spin_time)
+    if spin_time > 0:
+        context.graph.settle(spin_time)  # its other publishers, of other types perhaps
     ends = _matching(context, name, wanted)
     if not ends:
         if wanted:  # nobody yet: listen all the same

@@ -49,7 +49,7 @@ def pub(
     gateway: GatewayOption = "",
 ) -> None:
     """Publish to a topic; `--once` waits for a subscriber, so that the one message is heard."""
-    from metaros.cli.connection import absolute, connect, wait_for
+    from metaros.cli.connection import absolute, connect
     from metaros.cli.output import Output
     from metaros.cli.types import full_type, parse_values
     from metaros.idl import message_class
@@ -70,7 +70,7 @@ def pub(
     ):
         publisher = node.create_publisher(message_class(full), name, 10)
         needed = wait if wait is not None else int(once or times > 0)
-        if needed and not wait_for(lambda: _subscribers(context, name, full) >= needed, timeout_s=wait_timeout):
+        if needed and not context.graph.wait_for(lambda: _subscribers(context, name, full) >= needed, wait_timeout):
             out.note(f"no subscriber on {name} within {wait_timeout:g} s: publishing all the same")
         _publish(publisher.publish, message, out, rate=rate, times=1 if once else times, quiet=quiet)
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from queue import SimpleQueue
 from typing import Final
 
@@ -101,6 +102,10 @@ class GraphState:
         if not on_topic:
             del self._on_topic[token.topic]
         return token
+
+    def keys(self) -> Iterator[str]:
+        """Of every token."""
+        return chain(self._nodes, self._endpoints)
 
     def nodes(self) -> list[NodeInfo]:
         """Every node, by name."""
@@ -230,6 +235,27 @@ class Graph:
         """The tokens of every endpoint, or those of one topic (or service)."""
         with self._changed:
             return self._state.tokens(topic)
+
+    def settle(self, timeout_s: float) -> bool:
+        """Wait until all is here that the routers know now; False where they do not tell, or it is not in time.
+
+        A peer is told of the graph bit by bit, and never that this was all. A client's question is answered in full.
+        """
+        told = GraphState()
+        try:
+            with self._session.client() as client:
+                for answer in client.liveliness().get(tokens_of_domain(self._session.domain), timeout=timeout_s):
+                    if answer.ok is not None:
+                        told.add(str(answer.ok.key_expr))
+        except zenoh.ZError:
+            return False
+        missing = set(told.keys())
+
+        def is_here() -> bool:
+            missing.difference_update(self._state.keys())
+            return not missing
+
+        return self.wait_for(is_here, timeout_s)
 
     def topics(self) -> dict[str, set[str]]:
         """The type names on every topic."""

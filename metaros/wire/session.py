@@ -78,6 +78,7 @@ def session_config(
     connect: Sequence[str] | None = None,
     listen: Sequence[str] | None = None,
     shared_memory: bool = False,
+    client: bool = False,
 ) -> zenoh.Config:
     """The configuration of a session; ConfigError names the setting that Zenoh refuses."""
     uri = environ.get("ZENOH_SESSION_CONFIG_URI")
@@ -98,6 +99,8 @@ def session_config(
         insert_setting(config, "connect/endpoints", json.dumps(list(connect)), "connect")
     if listen is not None:
         insert_setting(config, "listen/endpoints", json.dumps(list(listen)), "listen")
+    if client:
+        insert_setting(config, "mode", '"client"', "mode")
     return config
 
 
@@ -151,6 +154,7 @@ class WireSession:
         shared_memory: str | None = None,
     ) -> None:
         environ = os.environ if environ is None else environ
+        self._environ = environ
         self.domain = parse_domain(str(domain_id)) if domain_id is not None else domain_from(environ)
         keep_large_blocks(environ)
         self.shared_pool = shared_pool(shared_memory, environ)
@@ -198,6 +202,17 @@ class WireSession:
     def closed(self) -> bool:
         """Whether `close` was called."""
         return self._closed
+
+    @contextmanager
+    def client(self) -> Iterator[zenoh.Session]:
+        """One more session, a client of the same routers: they answer it in full, where a peer is told bit by bit.
+
+        Raises:
+            zenoh.ZError: there is no router.
+        """
+        config = session_config(self._environ, connect=self.connect, listen=(), client=True)
+        with zenoh.open(config) as opened:
+            yield opened
 
     def check_open(self) -> zenoh.Session:
         """The Zenoh session; ClosedError after `close`."""

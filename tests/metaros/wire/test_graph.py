@@ -1,12 +1,15 @@
-"""The pure part of the graph: what it answers after tokens came and went, by topic and in all."""
+"""The graph: what it answers after tokens came and went, by topic and in all; when it is whole."""
 
 from __future__ import annotations
+
+from contextlib import closing
 
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from metaros.wire import EndpointToken, NodeToken
+from metaros.wire import EndpointToken, Graph, NodeToken, WireSession
 from metaros.wire.graph import GraphState
+from tests.support.waiting import wait_until
 
 # a busy machine is no fault of the code
 unhurried = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -52,3 +55,20 @@ def test_nodes_come_and_go_and_what_is_no_token_is_counted():
     assert state.discard(str(NODE)) is None
     assert state.add("@ros2_lv/0/nonsense") is None
     assert state.malformed == 1
+
+
+def test_a_graph_that_has_settled_has_all_that_the_router_knows(zenoh_router):
+    keys = [*map(str, [NODE, *ENDPOINTS]), "@ros2_lv/0/nonsense"]
+    with closing(WireSession(connect=zenoh_router)) as there, closing(WireSession(connect=zenoh_router)) as asking:
+        declared = [there.zenoh.liveliness().declare_token(key) for key in keys]
+        with asking.client() as client:
+            wait_until(lambda: len(list(client.liveliness().get("@ros2_lv/0/**"))) == len(declared))
+        for _ in range(5):  # now and then a peer has been told all by itself
+            with closing(WireSession(connect=zenoh_router)) as here, closing(Graph(here)) as graph:
+                assert graph.settle(60.0)
+                assert set(graph.tokens()) == set(ENDPOINTS)
+
+
+def test_without_a_router_a_graph_does_not_settle(free_port):
+    with closing(WireSession(connect=f"tcp/127.0.0.1:{free_port}")) as alone, closing(Graph(alone)) as graph:
+        assert not graph.settle(60.0)
