@@ -74,20 +74,10 @@ def free_port() -> int:
 @pytest.fixture
 def zenoh_router() -> Iterator[str]:
     """A real Zenoh router on a free loopback port, its own island; yields the endpoint to connect to."""
-    import zenoh
+    from tests.support.routers import zenoh_router
 
-    endpoint = f"tcp/127.0.0.1:{_free_port()}"
-    config = zenoh.Config()
-    config.insert_json5("mode", '"router"')
-    config.insert_json5("listen/endpoints", f'["{endpoint}"]')
-    config.insert_json5("scouting/multicast/enabled", "false")
-    config.insert_json5("scouting/delay", "0")  # nobody to wait for: half a second saved in every test
-    config.insert_json5("timestamping/enabled", "true")
-    session = zenoh.open(config)
-    try:
+    with zenoh_router() as endpoint:
         yield endpoint
-    finally:
-        session.close()
 
 
 @pytest.fixture(scope="session")

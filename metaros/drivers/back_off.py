@@ -11,16 +11,17 @@ LAST_S: Final = 0.5  # so that a device is back within two seconds of its return
 
 
 class BackOff:
-    """Waits that double from FIRST_S to LAST_S, and begin anew once the device has worked."""
+    """Waits that double from `first_s` to `last_s`, and begin anew once the device has worked."""
 
-    def __init__(self) -> None:
-        self._next_s = FIRST_S
+    def __init__(self, *, first_s: float = FIRST_S, last_s: float = LAST_S) -> None:
+        self._first_s = self._next_s = first_s
+        self._last_s = last_s
 
     def next_s(self) -> float:
         """How long to wait now."""
-        wait_s, self._next_s = self._next_s, min(2 * self._next_s, LAST_S)
+        wait_s, self._next_s = self._next_s, min(2 * self._next_s, self._last_s)
         return wait_s
 
     def worked(self) -> None:
         """The device gave a good reading."""
-        self._next_s = FIRST_S
+        self._next_s = self._first_s

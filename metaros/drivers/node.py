@@ -39,9 +39,11 @@ class DriverNode(LifecycleNode):
         context: Context,
         namespace: str = "/",
         name: str = "",
+        back_off: BackOff | None = None,
     ) -> None:
         """Raises ConfigError: a parameter that it does not have, or cannot use."""
         self.manifest = manifest
+        self._back_off = BackOff() if back_off is None else back_off
         self._make = make
         self._unit: Unit | None = None
         self._device: Device | None = None
@@ -126,7 +128,7 @@ class DriverNode(LifecycleNode):
     # -- the device's thread ---------------------------------------------------------------------------------------
 
     def _work(self, unit: Unit, device: Device) -> None:
-        back_off = BackOff()
+        self._back_off.worked()
         while not unit.stop.is_set():
             self.standing.enter(DriverState.OPENING, self.standing.detail)
             before = self.standing.counters["readings"]
@@ -150,9 +152,9 @@ class DriverNode(LifecycleNode):
             finally:
                 self._let_go(device)
             if self.standing.counters["readings"] > before:
-                back_off.worked()
+                self._back_off.worked()
             if not unit.stop.is_set():
-                self._await(unit, back_off.next_s(), why or "the device ended")
+                self._await(unit, self._back_off.next_s(), why or "the device ended")
         self.standing.enter(DriverState.RESTING)
 
     def _await(self, unit: Unit, wait_s: float, why: str) -> None:

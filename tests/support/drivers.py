@@ -8,11 +8,16 @@ from contextlib import contextmanager
 from typing import Any
 
 import metaros
+from metaros.drivers.back_off import BackOff
+from metaros.drivers.diagnostics import status_of
 from metaros.drivers.node import DriverNode
 from metaros.drivers.registry import device_maker, manifest_of
-from metaros.interfaces.diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from metaros.interfaces.diagnostic_msgs.msg import DiagnosticStatus
+from tests.support.leaping import LeapingClock
 
-__all__ = ["RunningDriver", "running"]
+__all__ = ["RETRY_S", "RunningDriver", "running"]
+
+RETRY_S = 0.02
 
 
 class RunningDriver:
@@ -22,8 +27,6 @@ class RunningDriver:
         self.node = node
         self.viewer = viewer
         self.namespace = namespace.rstrip("/")
-        self._status: DiagnosticStatus | None = None
-        viewer.create_subscription(DiagnosticArray, f"{self.namespace}/diagnostics", self._on_status, 10)
 
     def messages(self, message_type: type[Any], topic: str, qos: Any = metaros.qos_sensor_data) -> list[Any]:
         """A list that fills with what comes on the topic, which is relative to the namespace."""
@@ -32,19 +35,23 @@ class RunningDriver:
         return found
 
     def status(self) -> DiagnosticStatus:
-        """The latest diagnostics; an empty one before the first."""
-        return self._status or DiagnosticStatus()
+        """What diagnostics tell at the next change or second."""
+        return status_of(self.node.full_name, self.node.manifest.kind, self.node.standing)
 
     def facts(self) -> dict[str, str]:
-        """The values of the latest diagnostics: kind, state, rate_hz, facts and counters."""
+        """The values of the diagnostics: kind, state, rate_hz, facts and counters."""
         return {value.key: value.value for value in self.status().values}
 
     def state(self) -> str:
-        """`opening`, `working`, `stale`, `waiting`, …, as the diagnostics last told."""
-        return self.facts().get("state", "")
+        """`opening`, `working`, `stale`, `waiting`, …"""
+        return self.node.standing.state.value
 
-    def _on_status(self, message: DiagnosticArray) -> None:
-        self._status = message.status[0]
+    def leap(self, seconds: float) -> None:
+        """Let the driver's clock be so much later; what waits for a time-out has waited."""
+        clock = self.node.clock
+        assert isinstance(clock, LeapingClock)
+        clock.leap(seconds)
+        self.node.ingress.wake()
 
 
 @contextmanager
@@ -52,28 +59,28 @@ def running(
     kind: str,
     params: Mapping[str, Any],
     *,
-    zenoh_router: str,
+    context: metaros.Context,
     namespace: str = "/r1",
     name: str = "",
     start: bool = True,
 ) -> Iterator[RunningDriver]:
-    """Run a driver and a viewer; everything has ended when the block has."""
+    """Run a driver, which tries again soon, and a viewer; everything has ended when the block has."""
     make, manifest = device_maker(kind), manifest_of(kind)
-    with metaros.Context(connect=zenoh_router) as context:
-        node = DriverNode(manifest, make, params, context=context, namespace=namespace, name=name)
-        viewer = metaros.Node("driver_viewer", context=context)
-        driver = RunningDriver(node, viewer, namespace)
-        executor = metaros.SingleThreadedExecutor()
-        executor.add_node(node)
-        executor.add_node(viewer)
-        spinning = threading.Thread(target=executor.spin, name="driver test executor")
-        spinning.start()
-        try:
-            if start:
-                node.start()
-            yield driver
-        finally:
-            node.stop()
-            executor.shutdown()
-            spinning.join(60)
-            assert not spinning.is_alive()
+    back_off = BackOff(first_s=RETRY_S, last_s=RETRY_S)
+    node = DriverNode(manifest, make, params, context=context, namespace=namespace, name=name, back_off=back_off)
+    viewer = metaros.Node("driver_viewer", context=context)
+    executor = metaros.SingleThreadedExecutor()
+    executor.add_node(node)
+    executor.add_node(viewer)
+    spinning = threading.Thread(target=executor.spin, name="driver test executor")
+    spinning.start()
+    try:
+        if start:
+            node.start()
+        yield RunningDriver(node, viewer, namespace)
+    finally:
+        node.stop()
+        executor.shutdown()
+        spinning.join(60)
+        viewer.close()
+        assert not spinning.is_alive()

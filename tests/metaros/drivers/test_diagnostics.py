@@ -11,8 +11,8 @@ from tests.support.drivers import running
 from tests.support.waiting import wait_until
 
 
-def test_a_simulated_fault_is_seen_and_ends(zenoh_router: str) -> None:
-    with running("host_metrics", {"rate_hz": 10.0, "allow_faults": True}, zenoh_router=zenoh_router) as driver:
+def test_a_simulated_fault_is_seen_and_ends(context: metaros.Context) -> None:
+    with running("host_metrics", {"rate_hz": 10.0, "allow_faults": True}, context=context) as driver:
         fault = driver.viewer.create_publisher(String, "/r1/host_metrics/fault", 10)
         wait_until(lambda: driver.state() == "working")
         assert driver.status().level == DiagnosticStatus.OK
@@ -33,19 +33,19 @@ def test_a_simulated_fault_is_seen_and_ends(zenoh_router: str) -> None:
         wait_until(lambda: driver.state() == "working" and bool(memory))
 
 
-def test_faults_are_off_unless_the_robot_says_so(zenoh_router: str) -> None:
-    with running("host_metrics", {"rate_hz": 10.0}, zenoh_router=zenoh_router) as driver:
+def test_faults_are_off_unless_the_robot_says_so(context: metaros.Context) -> None:
+    with running("host_metrics", {"rate_hz": 10.0}, context=context) as driver:
         wait_until(lambda: driver.state() == "working")
         topics = driver.node.graph.topics()
         assert "/r1/diagnostics" in topics
         assert "/r1/host_metrics/fault" not in topics
 
 
-def test_a_local_parameter_is_refused_on_the_wire_and_a_live_one_is_taken(zenoh_router: str) -> None:
+def test_a_local_parameter_is_refused_on_the_wire_and_a_live_one_is_taken(context: metaros.Context) -> None:
     with (
-        running("host_metrics", {"rate_hz": 10.0}, zenoh_router=zenoh_router) as driver,
-        metaros.Context(connect=zenoh_router) as context,
-        metaros.Node("setter", context=context) as setter,
+        running("host_metrics", {"rate_hz": 10.0}, context=context) as driver,
+        metaros.Context(connect=context.session.connect) as other,
+        metaros.Node("setter", context=other) as setter,
     ):
         from metaros.interfaces.rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
         from metaros.interfaces.rcl_interfaces.srv import SetParameters

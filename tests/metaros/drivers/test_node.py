@@ -12,6 +12,7 @@ import pytest
 
 import metaros
 from metaros.drivers import node as node_module
+from metaros.drivers.back_off import BackOff
 from metaros.drivers.manifest import Manifest, read_manifest
 from metaros.drivers.node import DriverNode
 from metaros.drivers.unit import Unit
@@ -75,7 +76,8 @@ class Rig:
 
     def __init__(self, manifest: Manifest, context: metaros.Context, parameters: dict[str, object]) -> None:
         self.toys: list[Toy] = []
-        self.node = DriverNode(manifest, self.make, parameters, context=context)
+        back_off = BackOff(first_s=0.02, last_s=0.02)
+        self.node = DriverNode(manifest, self.make, parameters, context=context, back_off=back_off)
 
     def make(self, unit: Unit) -> Toy:
         """Refuse a step of 9, else a new toy."""
@@ -104,17 +106,16 @@ def manifest(tmp_path: Path) -> Manifest:
 
 
 @contextmanager
-def rig(manifest: Manifest, router: str, **parameters: object) -> Iterator[Rig]:
-    with metaros.Context(connect=router) as context:
-        made = Rig(manifest, context, parameters)
-        try:
-            yield made
-        finally:
-            made.node.stop()
+def rig(manifest: Manifest, context: metaros.Context, **parameters: object) -> Iterator[Rig]:
+    made = Rig(manifest, context, parameters)
+    try:
+        yield made
+    finally:
+        made.node.stop()
 
 
-def test_a_device_that_is_away_is_tried_until_it_is_there(manifest: Manifest, zenoh_router: str) -> None:
-    with rig(manifest, zenoh_router) as toy:
+def test_a_device_that_is_away_is_tried_until_it_is_there(manifest: Manifest, context: metaros.Context) -> None:
+    with rig(manifest, context) as toy:
         assert toy.node.trigger("configure")
         toy.toy.failures = [UnavailableError("away"), UnavailableError("away")]
         assert toy.node.trigger("activate")
@@ -127,9 +128,9 @@ def test_a_device_that_is_away_is_tried_until_it_is_there(manifest: Manifest, ze
 
 
 def test_a_foreign_error_is_logged_once_and_tried_again(
-    manifest: Manifest, zenoh_router: str, caplog: pytest.LogCaptureFixture
+    manifest: Manifest, context: metaros.Context, caplog: pytest.LogCaptureFixture
 ) -> None:
-    with rig(manifest, zenoh_router) as toy, caplog.at_level(logging.ERROR, "metaros.drivers"):
+    with rig(manifest, context) as toy, caplog.at_level(logging.ERROR, "metaros.drivers"):
         assert toy.node.trigger("configure")
         toy.toy.failures = [KeyError("x"), KeyError("x"), KeyError("x")]
         assert toy.node.trigger("activate")
@@ -137,8 +138,8 @@ def test_a_foreign_error_is_logged_once_and_tried_again(
     assert [record.message for record in caplog.records] == ["/toy: the driver failed"]
 
 
-def test_a_close_that_raises_ends_nothing(manifest: Manifest, zenoh_router: str) -> None:
-    with rig(manifest, zenoh_router) as toy:
+def test_a_close_that_raises_ends_nothing(manifest: Manifest, context: metaros.Context) -> None:
+    with rig(manifest, context) as toy:
         assert toy.node.trigger("configure")
         toy.toy.close_fails = True
         toy.toy.failures = [UnavailableError("away")]
@@ -147,8 +148,10 @@ def test_a_close_that_raises_ends_nothing(manifest: Manifest, zenoh_router: str)
         assert toy.node.trigger("deactivate")
 
 
-def test_a_device_that_ends_by_itself_is_opened_again_after_a_wait(manifest: Manifest, zenoh_router: str) -> None:
-    with rig(manifest, zenoh_router) as toy:
+def test_a_device_that_ends_by_itself_is_opened_again_after_a_wait(
+    manifest: Manifest, context: metaros.Context
+) -> None:
+    with rig(manifest, context) as toy:
         assert toy.node.trigger("configure")
         toy.toy.run_returns = True
         assert toy.node.trigger("activate")
@@ -158,8 +161,8 @@ def test_a_device_that_ends_by_itself_is_opened_again_after_a_wait(manifest: Man
         assert toy.toy.opened < 50
 
 
-def test_it_goes_through_its_life_again_and_again(manifest: Manifest, zenoh_router: str) -> None:
-    with rig(manifest, zenoh_router) as toy:
+def test_it_goes_through_its_life_again_and_again(manifest: Manifest, context: metaros.Context) -> None:
+    with rig(manifest, context) as toy:
         for _ in range(5):
             for transition in ("configure", "activate", "deactivate", "cleanup"):
                 assert toy.node.trigger(transition)
@@ -168,10 +171,10 @@ def test_it_goes_through_its_life_again_and_again(manifest: Manifest, zenoh_rout
 
 
 def test_a_device_that_does_not_let_go_is_not_run_twice(
-    manifest: Manifest, zenoh_router: str, monkeypatch: pytest.MonkeyPatch
+    manifest: Manifest, context: metaros.Context, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(node_module, "CLOSE_S", 0.05)
-    with rig(manifest, zenoh_router) as toy:
+    with rig(manifest, context) as toy:
         toy.node.start()
         toy.toy.hang.clear()
         wait_until(lambda: toy.node.standing.counters["readings"] > 0)
@@ -182,15 +185,15 @@ def test_a_device_that_does_not_let_go_is_not_run_twice(
         assert toy.node.on_activate()
 
 
-def test_a_configuration_that_cannot_work_is_refused(manifest: Manifest, zenoh_router: str) -> None:
-    with rig(manifest, zenoh_router, step=9) as toy:
+def test_a_configuration_that_cannot_work_is_refused(manifest: Manifest, context: metaros.Context) -> None:
+    with rig(manifest, context, step=9) as toy:
         with pytest.raises(ConfigError, match="nine is too far"):
             toy.node.start()
         assert toy.state == "failed"
 
 
-def test_a_configuration_error_on_the_thread_ends_the_driver(manifest: Manifest, zenoh_router: str) -> None:
-    with rig(manifest, zenoh_router) as toy:
+def test_a_configuration_error_on_the_thread_ends_the_driver(manifest: Manifest, context: metaros.Context) -> None:
+    with rig(manifest, context) as toy:
         assert toy.node.trigger("configure")
         toy.toy.failures = [ConfigError("no such port can be")]
         assert toy.node.trigger("activate")
@@ -199,16 +202,16 @@ def test_a_configuration_error_on_the_thread_ends_the_driver(manifest: Manifest,
         assert toy.node.standing.detail == "no such port can be"
 
 
-def test_a_closed_context_ends_the_driver(manifest: Manifest, zenoh_router: str) -> None:
-    with rig(manifest, zenoh_router) as toy:
+def test_a_closed_context_ends_the_driver(manifest: Manifest, context: metaros.Context) -> None:
+    with rig(manifest, context) as toy:
         assert toy.node.trigger("configure")
         toy.toy.failures = [ClosedError("closed")]
         assert toy.node.trigger("activate")
         wait_until(lambda: toy.node.ended)
 
 
-def test_an_unplug_is_simulated(manifest: Manifest, zenoh_router: str) -> None:
-    with rig(manifest, zenoh_router) as toy:
+def test_an_unplug_is_simulated(manifest: Manifest, context: metaros.Context) -> None:
+    with rig(manifest, context) as toy:
         toy.node.start()
         wait_until(lambda: toy.state == "working")
         toy.node.faults.inject("unplug")
@@ -218,8 +221,8 @@ def test_an_unplug_is_simulated(manifest: Manifest, zenoh_router: str) -> None:
         wait_until(lambda: toy.state == "working")
 
 
-def test_a_live_parameter_reaches_the_device(manifest: Manifest, zenoh_router: str) -> None:
-    with rig(manifest, zenoh_router) as toy:
+def test_a_live_parameter_reaches_the_device(manifest: Manifest, context: metaros.Context) -> None:
+    with rig(manifest, context) as toy:
         toy.node.start()
         toy.node.parameters["step"] = 4
         assert toy.toy.steps == [4]

@@ -39,17 +39,16 @@ class Toy:
         """There is nothing to let go."""
 
 
-def run(folder: Path, router: str, opened: Callable[[], object], stop: threading.Event) -> None:
+def run(folder: Path, context: metaros.Context, opened: Callable[[], object], stop: threading.Event) -> None:
     path = folder / "toy" / "manifest.toml"
     path.parent.mkdir()
     path.write_text(HEAD)
-    with metaros.Context(connect=router) as context:
-        run_device(read_manifest(path), lambda unit: Toy(unit, opened), {}, context=context, stop=stop)
+    run_device(read_manifest(path), lambda unit: Toy(unit, opened), {}, context=context, stop=stop)
 
 
-def test_it_runs_until_stop_is_set(tmp_path: Path, zenoh_router: str) -> None:
+def test_it_runs_until_stop_is_set(tmp_path: Path, context: metaros.Context) -> None:
     opened, stop = threading.Event(), threading.Event()
-    thread = threading.Thread(target=run, args=(tmp_path, zenoh_router, opened.set, stop))
+    thread = threading.Thread(target=run, args=(tmp_path, context, opened.set, stop))
     thread.start()
     wait_until(opened.is_set)
     stop.set()
@@ -58,21 +57,21 @@ def test_it_runs_until_stop_is_set(tmp_path: Path, zenoh_router: str) -> None:
     assert not [other for other in threading.enumerate() if other.name == "driver toy"]
 
 
-def test_a_configuration_that_cannot_work_is_raised(tmp_path: Path, zenoh_router: str) -> None:
+def test_a_configuration_that_cannot_work_is_raised(tmp_path: Path, context: metaros.Context) -> None:
     def opened() -> None:
         raise ConfigError("no such port can be")
 
     with pytest.raises(ConfigError, match="no such port can be"):
-        run(tmp_path, zenoh_router, opened, threading.Event())
+        run(tmp_path, context, opened, threading.Event())
 
 
-def test_a_closed_context_ends_it(tmp_path: Path, zenoh_router: str) -> None:
+def test_a_closed_context_ends_it(tmp_path: Path, context: metaros.Context) -> None:
     def opened() -> None:
         raise ClosedError("the context is closed")
 
-    run(tmp_path, zenoh_router, opened, threading.Event())
+    run(tmp_path, context, opened, threading.Event())
 
 
-def test_a_wrong_parameter_is_raised_before_the_graph_is_asked(zenoh_router: str) -> None:
-    with metaros.Context(connect=zenoh_router) as context, pytest.raises(ConfigError, match="rate_hz must be"):
+def test_a_wrong_parameter_is_raised_before_the_graph_is_asked(context: metaros.Context) -> None:
+    with pytest.raises(ConfigError, match="rate_hz must be"):
         run_driver("host_metrics", {"rate_hz": "99"}, context=context)

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+import metaros
 from metaros.clock import ManualClock
 from metaros.drivers import sound
 from metaros.drivers.sound import PACKET_S, Pacer
@@ -77,12 +78,12 @@ class FakePortAudio:
 
 @pytest.mark.parametrize(("how", "said"), [("gone", "Device unavailable"), ("hangs", "no sound moved")])
 def test_a_device_that_breaks_while_it_is_open(
-    how: str, said: str, monkeypatch: pytest.MonkeyPatch, zenoh_router: str
+    how: str, said: str, monkeypatch: pytest.MonkeyPatch, context: metaros.Context
 ) -> None:
     fake = FakePortAudio()
     monkeypatch.setattr(sound, "_portaudio", lambda: fake)
     monkeypatch.setattr(sound, "STUCK_S", 0.2)
-    with running("microphone", {"device": "fake"}, zenoh_router=zenoh_router) as driver:
+    with running("microphone", {"device": "fake"}, context=context) as driver:
         heard, told = driver.messages(RawAudio, "audio"), set[str]()
         wait_until(lambda: len(heard) > 3)
         fake.broken = how

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import pytest
 
+import metaros
 from metaros.convert import is_key_frame
 from metaros.drivers.camera.encoders import encode_jpeg
 from metaros.drivers.camera.source import TestPattern
@@ -38,8 +39,8 @@ def size_of(message: Any) -> tuple[int, int]:
     return image.shape[1], image.shape[0]
 
 
-def test_jpeg_by_default(zenoh_router: str) -> None:
-    with running("camera", SMALL | {"frame_id": "front"}, zenoh_router=zenoh_router) as camera:
+def test_jpeg_by_default(context: metaros.Context) -> None:
+    with running("camera", SMALL | {"frame_id": "front"}, context=context) as camera:
         images = camera.messages(CompressedImage, "camera/image/compressed")
         wait_until(lambda: len(images) >= 20)
         assert (images[0].format, images[0].header.frame_id, size_of(images[0])) == ("jpeg", "front", (160, 120))
@@ -48,8 +49,8 @@ def test_jpeg_by_default(zenoh_router: str) -> None:
         assert camera.status().message == "test, 160 x 120"
 
 
-def test_both_outputs_show_the_same_moments(zenoh_router: str) -> None:
-    with running("camera", SMALL | {"output": "both"}, zenoh_router=zenoh_router) as camera:
+def test_both_outputs_show_the_same_moments(context: metaros.Context) -> None:
+    with running("camera", SMALL | {"output": "both"}, context=context) as camera:
         images = camera.messages(CompressedImage, "camera/image/compressed")
         videos = camera.messages(CompressedVideo, "camera/video")
         wait_until(lambda: len(images) >= 10 and len(videos) >= 10)
@@ -58,9 +59,9 @@ def test_both_outputs_show_the_same_moments(zenoh_router: str) -> None:
         assert {video.format for video in videos} == {"h264"}
 
 
-def test_key_frames_and_bit_rates_are_as_asked(zenoh_router: str) -> None:
+def test_key_frames_and_bit_rates_are_as_asked(context: metaros.Context) -> None:
     settings = SMALL | {"output": "h264", "width": 320, "height": 240, "bitrate": 2_000_000}
-    with running("camera", settings, zenoh_router=zenoh_router) as camera:
+    with running("camera", settings, context=context) as camera:
         videos = camera.messages(CompressedVideo, "camera/video")
         demand = camera.viewer.create_publisher(VideoDemand, "/r1/camera/video/demand", 10)
         wait_until(lambda: len(videos) > 5)
@@ -84,9 +85,9 @@ def _sizes(videos: list[Any]) -> list[int]:
     return [frame.width for frame in frames]
 
 
-def test_on_demand_nothing_is_encoded_for_nobody(zenoh_router: str) -> None:
+def test_on_demand_nothing_is_encoded_for_nobody(context: metaros.Context) -> None:
     settings = SMALL | {"output": "both", "on_demand": True}
-    with running("camera", settings, zenoh_router=zenoh_router) as camera:
+    with running("camera", settings, context=context) as camera:
         images = camera.messages(CompressedImage, "camera/image/compressed")
         videos = camera.messages(CompressedVideo, "camera/video")
         demand = camera.viewer.create_publisher(VideoDemand, "/r1/camera/video/demand", 10)
@@ -109,11 +110,11 @@ projection_matrix: {rows: 3, cols: 4, data: [180, 0, 160, 0, 0, 180, 120, 0, 0, 
 
 
 @pytest.mark.parametrize("rectify", [False, True])
-def test_camera_info_goes_with_each_picture(zenoh_router: str, tmp_path: Path, rectify: bool) -> None:
+def test_camera_info_goes_with_each_picture(context: metaros.Context, tmp_path: Path, rectify: bool) -> None:
     file = tmp_path / "front.yaml"
     file.write_text(CALIBRATION)
     settings = SMALL | {"calibration": str(file), "rectify": rectify, "output": "h264"}
-    with running("camera", settings, zenoh_router=zenoh_router) as camera:
+    with running("camera", settings, context=context) as camera:
         infos = camera.messages(CameraInfo, "camera/camera_info")
         videos = camera.messages(CompressedVideo, "camera/video")
         wait_until(lambda: len(infos) > 5 and len(videos) > 5)
@@ -135,22 +136,24 @@ def test_camera_info_goes_with_each_picture(zenoh_router: str, tmp_path: Path, r
         ({"topic": "a b"}, "topic"),
     ],
 )
-def test_what_cannot_be_is_refused_at_configure(zenoh_router: str, settings: dict[str, Any], reason: str) -> None:
-    with running("camera", SMALL | settings, zenoh_router=zenoh_router, start=False) as camera:
+def test_what_cannot_be_is_refused_at_configure(
+    context: metaros.Context, settings: dict[str, Any], reason: str
+) -> None:
+    with running("camera", SMALL | settings, context=context, start=False) as camera:
         with pytest.raises(ConfigError, match=reason):
             camera.node.start()
 
 
-def test_nobody_afar_chooses_the_source(zenoh_router: str) -> None:
-    with running("camera", SMALL, zenoh_router=zenoh_router) as camera:
+def test_nobody_afar_chooses_the_source(context: metaros.Context) -> None:
+    with running("camera", SMALL, context=context) as camera:
         for name in ("source", "calibration", "encoder", "topic"):
             with pytest.raises(ParameterError, match="read-only"):
                 camera.node.parameters.set(name, "file:///etc/passwd")
         camera.node.parameters.set("quality", 5)
 
 
-def test_simulated_faults(zenoh_router: str) -> None:
-    with running("camera", SMALL | {"allow_faults": True}, zenoh_router=zenoh_router) as camera:
+def test_simulated_faults(context: metaros.Context) -> None:
+    with running("camera", SMALL | {"allow_faults": True}, context=context) as camera:
         images = camera.messages(CompressedImage, "camera/image/compressed")
         faults = camera.viewer.create_publisher(String, "/r1/camera/fault", 10)
         wait_until(lambda: faults.publish(String(data="unplug")) or camera.state() == "waiting")
@@ -161,10 +164,10 @@ def test_simulated_faults(zenoh_router: str) -> None:
 # -- real peers --------------------------------------------------------------------------------------------------------
 
 
-def test_an_rtsp_server_that_dies_and_returns(zenoh_router: str) -> None:
+def test_an_rtsp_server_that_dies_and_returns(context: metaros.Context) -> None:
     with RtspServer(free_port()) as server:
         settings = {"source": server.url, "width": 160, "height": 120, "rate": 25}
-        with running("camera", settings, zenoh_router=zenoh_router) as camera:
+        with running("camera", settings, context=context) as camera:
             images = camera.messages(CompressedImage, "camera/image/compressed")
             wait_until(lambda: len(images) > 5)
             server.kill()
@@ -220,16 +223,16 @@ def sees(camera: RunningDriver, width: int, height: int) -> None:
     assert size_of(images[-1]) == (width, height)
 
 
-def test_mjpeg_over_http(zenoh_router: str) -> None:
+def test_mjpeg_over_http(context: metaros.Context) -> None:
     with mjpeg_server() as url:
         settings = {"source": f"{url}/stream.mjpeg", "width": 160, "height": 120, "rate": 30}
-        with running("camera", settings, zenoh_router=zenoh_router) as camera:
+        with running("camera", settings, context=context) as camera:
             sees(camera, 160, 120)
 
 
-def test_a_stream_of_garbage_is_waited_out(zenoh_router: str) -> None:
+def test_a_stream_of_garbage_is_waited_out(context: metaros.Context) -> None:
     with mjpeg_server() as url:
-        with running("camera", {"source": f"{url}/garbage"}, zenoh_router=zenoh_router) as camera:
+        with running("camera", {"source": f"{url}/garbage"}, context=context) as camera:
             wait_until(lambda: int(camera.facts().get("reconnects", 0)) >= 2)
 
 
@@ -258,12 +261,12 @@ def transport_stream(port: int) -> Iterator[None]:
         thread.join(60)
 
 
-def test_a_transport_stream_over_udp_that_stops_and_returns(zenoh_router: str) -> None:
+def test_a_transport_stream_over_udp_that_stops_and_returns(context: metaros.Context) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.bind(("127.0.0.1", 0))
         port = sock.getsockname()[1]
     settings = {"source": f"udp://127.0.0.1:{port}", "width": 160, "height": 120, "rate": 25}
-    with running("camera", settings, zenoh_router=zenoh_router) as camera:
+    with running("camera", settings, context=context) as camera:
         images = camera.messages(CompressedImage, "camera/image/compressed")
         with transport_stream(port):
             wait_until(lambda: len(images) > 5)

@@ -28,9 +28,11 @@ MULTICAST = "239.74.163.2"
 
 
 @contextmanager
-def on_bus(zenoh_router: str, interface: str, channel: str, **params: Any) -> Iterator[tuple[RunningDriver, Any]]:
+def on_bus(
+    context: metaros.Context, interface: str, channel: str, **params: Any
+) -> Iterator[tuple[RunningDriver, Any]]:
     given = {"interface": interface, "channel": channel, "frame_rate": 0, **params}
-    with can.Bus(interface=interface, channel=channel) as bus, running("can", given, zenoh_router=zenoh_router) as one:
+    with can.Bus(interface=interface, channel=channel) as bus, running("can", given, context=context) as one:
         wait_until(lambda: one.state() == "working")
         yield one, bus
 
@@ -54,12 +56,12 @@ def message(identifier: int, data: bytes = b"", **more: Any) -> can.Message:
 
 
 @pytest.mark.parametrize(("interface", "channel"), [("virtual", "h"), ("udp_multicast", MULTICAST)])
-def test_frames_and_signals(interface: str, channel: str, zenoh_router: str, tmp_path: Path) -> None:
+def test_frames_and_signals(interface: str, channel: str, context: metaros.Context, tmp_path: Path) -> None:
     dbc = tmp_path / "robot.dbc"
     dbc.write_text(DBC)
     if interface == "udp_multicast" and not _has_multicast():
         pytest.skip("no route for multicast on this machine")
-    with on_bus(zenoh_router, interface, channel, dbc=str(dbc)) as (driver, bus):
+    with on_bus(context, interface, channel, dbc=str(dbc)) as (driver, bus):
         frames = driver.messages(Frame, "can/rx", metaros.qos_default)
         speeds = driver.messages(Float64, "can/Motor/Speed", metaros.qos_default)
         repeat(lambda: bus.send(message(256, bytes.fromhex("9cff000000000000"))), lambda: frames and speeds)
@@ -88,16 +90,16 @@ def _has_multicast() -> bool:
     return True
 
 
-def test_error_frames_are_told(zenoh_router: str) -> None:
-    with on_bus(zenoh_router, "virtual", "broken") as (driver, bus):
+def test_error_frames_are_told(context: metaros.Context) -> None:
+    with on_bus(context, "virtual", "broken") as (driver, bus):
         bus.send(can.Message(is_error_frame=True))
         wait_until(lambda: driver.status().message == "the bus has errors" and count(driver, "error_frames") == 1)
         bus.send(message(1))
         wait_until(lambda: "errors" not in driver.status().message)
 
 
-def test_a_busy_bus_is_thinned_out(zenoh_router: str) -> None:
-    with on_bus(zenoh_router, "virtual", "busy", frame_rate=5) as (driver, bus):
+def test_a_busy_bus_is_thinned_out(context: metaros.Context) -> None:
+    with on_bus(context, "virtual", "busy", frame_rate=5) as (driver, bus):
         frames = driver.messages(Frame, "can/rx", metaros.qos_default)
         for number in range(2000):
             bus.send(message(9, number.to_bytes(2)))
@@ -105,8 +107,8 @@ def test_a_busy_bus_is_thinned_out(zenoh_router: str) -> None:
         assert len(frames) < 200
 
 
-def test_only_what_is_allowed_is_sent(zenoh_router: str) -> None:
-    with on_bus(zenoh_router, "virtual", "tx", allow_tx=True, tx_ids="0x100-0x101") as (driver, bus):
+def test_only_what_is_allowed_is_sent(context: metaros.Context) -> None:
+    with on_bus(context, "virtual", "tx", allow_tx=True, tx_ids="0x100-0x101") as (driver, bus):
         sender = driver.viewer.create_publisher(Frame, "/r1/can/tx", metaros.qos_default)
         good = Frame(id=0x100, dlc=2, data=np.array([1, 2, 0, 0, 0, 0, 0, 0], np.uint8))
         repeat(lambda: sender.publish(good), lambda: count(driver, "sent_frames") > 0)
@@ -121,8 +123,8 @@ def test_only_what_is_allowed_is_sent(zenoh_router: str) -> None:
             assert late.arbitration_id == 0x100
 
 
-def test_nothing_is_sent_without_permission(zenoh_router: str) -> None:
-    with on_bus(zenoh_router, "virtual", "silent", tx_ids="0x100") as (driver, bus):
+def test_nothing_is_sent_without_permission(context: metaros.Context) -> None:
+    with on_bus(context, "virtual", "silent", tx_ids="0x100") as (driver, bus):
         sender = driver.viewer.create_publisher(Frame, "/r1/can/tx", metaros.qos_default)
         frames = driver.messages(Frame, "can/rx", metaros.qos_default)
         for _ in range(10):
@@ -132,11 +134,11 @@ def test_nothing_is_sent_without_permission(zenoh_router: str) -> None:
         assert bus.recv(0) is None
 
 
-def test_an_adapter_on_a_serial_port(zenoh_router: str, tmp_path: Path) -> None:
+def test_an_adapter_on_a_serial_port(context: metaros.Context, tmp_path: Path) -> None:
     params = {"interface": "slcan", "frame_rate": 0, "allow_tx": True, "tx_ids": "0x123", "bitrate": 250_000}
     with (
         PtyDevice(tmp_path) as pty,
-        running("can", {**params, "channel": pty.path}, zenoh_router=zenoh_router) as driver,
+        running("can", {**params, "channel": pty.path}, context=context) as driver,
     ):
         frames = driver.messages(Frame, "can/rx", metaros.qos_default)
         sender = driver.viewer.create_publisher(Frame, "/r1/can/tx", metaros.qos_default)

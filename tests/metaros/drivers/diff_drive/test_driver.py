@@ -61,21 +61,21 @@ class Rig:
 
 
 @contextmanager
-def rig(tmp_path: Path, zenoh_router: str, **parameters: Any) -> Iterator[Rig]:
+def rig(tmp_path: Path, context: metaros.Context, **parameters: Any) -> Iterator[Rig]:
     with (
         PtyDevice(tmp_path) as device,
         BaseEmulator(device, separation=0.3, wheel_radius=0.05, ticks_per_turn=20_000, pid_rate=30) as base,
     ):
         wanted = {"port": device.path, "wheel_separation": 0.3, "rate": 50.0, **GEOMETRY, **parameters}
-        with running("diff_drive", wanted, zenoh_router=zenoh_router) as driver:
+        with running("diff_drive", wanted, context=context) as driver:
             made = Rig(base, driver)
             wait_until(lambda: made.odometry)
             yield made
 
 
-def test_a_driven_square_ends_where_the_odometry_says(tmp_path: Path, zenoh_router: str) -> None:
+def test_a_driven_square_ends_where_the_odometry_says(tmp_path: Path, context: metaros.Context) -> None:
     limits = {"max_linear": 2.0, "max_angular": 8.0, "linear_acceleration": 20.0, "angular_acceleration": 80.0}
-    with rig(tmp_path, zenoh_router, **limits) as made:
+    with rig(tmp_path, context, **limits) as made:
         base, yaw = made.base, 0.0
         for side in range(4):
             begin = (base.x, base.y)
@@ -96,8 +96,8 @@ def test_a_driven_square_ends_where_the_odometry_says(tmp_path: Path, zenoh_rout
         assert last.pose.covariance[35] > 0.0
 
 
-def test_transforms_and_joints_say_the_same(tmp_path: Path, zenoh_router: str) -> None:
-    with rig(tmp_path, zenoh_router) as made:
+def test_transforms_and_joints_say_the_same(tmp_path: Path, context: metaros.Context) -> None:
+    with rig(tmp_path, context) as made:
         transforms = made.driver.messages(TFMessage, "tf")
         joints = made.driver.messages(JointState, "joint_states")
         made.drive(0.4, 0.0, lambda: joints and transforms and joints[-1].velocity[0] > 1)
@@ -111,15 +111,15 @@ def test_transforms_and_joints_say_the_same(tmp_path: Path, zenoh_router: str) -
         assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "base_link")
 
 
-def test_without_a_fresh_command_it_stops(tmp_path: Path, zenoh_router: str) -> None:
-    with rig(tmp_path, zenoh_router) as made:
+def test_without_a_fresh_command_it_stops(tmp_path: Path, context: metaros.Context) -> None:
+    with rig(tmp_path, context) as made:
         made.drive(0.4, 0.0, made.moving)
         wait_until(lambda: "m 0 0" in made.base.commands[-2:])  # the driver's stop, not the board's own
         assert made.standing()
 
 
-def test_limits_and_acceleration_hold(tmp_path: Path, zenoh_router: str) -> None:
-    with rig(tmp_path, zenoh_router, max_linear=0.2, linear_acceleration=0.5) as made:
+def test_limits_and_acceleration_hold(tmp_path: Path, context: metaros.Context) -> None:
+    with rig(tmp_path, context, max_linear=0.2, linear_acceleration=0.5) as made:
         made.drive(100.0, 0.0, lambda: made.odometry[-1].twist.twist.linear.x > 0.15)
         most = 0.2 / (2 * math.pi * 0.05 / 20_000) / 30
         told = [int(line.split()[1]) for line in made.base.commands if line.startswith("m")]
@@ -127,15 +127,15 @@ def test_limits_and_acceleration_hold(tmp_path: Path, zenoh_router: str) -> None
         assert any(0 < ticks < most / 2 for ticks in told)
 
 
-def test_commands_that_are_no_numbers_are_refused(tmp_path: Path, zenoh_router: str) -> None:
-    with rig(tmp_path, zenoh_router) as made:
+def test_commands_that_are_no_numbers_are_refused(tmp_path: Path, context: metaros.Context) -> None:
+    with rig(tmp_path, context) as made:
         made.drive(math.nan, 0.0, lambda: int(made.driver.facts().get("refused_commands", 0)) > 2)
         made.drive(0.0, -math.inf, lambda: int(made.driver.facts().get("refused_commands", 0)) > 5)
         assert all(line in ("m 0 0", "e") for line in made.base.commands)
 
 
-def test_stop_holds_until_release_and_a_new_command(tmp_path: Path, zenoh_router: str) -> None:
-    with rig(tmp_path, zenoh_router) as made:
+def test_stop_holds_until_release_and_a_new_command(tmp_path: Path, context: metaros.Context) -> None:
+    with rig(tmp_path, context) as made:
         made.drive(0.4, 0.0, made.moving)
         assert made.call("stop").success
         made.base.commands.clear()
@@ -148,8 +148,8 @@ def test_stop_holds_until_release_and_a_new_command(tmp_path: Path, zenoh_router
         made.drive(0.4, 0.0, made.moving)
 
 
-def test_after_replugging_nothing_moves_without_a_new_command(tmp_path: Path, zenoh_router: str) -> None:
-    with rig(tmp_path, zenoh_router) as made:
+def test_after_replugging_nothing_moves_without_a_new_command(tmp_path: Path, context: metaros.Context) -> None:
+    with rig(tmp_path, context) as made:
         made.drive(0.4, 0.0, made.moving)
         made.base.unplug()
         wait_until(lambda: made.driver.state() == "waiting")
@@ -166,16 +166,16 @@ def test_after_replugging_nothing_moves_without_a_new_command(tmp_path: Path, ze
         made.drive(0.4, 0.0, made.moving)
 
 
-def test_it_stops_the_wheels_when_it_is_stopped(tmp_path: Path, zenoh_router: str) -> None:
-    with rig(tmp_path, zenoh_router) as made:
+def test_it_stops_the_wheels_when_it_is_stopped(tmp_path: Path, context: metaros.Context) -> None:
+    with rig(tmp_path, context) as made:
         made.drive(0.4, 0.0, made.moving)
         made.driver.node.trigger("deactivate")
         wait_until(lambda: made.base.commands[-1] == "m 0 0")  # and no question after it
         assert made.standing()
 
 
-def test_a_board_that_began_anew_stands_and_the_place_does_not_jump(tmp_path: Path, zenoh_router: str) -> None:
-    with rig(tmp_path, zenoh_router) as made:
+def test_a_board_that_began_anew_stands_and_the_place_does_not_jump(tmp_path: Path, context: metaros.Context) -> None:
+    with rig(tmp_path, context) as made:
         made.drive(0.4, 0.0, lambda: made.base.x > 0.3)
         made.base.restart()
         wait_until(lambda: int(made.driver.facts().get("encoder_jumps", 0)) == 1)
@@ -183,8 +183,8 @@ def test_a_board_that_began_anew_stands_and_the_place_does_not_jump(tmp_path: Pa
         assert made.place()[0] == pytest.approx(made.base.x, abs=0.05)
 
 
-def test_encoders_wrap(tmp_path: Path, zenoh_router: str) -> None:
-    with rig(tmp_path, zenoh_router) as made:
+def test_encoders_wrap(tmp_path: Path, context: metaros.Context) -> None:
+    with rig(tmp_path, context) as made:
         made.base.offset = [2**31 - 3000, 2**31 - 3000]
         wait_until(lambda: int(made.driver.facts().get("encoder_jumps", 0)) == 1)  # the emulator's, once
         made.drive(0.4, 0.0, lambda: made.base.x > 0.2)
@@ -193,8 +193,8 @@ def test_encoders_wrap(tmp_path: Path, zenoh_router: str) -> None:
         assert made.driver.facts()["encoder_jumps"] == "1"
 
 
-def test_noise_on_the_line_moves_nothing_by_itself(tmp_path: Path, zenoh_router: str) -> None:
-    with rig(tmp_path, zenoh_router) as made:
+def test_noise_on_the_line_moves_nothing_by_itself(tmp_path: Path, context: metaros.Context) -> None:
+    with rig(tmp_path, context) as made:
         rng = Random(2)
         made.base.noise = b"9" * 500 + b"\r\n" + rng.randbytes(200).replace(b"\n", b"") + b"\n"
         seen = len(made.odometry)
@@ -206,8 +206,8 @@ def test_noise_on_the_line_moves_nothing_by_itself(tmp_path: Path, zenoh_router:
         made.drive(0.4, 0.0, lambda: made.odometry[-1].twist.twist.linear.x > 0.2)
 
 
-def test_a_board_that_falls_silent_is_away_until_it_answers(tmp_path: Path, zenoh_router: str) -> None:
-    with rig(tmp_path, zenoh_router) as made:
+def test_a_board_that_falls_silent_is_away_until_it_answers(tmp_path: Path, context: metaros.Context) -> None:
+    with rig(tmp_path, context) as made:
         made.base.answers = False
         wait_until(lambda: made.driver.state() == "waiting")
         made.base.answers = True

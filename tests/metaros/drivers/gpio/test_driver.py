@@ -43,8 +43,8 @@ def set_until(driver: RunningDriver, name: str, value: bool, condition: Callable
     publisher.close()
 
 
-def test_inputs_are_told_at_changes_and_again(pins: MockFactory, zenoh_router: str) -> None:
-    with running("gpio", {"inputs": "17:door,27:bumper:pull_up"}, zenoh_router=zenoh_router) as driver:
+def test_inputs_are_told_at_changes_and_again(pins: MockFactory, context: metaros.Context) -> None:
+    with running("gpio", {"inputs": "17:door,27:bumper:pull_up"}, context=context) as driver:
         door, bumper = states(driver, "door"), states(driver, "bumper")
         wait_until(lambda: door and bumper)
         assert (door[-1].data, bumper[-1].data) == (False, False)
@@ -56,17 +56,17 @@ def test_inputs_are_told_at_changes_and_again(pins: MockFactory, zenoh_router: s
         wait_until(lambda: driver.state() == "working")
 
 
-def test_inverted_and_floating_inputs(pins: MockFactory, zenoh_router: str) -> None:
-    with running("gpio", {"inputs": "17:door:floating:inverted"}, zenoh_router=zenoh_router) as driver:
+def test_inverted_and_floating_inputs(pins: MockFactory, context: metaros.Context) -> None:
+    with running("gpio", {"inputs": "17:door:floating:inverted"}, context=context) as driver:
         door = states(driver, "door")
         wait_until(lambda: door and door[-1].data)
         pins.pin(17).drive_high()
         wait_until(lambda: not door[-1].data)
 
 
-def test_outputs_obey_and_are_safe_at_the_end(pins: MockFactory, zenoh_router: str) -> None:
+def test_outputs_obey_and_are_safe_at_the_end(pins: MockFactory, context: metaros.Context) -> None:
     params = {"outputs": "22:lamp:off,25:brake:on,26:relay:off:low"}
-    with running("gpio", params, zenoh_router=zenoh_router) as driver:
+    with running("gpio", params, context=context) as driver:
         lamp, brake, relay = (states(driver, name) for name in ("lamp", "brake", "relay"))
         wait_until(lambda: lamp and brake and relay)
         assert [pins.pin(number).state for number in (22, 25, 26)] == [0, 1, 1]
@@ -79,9 +79,9 @@ def test_outputs_obey_and_are_safe_at_the_end(pins: MockFactory, zenoh_router: s
         assert [pins.pin(number).state for number in (22, 25, 26)] == [0, 1, 1]
 
 
-def test_a_watched_output_falls_back_and_a_pulse_ends(pins: MockFactory, zenoh_router: str) -> None:
+def test_a_watched_output_falls_back_and_a_pulse_ends(pins: MockFactory, context: metaros.Context) -> None:
     params = {"outputs": "23:pump:off:watchdog,24:horn:pulse=0.05", "watchdog": 0.1}
-    with running("gpio", params, zenoh_router=zenoh_router) as driver:
+    with running("gpio", params, context=context) as driver:
         pump, horn = states(driver, "pump"), states(driver, "horn")
         wait_until(lambda: pump and horn)
         for number, name, told in ((23, "pump", pump), (24, "horn", horn)):
@@ -90,9 +90,9 @@ def test_a_watched_output_falls_back_and_a_pulse_ends(pins: MockFactory, zenoh_r
             assert pins.pin(number).state == 0
 
 
-def test_unplugged_outputs_are_safe_and_need_a_new_command(pins: MockFactory, zenoh_router: str) -> None:
+def test_unplugged_outputs_are_safe_and_need_a_new_command(pins: MockFactory, context: metaros.Context) -> None:
     params = {"outputs": "22:lamp:off", "allow_faults": True}
-    with running("gpio", params, zenoh_router=zenoh_router) as driver:
+    with running("gpio", params, context=context) as driver:
         lamp = states(driver, "lamp")
         set_until(driver, "lamp", True, lambda: lamp and lamp[-1].data)
         driver.node.faults.inject("unplug")
@@ -105,28 +105,28 @@ def test_unplugged_outputs_are_safe_and_need_a_new_command(pins: MockFactory, ze
         assert pins.pin(22).state == 0
 
 
-def test_a_pin_that_is_taken_says_so(pins: MockFactory, zenoh_router: str) -> None:
+def test_a_pin_that_is_taken_says_so(pins: MockFactory, context: metaros.Context) -> None:
     taken = gpiozero.DigitalOutputDevice(22)
     try:
-        with running("gpio", {"outputs": "22:lamp:off"}, zenoh_router=zenoh_router) as driver:
+        with running("gpio", {"outputs": "22:lamp:off"}, context=context) as driver:
             wait_until(lambda: driver.state() == "failed")
             assert "already in use" in driver.status().message
     finally:
         taken.close()
 
 
-def test_a_machine_without_pins_says_what_to_install(zenoh_router: str) -> None:
+def test_a_machine_without_pins_says_what_to_install(context: metaros.Context) -> None:
     with warnings.catch_warnings(), contextlib.suppress(gpiozero.BadPinFactory):
         warnings.simplefilter("ignore")
         gpiozero.Device._default_pin_factory()
         pytest.skip("this machine has pins")
-    with running("gpio", {"inputs": "17:door"}, zenoh_router=zenoh_router) as driver:
+    with running("gpio", {"inputs": "17:door"}, context=context) as driver:
         wait_until(lambda: driver.state() == "failed")
         assert "install lgpio" in driver.status().message
 
 
 @pytest.mark.parametrize("params", [{}, {"inputs": "17:a,17:b"}, {"outputs": "x"}])
-def test_wrong_pins_are_refused_when_it_is_configured(zenoh_router: str, params: dict[str, str]) -> None:
-    with running("gpio", params, zenoh_router=zenoh_router, start=False) as driver:
+def test_wrong_pins_are_refused_when_it_is_configured(context: metaros.Context, params: dict[str, str]) -> None:
+    with running("gpio", params, context=context, start=False) as driver:
         with pytest.raises(ConfigError, match="could not configure: gpio"):
             driver.node.start()

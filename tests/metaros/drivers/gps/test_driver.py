@@ -12,6 +12,7 @@ from random import Random  # noqa: TID251 - seeded
 
 import pytest
 
+import metaros
 from metaros.drivers.gps.reader import pvt_request
 from metaros.interfaces.geometry_msgs.msg import TwistStamped
 from metaros.interfaces.sensor_msgs.msg import NavSatFix, NavSatStatus, TimeReference
@@ -38,8 +39,8 @@ def count(driver: RunningDriver, name: str) -> int:
     return int(driver.facts().get(name, 0))
 
 
-def test_nmea_becomes_fix_velocity_and_time(tmp_path: Path, zenoh_router: str) -> None:
-    with PtyDevice(tmp_path) as device, running("gps", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+def test_nmea_becomes_fix_velocity_and_time(tmp_path: Path, context: metaros.Context) -> None:
+    with PtyDevice(tmp_path) as device, running("gps", {"port": device.path}, context=context) as driver:
         fixes = driver.messages(NavSatFix, "fix")
         velocities = driver.messages(TwistStamped, "velocity")
         times = driver.messages(TimeReference, "time_reference")
@@ -56,18 +57,18 @@ def test_nmea_becomes_fix_velocity_and_time(tmp_path: Path, zenoh_router: str) -
         assert driver.facts()["hdop"] == "0.9"
 
 
-def test_hdop_gives_the_covariance_where_no_accuracy_is_told(tmp_path: Path, zenoh_router: str) -> None:
+def test_hdop_gives_the_covariance_where_no_accuracy_is_told(tmp_path: Path, context: metaros.Context) -> None:
     params = {"port": "", "uere": 2.0, "delay": 0.5}
     with PtyDevice(tmp_path) as device:
-        with running("gps", params | {"port": device.path}, zenoh_router=zenoh_router) as driver:
+        with running("gps", params | {"port": device.path}, context=context) as driver:
             fixes = driver.messages(NavSatFix, "fix")
             send_until(device, lambda second: nmea_epoch(second, gst=False), lambda: fixes)
             assert fixes[-1].position_covariance_type == NavSatFix.COVARIANCE_TYPE_APPROXIMATED
             assert fixes[-1].position_covariance[0] == pytest.approx(1.8**2)
 
 
-def test_without_a_fix_there_is_nan_and_a_warning_until_there_is_one(tmp_path: Path, zenoh_router: str) -> None:
-    with PtyDevice(tmp_path) as device, running("gps", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+def test_without_a_fix_there_is_nan_and_a_warning_until_there_is_one(tmp_path: Path, context: metaros.Context) -> None:
+    with PtyDevice(tmp_path) as device, running("gps", {"port": device.path}, context=context) as driver:
         fixes = driver.messages(NavSatFix, "fix")
         send_until(device, lambda _: nmea_no_fix(), lambda: fixes and driver.status().message == "no fix")
         assert fixes[-1].status.status == NavSatStatus.STATUS_NO_FIX
@@ -76,17 +77,17 @@ def test_without_a_fix_there_is_nan_and_a_warning_until_there_is_one(tmp_path: P
         send_until(device, nmea_epoch, lambda: driver.status().message.startswith("reading"))
 
 
-def test_a_receiver_that_talks_both_is_heard_by_ubx(tmp_path: Path, zenoh_router: str) -> None:
-    with PtyDevice(tmp_path) as device, running("gps", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+def test_a_receiver_that_talks_both_is_heard_by_ubx(tmp_path: Path, context: metaros.Context) -> None:
+    with PtyDevice(tmp_path) as device, running("gps", {"port": device.path}, context=context) as driver:
         fixes = driver.messages(NavSatFix, "fix")
         send_until(device, lambda second: pvt(second=second) + nmea_epoch(second), lambda: len(fixes) > 5)
         assert {round(fix.latitude, 4) for fix in fixes} == {48.1}
         wait_until(lambda: driver.facts().get("protocol") == "UBX")
 
 
-def test_noise_costs_no_more_than_what_it_hit_and_is_counted(tmp_path: Path, zenoh_router: str) -> None:
+def test_noise_costs_no_more_than_what_it_hit_and_is_counted(tmp_path: Path, context: metaros.Context) -> None:
     rng = Random(1)
-    with PtyDevice(tmp_path) as device, running("gps", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+    with PtyDevice(tmp_path) as device, running("gps", {"port": device.path}, context=context) as driver:
         fixes = driver.messages(NavSatFix, "fix")
         device.write(rng.randbytes(1_000_000))
         send_until(device, nmea_epoch, lambda: fixes)
@@ -97,8 +98,8 @@ def test_noise_costs_no_more_than_what_it_hit_and_is_counted(tmp_path: Path, zen
         assert {round(fix.latitude, 3) for fix in fixes} == {48.117}
 
 
-def test_unplugged_and_plugged_in_again(tmp_path: Path, zenoh_router: str) -> None:
-    with PtyDevice(tmp_path) as device, running("gps", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+def test_unplugged_and_plugged_in_again(tmp_path: Path, context: metaros.Context) -> None:
+    with PtyDevice(tmp_path) as device, running("gps", {"port": device.path}, context=context) as driver:
         fixes = driver.messages(NavSatFix, "fix")
         send_until(device, nmea_epoch, lambda: fixes)
         device.unplug()
@@ -108,17 +109,17 @@ def test_unplugged_and_plugged_in_again(tmp_path: Path, zenoh_router: str) -> No
         send_until(device, nmea_epoch, lambda: fixes and driver.state() == "working")
 
 
-def test_u_blox_is_asked_for_nav_pvt_only_where_that_is_wanted(tmp_path: Path, zenoh_router: str) -> None:
+def test_u_blox_is_asked_for_nav_pvt_only_where_that_is_wanted(tmp_path: Path, context: metaros.Context) -> None:
     for wanted, expected in ((False, b""), (True, pvt_request())):
         with PtyDevice(tmp_path) as device:
             params = {"port": device.path, "request_pvt": wanted}
-            with running("gps", params, zenoh_router=zenoh_router) as driver:
+            with running("gps", params, context=context) as driver:
                 fixes = driver.messages(NavSatFix, "fix")
                 send_until(device, lambda second: pvt(second=second), lambda: fixes)  # noqa: B023
                 assert device.read() == expected
 
 
-def test_a_stream_over_tcp_is_a_port_too(zenoh_router: str) -> None:
+def test_a_stream_over_tcp_is_a_port_too(context: metaros.Context) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         server.settimeout(60)
@@ -135,7 +136,7 @@ def test_a_stream_over_tcp_is_a_port_too(zenoh_router: str) -> None:
         thread = threading.Thread(target=serve)
         thread.start()
         try:
-            with running("gps", {"port": f"socket://127.0.0.1:{port}"}, zenoh_router=zenoh_router) as driver:
+            with running("gps", {"port": f"socket://127.0.0.1:{port}"}, context=context) as driver:
                 fixes = driver.messages(NavSatFix, "fix")
                 wait_until(lambda: fixes)
                 stop.set()

@@ -9,6 +9,7 @@ from random import Random  # noqa: TID251 - seeded
 
 import pytest
 
+import metaros
 from metaros.drivers.imu.sample import GRAVITY_M_S2
 from metaros.interfaces.sensor_msgs.msg import Imu, MagneticField, Temperature
 from tests.support.drivers import RunningDriver, running
@@ -31,8 +32,8 @@ def count(driver: RunningDriver, name: str) -> int:
     return int(driver.facts().get(name, 0))
 
 
-def test_witmotion_becomes_imu_field_and_temperature(tmp_path: Path, zenoh_router: str) -> None:
-    with PtyDevice(tmp_path) as device, running("imu", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+def test_witmotion_becomes_imu_field_and_temperature(tmp_path: Path, context: metaros.Context) -> None:
+    with PtyDevice(tmp_path) as device, running("imu", {"port": device.path}, context=context) as driver:
         samples = driver.messages(Imu, "imu")
         fields = driver.messages(MagneticField, "magnetic_field")
         temperatures = driver.messages(Temperature, "temperature")
@@ -47,10 +48,10 @@ def test_witmotion_becomes_imu_field_and_temperature(tmp_path: Path, zenoh_route
         assert temperatures[-1].temperature == 25.5
 
 
-def test_lines_of_numbers_get_the_filters_orientation(tmp_path: Path, zenoh_router: str) -> None:
+def test_lines_of_numbers_get_the_filters_orientation(tmp_path: Path, context: metaros.Context) -> None:
     with PtyDevice(tmp_path) as device:
         params = {"port": device.path, "protocol": "csv", "acceleration_unit": "g", "rate_unit": "deg/s"}
-        with running("imu", params, zenoh_router=zenoh_router) as driver:
+        with running("imu", params, context=context) as driver:
             samples = driver.messages(Imu, "imu")
             send_until(device, b"0,0.5,0.8660254,0,0,0\r\n", lambda: samples)
             sample = samples[-1]
@@ -61,16 +62,16 @@ def test_lines_of_numbers_get_the_filters_orientation(tmp_path: Path, zenoh_rout
 
 
 @pytest.mark.parametrize("whose", ["none", "device"])
-def test_without_an_orientation_the_message_says_so(tmp_path: Path, zenoh_router: str, whose: str) -> None:
+def test_without_an_orientation_the_message_says_so(tmp_path: Path, context: metaros.Context, whose: str) -> None:
     with PtyDevice(tmp_path) as device:
-        with running("imu", {"port": device.path, "orientation": whose}, zenoh_router=zenoh_router) as driver:
+        with running("imu", {"port": device.path, "orientation": whose}, context=context) as driver:
             samples = driver.messages(Imu, "imu")
             send_until(device, wit_round(angles_deg=None), lambda: samples)
             assert samples[-1].orientation_covariance[0] == -1
 
 
-def test_noise_is_counted_and_passed_over(tmp_path: Path, zenoh_router: str) -> None:
-    with PtyDevice(tmp_path) as device, running("imu", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+def test_noise_is_counted_and_passed_over(tmp_path: Path, context: metaros.Context) -> None:
+    with PtyDevice(tmp_path) as device, running("imu", {"port": device.path}, context=context) as driver:
         device.write(Random(9).randbytes(1_000_000))
         samples = driver.messages(Imu, "imu")
         send_until(device, wit_round(), lambda: len(samples) > 5 and count(driver, "skipped_bytes") > 900_000)
@@ -79,9 +80,9 @@ def test_noise_is_counted_and_passed_over(tmp_path: Path, zenoh_router: str) -> 
         assert count(driver, "reconnects") == 0
 
 
-def test_what_is_no_number_is_refused(tmp_path: Path, zenoh_router: str) -> None:
+def test_what_is_no_number_is_refused(tmp_path: Path, context: metaros.Context) -> None:
     with PtyDevice(tmp_path) as device:
-        with running("imu", {"port": device.path, "protocol": "csv"}, zenoh_router=zenoh_router) as driver:
+        with running("imu", {"port": device.path, "protocol": "csv"}, context=context) as driver:
             samples = driver.messages(Imu, "imu")
             wrong = b"nan,0,9.8,0,0,0\n0,0,9.8,inf,0,0\n0,0,99999,0,0,0\nax,ay\n"
             send_until(device, wrong, lambda: count(driver, "implausible") > 5 and count(driver, "bad_lines") > 1)
@@ -89,8 +90,8 @@ def test_what_is_no_number_is_refused(tmp_path: Path, zenoh_router: str) -> None
             send_until(device, b"\n0,0,9.8,0,0,0\n", lambda: samples)
 
 
-def test_unplugged_and_plugged_in_again(tmp_path: Path, zenoh_router: str) -> None:
-    with PtyDevice(tmp_path) as device, running("imu", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+def test_unplugged_and_plugged_in_again(tmp_path: Path, context: metaros.Context) -> None:
+    with PtyDevice(tmp_path) as device, running("imu", {"port": device.path}, context=context) as driver:
         samples = driver.messages(Imu, "imu")
         send_until(device, wit_round(), lambda: samples)
         device.unplug()

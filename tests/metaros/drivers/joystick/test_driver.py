@@ -28,8 +28,8 @@ def pad(tmp_path: Path) -> Iterator[GamepadEmulator]:
         yield made
 
 
-def test_axes_and_buttons_are_joy_and_the_state_is_repeated(pad: GamepadEmulator, zenoh_router: str) -> None:
-    with running("joystick", {"device": pad.path, "rate": 50.0}, zenoh_router=zenoh_router) as driver:
+def test_axes_and_buttons_are_joy_and_the_state_is_repeated(pad: GamepadEmulator, context: metaros.Context) -> None:
+    with running("joystick", {"device": pad.path, "rate": 50.0}, context=context) as driver:
         joys = driver.messages(Joy, "joy")
         pad.plug()
         pad.axis(1, UP)
@@ -50,9 +50,9 @@ def driving(driver: RunningDriver) -> list[Twist]:
     return driver.messages(Twist, "cmd_vel", metaros.qos_command)
 
 
-def test_it_drives_only_while_the_deadman_button_is_held(pad: GamepadEmulator, zenoh_router: str) -> None:
+def test_it_drives_only_while_the_deadman_button_is_held(pad: GamepadEmulator, context: metaros.Context) -> None:
     params = {"device": pad.path, "teleop": True, "rate": 50.0, "max_linear": 0.4}
-    with running("joystick", params, zenoh_router=zenoh_router) as driver:
+    with running("joystick", params, context=context) as driver:
         joys, twists = driver.messages(Joy, "joy"), driving(driver)
         pad.plug()
         pad.axis(1, UP)
@@ -69,10 +69,10 @@ def test_it_drives_only_while_the_deadman_button_is_held(pad: GamepadEmulator, z
 
 
 def test_unplugged_while_driving_it_sends_zero_and_waits_for_a_new_press(
-    pad: GamepadEmulator, zenoh_router: str
+    pad: GamepadEmulator, context: metaros.Context
 ) -> None:
     params = {"device": pad.path, "teleop": True, "rate": 50.0}
-    with running("joystick", params, zenoh_router=zenoh_router) as driver:
+    with running("joystick", params, context=context) as driver:
         joys, twists = driver.messages(Joy, "joy"), driving(driver)
         pad.plug()
         pad.axis(1, UP)
@@ -92,9 +92,9 @@ def test_unplugged_while_driving_it_sends_zero_and_waits_for_a_new_press(
         wait_until(lambda: len(twists) > seen and twists[-1].linear.x > 0)
 
 
-def test_stopping_the_driver_while_driving_sends_zero(pad: GamepadEmulator, zenoh_router: str) -> None:
+def test_stopping_the_driver_while_driving_sends_zero(pad: GamepadEmulator, context: metaros.Context) -> None:
     params = {"device": pad.path, "teleop": True}
-    with running("joystick", params, zenoh_router=zenoh_router) as driver:
+    with running("joystick", params, context=context) as driver:
         twists = driving(driver)
         pad.plug()
         pad.axis(1, UP)
@@ -104,9 +104,9 @@ def test_stopping_the_driver_while_driving_sends_zero(pad: GamepadEmulator, zeno
         wait_until(lambda: twists[-1].linear.x == 0.0)
 
 
-def test_events_that_the_kernel_dropped_stop_it(pad: GamepadEmulator, zenoh_router: str) -> None:
+def test_events_that_the_kernel_dropped_stop_it(pad: GamepadEmulator, context: metaros.Context) -> None:
     params = {"device": pad.path, "teleop": True}
-    with running("joystick", params, zenoh_router=zenoh_router) as driver:
+    with running("joystick", params, context=context) as driver:
         twists = driving(driver)
         pad.plug()
         pad.axis(1, UP)
@@ -116,8 +116,8 @@ def test_events_that_the_kernel_dropped_stop_it(pad: GamepadEmulator, zenoh_rout
         wait_until(lambda: twists[-1].linear.x == 0.0)
 
 
-def test_noise_is_counted_and_moves_nothing(pad: GamepadEmulator, zenoh_router: str) -> None:
-    with running("joystick", {"device": pad.path, "teleop": True}, zenoh_router=zenoh_router) as driver:
+def test_noise_is_counted_and_moves_nothing(pad: GamepadEmulator, context: metaros.Context) -> None:
+    with running("joystick", {"device": pad.path, "teleop": True}, context=context) as driver:
         joys, twists = driver.messages(Joy, "joy"), driving(driver)
         pad.plug()
         pad.write(Random(6).randbytes(200_000) + b"\xff" * 24)
@@ -128,7 +128,7 @@ def test_noise_is_counted_and_moves_nothing(pad: GamepadEmulator, zenoh_router: 
         assert twists == []
 
 
-def test_a_gamepad_that_is_not_there_is_waited_for(tmp_path: Path, zenoh_router: str) -> None:
-    with running("joystick", {"device": str(tmp_path / "none")}, zenoh_router=zenoh_router) as driver:
+def test_a_gamepad_that_is_not_there_is_waited_for(tmp_path: Path, context: metaros.Context) -> None:
+    with running("joystick", {"device": str(tmp_path / "none")}, context=context) as driver:
         wait_until(lambda: "No such file" in driver.status().message)
         assert driver.state() == "waiting"

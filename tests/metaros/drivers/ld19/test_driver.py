@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import metaros
 from metaros.errors import ConfigError
 from metaros.interfaces.sensor_msgs.msg import LaserScan
 from tests.support.drivers import RunningDriver, running
@@ -49,9 +50,9 @@ def seen(driver: RunningDriver, scans: list[LaserScan], more: int = 2) -> LaserS
     return scans[-1]
 
 
-def test_scans_of_a_room(device: PtyDevice, zenoh_router: str) -> None:
+def test_scans_of_a_room(device: PtyDevice, context: metaros.Context) -> None:
     lidar = Ld19Emulator()
-    with running("ld19", {"port": device.path, "frame_id": "nose"}, zenoh_router=zenoh_router) as driver:
+    with running("ld19", {"port": device.path, "frame_id": "nose"}, context=context) as driver:
         scans = driver.messages(LaserScan, "scan")
         with answering(device, nothing, lambda: lidar.turns(0.25)):
             scan = seen(driver, scans)
@@ -64,7 +65,7 @@ def test_scans_of_a_room(device: PtyDevice, zenoh_router: str) -> None:
         assert driver.facts()["speed_hz"] == "10.00"
 
 
-def test_through_garbage_before_between_and_within(device: PtyDevice, zenoh_router: str) -> None:
+def test_through_garbage_before_between_and_within(device: PtyDevice, context: metaros.Context) -> None:
     lidar, noise = Ld19Emulator(), np.random.default_rng(6)
 
     def dirty() -> bytes:
@@ -75,7 +76,7 @@ def test_through_garbage_before_between_and_within(device: PtyDevice, zenoh_rout
         packets[20] = packets[20][:30]
         return noise.integers(0, 256, 500, dtype=np.uint8).tobytes() + b"".join(packets)
 
-    with running("ld19", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+    with running("ld19", {"port": device.path}, context=context) as driver:
         scans = driver.messages(LaserScan, "scan")
         with answering(device, nothing, dirty):
             seen(driver, scans, 8)
@@ -84,9 +85,9 @@ def test_through_garbage_before_between_and_within(device: PtyDevice, zenoh_rout
             wait_until(lambda: int(driver.facts().get("skipped_bytes", 0)) > 500)
 
 
-def test_a_megabyte_of_noise_then_a_room(device: PtyDevice, zenoh_router: str) -> None:
+def test_a_megabyte_of_noise_then_a_room(device: PtyDevice, context: metaros.Context) -> None:
     lidar = Ld19Emulator()
-    with running("ld19", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+    with running("ld19", {"port": device.path}, context=context) as driver:
         scans = driver.messages(LaserScan, "scan")
         wait_until(lambda: driver.node.standing.state == "working")
         device.write(np.random.default_rng(1).integers(0, 256, 1 << 20, dtype=np.uint8).tobytes())
@@ -95,9 +96,9 @@ def test_a_megabyte_of_noise_then_a_room(device: PtyDevice, zenoh_router: str) -
         assert driver.node.standing.counters["skipped_bytes"] > 1_000_000
 
 
-def test_unplugged_and_plugged_in_again(device: PtyDevice, zenoh_router: str) -> None:
+def test_unplugged_and_plugged_in_again(device: PtyDevice, context: metaros.Context) -> None:
     lidar = Ld19Emulator()
-    with running("ld19", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+    with running("ld19", {"port": device.path}, context=context) as driver:
         scans = driver.messages(LaserScan, "scan")
         with answering(device, nothing, lambda: lidar.turns(0.25)):
             seen(driver, scans)
@@ -110,9 +111,9 @@ def test_unplugged_and_plugged_in_again(device: PtyDevice, zenoh_router: str) ->
         assert int(driver.facts()["reconnects"]) >= 1
 
 
-def test_a_gap_in_its_clock_is_no_turn(device: PtyDevice, zenoh_router: str) -> None:
+def test_a_gap_in_its_clock_is_no_turn(device: PtyDevice, context: metaros.Context) -> None:
     lidar = Ld19Emulator()
-    with running("ld19", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+    with running("ld19", {"port": device.path}, context=context) as driver:
         scans = driver.messages(LaserScan, "scan")
         wait_until(lambda: driver.node.standing.state == "working")
         device.write(lidar.turns(0.9))
@@ -124,8 +125,8 @@ def test_a_gap_in_its_clock_is_no_turn(device: PtyDevice, zenoh_router: str) -> 
             assert_room(seen(driver, scans))
 
 
-def test_ranges_that_exclude_each_other_are_refused(zenoh_router: str) -> None:
+def test_ranges_that_exclude_each_other_are_refused(context: metaros.Context) -> None:
     parameters = {"port": "/dev/null", "range_min_m": 5.0, "range_max_m": 2.0}
-    with running("ld19", parameters, zenoh_router=zenoh_router, start=False) as driver:
+    with running("ld19", parameters, context=context, start=False) as driver:
         with pytest.raises(ConfigError, match="range_min_m must be below"):
             driver.node.start()

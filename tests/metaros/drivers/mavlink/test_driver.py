@@ -28,12 +28,12 @@ KEY = bytes(range(32))
 
 
 @contextmanager
-def flying(zenoh_router: str, **vehicle: Any) -> Iterator[tuple[RunningDriver, Autopilot]]:
+def flying(context: metaros.Context, **vehicle: Any) -> Iterator[tuple[RunningDriver, Autopilot]]:
     """A driver that hears a vehicle over UDP."""
     port = free_port()
     with (
         Autopilot(UdpCable(port), **vehicle) as pilot,
-        running("mavlink", {"link": f"udp:127.0.0.1:{port}"}, zenoh_router=zenoh_router) as driver,
+        running("mavlink", {"link": f"udp:127.0.0.1:{port}"}, context=context) as driver,
     ):
         wait_until(lambda: driver.state() == "working")
         yield driver, pilot
@@ -52,7 +52,7 @@ def repeat(pilot: Autopilot, message: Any, found: list[Any]) -> Any:
 
 
 @pytest.mark.parametrize("kind", ["udp", "udpout", "tcp", "serial"])
-def test_state_over_each_link(kind: str, zenoh_router: str, tmp_path: Path) -> None:
+def test_state_over_each_link(kind: str, context: metaros.Context, tmp_path: Path) -> None:
     port = free_port()
     with PtyDevice(tmp_path) as pty:
         cable: Any = {"udp": UdpCable, "tcp": TcpCable}.get(kind, UdpCable)(port) if kind != "serial" else PtyCable(pty)
@@ -62,7 +62,7 @@ def test_state_over_each_link(kind: str, zenoh_router: str, tmp_path: Path) -> N
             cable = _Answering(cable)
         with (
             Autopilot(cable, vehicle=dialect.MAV_TYPE_SUBMARINE) as pilot,
-            running("mavlink", {"link": pty.path if kind == "serial" else link}, zenoh_router=zenoh_router) as driver,
+            running("mavlink", {"link": pty.path if kind == "serial" else link}, context=context) as driver,
         ):
             states = driver.messages(VehicleState, "vehicle/state", metaros.qos_transient_local)
             pilot.mode, pilot.armed = 2, True
@@ -90,8 +90,8 @@ class _Answering(UdpCable):
         return data
 
 
-def test_telemetry(zenoh_router: str) -> None:
-    with flying(zenoh_router) as (driver, pilot):
+def test_telemetry(context: metaros.Context) -> None:
+    with flying(context) as (driver, pilot):
         imus = driver.messages(Imu, "vehicle/imu")
         places = driver.messages(Odometry, "vehicle/odom")
         fixes = driver.messages(NavSatFix, "vehicle/fix")
@@ -148,9 +148,9 @@ def test_telemetry(zenoh_router: str) -> None:
         assert repeat(pilot, dialect.MAVLink_vfr_hud_message(1, 2, 271, 40, 5, 6), headings).data == 271
 
 
-def test_values_that_are_none_are_counted(zenoh_router: str) -> None:
+def test_values_that_are_none_are_counted(context: metaros.Context) -> None:
     nan = math.nan
-    with flying(zenoh_router) as (driver, pilot):
+    with flying(context) as (driver, pilot):
         imus = driver.messages(Imu, "vehicle/imu")
         repeat(pilot, dialect.MAVLink_attitude_message(1, 0, 0, 0, 0, 0, 0), imus)
         for message in (
@@ -166,16 +166,16 @@ def test_values_that_are_none_are_counted(zenoh_router: str) -> None:
         assert all(math.isfinite(imu.orientation.w) for imu in imus)
 
 
-def test_telemetry_is_asked_for(zenoh_router: str) -> None:
-    with flying(zenoh_router) as (_, pilot):
+def test_telemetry_is_asked_for(context: metaros.Context) -> None:
+    with flying(context) as (_, pilot):
         number = dialect.MAV_CMD_SET_MESSAGE_INTERVAL
         wait_until(lambda: len(pilot.commands(number)) >= 10)
         asked = {int(message.param1): message.param2 for message in pilot.commands(number)}
         assert (asked[30], asked[33], asked[1]) == (100_000, 200_000, 1_000_000)
 
 
-def test_it_goes_away_and_returns(zenoh_router: str) -> None:
-    with flying(zenoh_router) as (driver, pilot):
+def test_it_goes_away_and_returns(context: metaros.Context) -> None:
+    with flying(context) as (driver, pilot):
         states = driver.messages(VehicleState, "vehicle/state", metaros.qos_transient_local)
         pilot.armed = True
         wait_until(lambda: states and states[-1].armed)
@@ -187,9 +187,9 @@ def test_it_goes_away_and_returns(zenoh_router: str) -> None:
         wait_until(lambda: driver.state() == "working" and states[-1].connected and states[-1].armed)
 
 
-def test_tcp_and_serial_that_go_away(zenoh_router: str, tmp_path: Path) -> None:
+def test_tcp_and_serial_that_go_away(context: metaros.Context, tmp_path: Path) -> None:
     port = free_port()
-    with running("mavlink", {"link": f"tcp:127.0.0.1:{port}"}, zenoh_router=zenoh_router) as driver:
+    with running("mavlink", {"link": f"tcp:127.0.0.1:{port}"}, context=context) as driver:
         wait_until(lambda: driver.state() == "waiting")
         for _ in range(2):
             with Autopilot(TcpCable(port)):
@@ -198,7 +198,7 @@ def test_tcp_and_serial_that_go_away(zenoh_router: str, tmp_path: Path) -> None:
     with (
         PtyDevice(tmp_path) as pty,
         Autopilot(PtyCable(pty)) as pilot,
-        running("mavlink", {"link": pty.path}, zenoh_router=zenoh_router) as driver,
+        running("mavlink", {"link": pty.path}, context=context) as driver,
     ):
         wait_until(lambda: driver.state() == "working")
         pilot.silent = True
@@ -209,7 +209,7 @@ def test_tcp_and_serial_that_go_away(zenoh_router: str, tmp_path: Path) -> None:
         wait_until(lambda: driver.state() == "working")
 
 
-def test_others_on_the_link_are_not_it(zenoh_router: str, tmp_path: Path) -> None:
+def test_others_on_the_link_are_not_it(context: metaros.Context, tmp_path: Path) -> None:
     # One serial radio brings a ground station, a gimbal, the vehicle and another vehicle.
     with PtyDevice(tmp_path) as pty, Autopilot(PtyCable(pty), system=7) as pilot:
         pilot.silent = True
@@ -220,7 +220,7 @@ def test_others_on_the_link_are_not_it(zenoh_router: str, tmp_path: Path) -> Non
             (ground, dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)),
             (gimbal, dialect.MAVLink_heartbeat_message(26, 8, 0, 0, 4, 3)),
         )
-        with running("mavlink", {"link": pty.path}, zenoh_router=zenoh_router) as driver:
+        with running("mavlink", {"link": pty.path}, context=context) as driver:
             states = driver.messages(VehicleState, "vehicle/state", metaros.qos_transient_local)
             for _ in range(3):
                 for sender, message in others:
@@ -235,8 +235,8 @@ def test_others_on_the_link_are_not_it(zenoh_router: str, tmp_path: Path) -> Non
             assert driver.facts()["target"] == "7.1"
 
 
-def test_a_second_sender_on_the_port_is_not_believed(zenoh_router: str) -> None:
-    with flying(zenoh_router) as (driver, pilot):
+def test_a_second_sender_on_the_port_is_not_believed(context: metaros.Context) -> None:
+    with flying(context) as (driver, pilot):
         pilot.mode = 5
         states = driver.messages(VehicleState, "vehicle/state", metaros.qos_transient_local)
         wait_until(lambda: states and states[-1].mode == "LOITER")
@@ -247,8 +247,8 @@ def test_a_second_sender_on_the_port_is_not_believed(zenoh_router: str) -> None:
             assert forger.received == []
 
 
-def test_a_megabyte_of_garbage(zenoh_router: str) -> None:
-    with flying(zenoh_router) as (driver, pilot):
+def test_a_megabyte_of_garbage(context: metaros.Context) -> None:
+    with flying(context) as (driver, pilot):
         imus = driver.messages(Imu, "vehicle/imu")
         for _ in range(1000):
             pilot.write(os.urandom(1000) + b"\xfd")
@@ -257,8 +257,8 @@ def test_a_megabyte_of_garbage(zenoh_router: str) -> None:
         assert driver.state() == "working"
 
 
-def test_texts_of_the_vehicle_come_into_the_log(zenoh_router: str) -> None:
-    with flying(zenoh_router) as (driver, pilot):
+def test_texts_of_the_vehicle_come_into_the_log(context: metaros.Context) -> None:
+    with flying(context) as (driver, pilot):
         lines: list[str] = []
         for level in ("error", "warn", "info"):
             setattr(driver.node._unit.log, level, lines.append)  # type: ignore[union-attr]
@@ -272,11 +272,11 @@ def test_texts_of_the_vehicle_come_into_the_log(zenoh_router: str) -> None:
         wait_until(lambda: int(driver.facts().get("untold_texts", 0)) > 50)
 
 
-def test_signed_links(zenoh_router: str, tmp_path: Path) -> None:
+def test_signed_links(context: metaros.Context, tmp_path: Path) -> None:
     file, port = tmp_path / "vehicle.key", free_port()
     file.write_text(KEY.hex())
     params = {"link": f"udp:127.0.0.1:{port}", "signing_key_file": str(file)}
-    with running("mavlink", params, zenoh_router=zenoh_router) as driver:
+    with running("mavlink", params, context=context) as driver:
         with Autopilot(UdpCable(port)):
             wait_until(lambda: int(driver.facts().get("bad_frames", 0)) > 5)
             assert driver.state() != "working"
@@ -295,7 +295,7 @@ def test_signed_links(zenoh_router: str, tmp_path: Path) -> None:
         ({"signing_key_file": "/nonexistent/key"}, "No such file"),
     ],
 )
-def test_what_cannot_work_is_refused(params: dict[str, str], why: str, zenoh_router: str) -> None:
-    with running("mavlink", params, zenoh_router=zenoh_router, start=False) as driver:
+def test_what_cannot_work_is_refused(params: dict[str, str], why: str, context: metaros.Context) -> None:
+    with running("mavlink", params, context=context, start=False) as driver:
         with pytest.raises(metaros.errors.ConfigError, match=why):
             driver.node.start()

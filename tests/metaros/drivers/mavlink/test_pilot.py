@@ -27,13 +27,13 @@ SETPOINT = "SET_POSITION_TARGET_LOCAL_NED"
 
 @contextmanager
 def flying(
-    zenoh_router: str, params: dict[str, Any] | None = None, **vehicle: Any
+    context: metaros.Context, params: dict[str, Any] | None = None, **vehicle: Any
 ) -> Iterator[tuple[RunningDriver, Autopilot]]:
     port = free_port()
     given = {"link": f"udp:127.0.0.1:{port}", **(ALLOWED if params is None else params)}
     with (
         Autopilot(UdpCable(port), **vehicle) as pilot,
-        running("mavlink", given, zenoh_router=zenoh_router) as driver,
+        running("mavlink", given, context=context) as driver,
     ):
         wait_until(lambda: driver.state() == "working")
         yield driver, pilot
@@ -55,8 +55,8 @@ def command(x: float = 0.0, y: float = 0.0, z: float = 0.0, turn: float = 0.0) -
     return Twist(linear=Vector3(x=x, y=y, z=z), angular=Vector3(z=turn))
 
 
-def test_without_permission_there_is_nothing_to_command_it_by(zenoh_router: str) -> None:
-    with flying(zenoh_router, {}) as (driver, pilot):
+def test_without_permission_there_is_nothing_to_command_it_by(context: metaros.Context) -> None:
+    with flying(context, {}) as (driver, pilot):
         velocities = driver.viewer.create_publisher(Twist, "/r1/vehicle/cmd_vel", metaros.qos_command)
         states = driver.messages(VehicleState, "vehicle/state", metaros.qos_transient_local)
         clients = [
@@ -71,8 +71,8 @@ def test_without_permission_there_is_nothing_to_command_it_by(zenoh_router: str)
         assert not any(client.service_is_ready() for client in clients)
 
 
-def test_arm_and_disarm(zenoh_router: str) -> None:
-    with flying(zenoh_router) as (driver, pilot):
+def test_arm_and_disarm(context: metaros.Context) -> None:
+    with flying(context) as (driver, pilot):
         for on in (True, False):
             assert arm(driver, on=on).success
             assert pilot.armed is on
@@ -80,23 +80,23 @@ def test_arm_and_disarm(zenoh_router: str) -> None:
         assert {(message.target_system, message.target_component) for message in pilot.commands(ARM)} == {(1, 1)}
 
 
-def test_a_refusal_is_told(zenoh_router: str) -> None:
-    with flying(zenoh_router) as (driver, pilot):
+def test_a_refusal_is_told(context: metaros.Context) -> None:
+    with flying(context) as (driver, pilot):
         pilot.refuses = dialect.MAV_RESULT_DENIED
         answer = arm(driver, on=True)
         assert (answer.success, answer.message) == (False, "the vehicle answers: denied")
         assert len(pilot.commands(ARM)) == 1
 
 
-def test_a_lost_command_is_sent_again_and_says_so(zenoh_router: str) -> None:
-    with flying(zenoh_router) as (driver, pilot):
+def test_a_lost_command_is_sent_again_and_says_so(context: metaros.Context) -> None:
+    with flying(context) as (driver, pilot):
         pilot.deaf_to = 2
         assert arm(driver, on=True).success
         assert [message.confirmation for message in pilot.commands(ARM)] == [0, 1, 2]
 
 
-def test_no_answer(zenoh_router: str) -> None:
-    with flying(zenoh_router) as (driver, pilot):
+def test_no_answer(context: metaros.Context) -> None:
+    with flying(context) as (driver, pilot):
         pilot.deaf_to = 99
         assert arm(driver, on=True).message == "no answer to 3 tries"
         assert not pilot.armed
@@ -110,8 +110,8 @@ def test_no_answer(zenoh_router: str) -> None:
         (dialect.MAV_AUTOPILOT_PX4, dialect.MAV_TYPE_QUADROTOR, "LAND", 4, 6),
     ],
 )
-def test_modes(autopilot: int, vehicle: int, mode: str, custom: int, sub: int, zenoh_router: str) -> None:
-    with flying(zenoh_router, autopilot=autopilot, vehicle=vehicle) as (driver, pilot):
+def test_modes(autopilot: int, vehicle: int, mode: str, custom: int, sub: int, context: metaros.Context) -> None:
+    with flying(context, autopilot=autopilot, vehicle=vehicle) as (driver, pilot):
         assert set_mode(driver, mode).success
         (message,) = pilot.commands(MODE)
         assert (message.param1, message.param2, message.param3) == (1, custom, sub)
@@ -121,8 +121,8 @@ def test_modes(autopilot: int, vehicle: int, mode: str, custom: int, sub: int, z
         assert len(pilot.commands(MODE)) == 1
 
 
-def test_velocity_is_turned_limited_and_ends_by_zero_then_silence(zenoh_router: str) -> None:
-    with flying(zenoh_router, {**ALLOWED, "max_horizontal": 2.0}) as (driver, pilot):
+def test_velocity_is_turned_limited_and_ends_by_zero_then_silence(context: metaros.Context) -> None:
+    with flying(context, {**ALLOWED, "max_horizontal": 2.0}) as (driver, pilot):
         velocities = driver.viewer.create_publisher(Twist, "/r1/vehicle/cmd_vel", metaros.qos_command)
 
         def told() -> bool:
@@ -144,8 +144,8 @@ def test_velocity_is_turned_limited_and_ends_by_zero_then_silence(zenoh_router: 
         assert len(pilot.of_type(SETPOINT)) == said
 
 
-def test_what_is_no_number_moves_nothing(zenoh_router: str) -> None:
-    with flying(zenoh_router) as (driver, pilot):
+def test_what_is_no_number_moves_nothing(context: metaros.Context) -> None:
+    with flying(context) as (driver, pilot):
         velocities = driver.viewer.create_publisher(Twist, "/r1/vehicle/cmd_vel", metaros.qos_command)
 
         def refused() -> bool:
@@ -156,8 +156,8 @@ def test_what_is_no_number_moves_nothing(zenoh_router: str) -> None:
         assert pilot.of_type(SETPOINT) == []
 
 
-def test_after_a_lost_link_nothing_moves_until_a_new_command(zenoh_router: str) -> None:
-    with flying(zenoh_router) as (driver, pilot):
+def test_after_a_lost_link_nothing_moves_until_a_new_command(context: metaros.Context) -> None:
+    with flying(context) as (driver, pilot):
         velocities = driver.viewer.create_publisher(Twist, "/r1/vehicle/cmd_vel", metaros.qos_command)
 
         def told() -> bool:
@@ -179,8 +179,8 @@ def test_after_a_lost_link_nothing_moves_until_a_new_command(zenoh_router: str) 
         wait_until(told, every_s=0.05)
 
 
-def test_the_driver_s_end_is_a_zero(zenoh_router: str) -> None:
-    with flying(zenoh_router) as (driver, pilot):
+def test_the_driver_s_end_is_a_zero(context: metaros.Context) -> None:
+    with flying(context) as (driver, pilot):
         velocities = driver.viewer.create_publisher(Twist, "/r1/vehicle/cmd_vel", metaros.qos_command)
 
         def told() -> bool:
@@ -192,7 +192,7 @@ def test_the_driver_s_end_is_a_zero(zenoh_router: str) -> None:
         wait_until(lambda: pilot.of_type(SETPOINT)[-1].vx == 0)
 
 
-def test_only_the_robot_s_own_settings_allow_it(zenoh_router: str) -> None:
-    with flying(zenoh_router, {}) as (driver, _):
+def test_only_the_robot_s_own_settings_allow_it(context: metaros.Context) -> None:
+    with flying(context, {}) as (driver, _):
         for name in ALLOWED:
             assert driver.node.parameters.describe(name).read_only

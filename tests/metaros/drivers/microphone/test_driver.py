@@ -35,11 +35,11 @@ def stamp_ns(message: RawAudio) -> int:
     return message.timestamp.sec * 10**9 + message.timestamp.nanosec
 
 
-def test_it_publishes_exactly_what_the_device_gives(alsa: Alsa, zenoh_router: str) -> None:
+def test_it_publishes_exactly_what_the_device_gives(alsa: Alsa, context: metaros.Context) -> None:
     said = np.random.default_rng(1).integers(-32768, 32768, 60 * RATE, dtype=np.int16)
     alsa.say(said)
     began_ns = SystemClock().wall_ns()
-    with running("microphone", {"device": MIC}, zenoh_router=zenoh_router, start=False) as driver:
+    with running("microphone", {"device": MIC}, context=context, start=False) as driver:
         heard = driver.messages(RawAudio, "audio", DEEP)
         driver.node.start()
         wait_until(lambda: len(heard) >= 50)
@@ -53,8 +53,8 @@ def test_it_publishes_exactly_what_the_device_gives(alsa: Alsa, zenoh_router: st
     assert began_ns - 10**9 < stamps[0] < stamps[-1] < SystemClock().wall_ns() - 20_000_000
 
 
-def test_opus_is_the_same_tone(alsa: Alsa, zenoh_router: str) -> None:
-    with running("microphone", {"device": MIC, "output": "both"}, zenoh_router=zenoh_router) as driver:
+def test_opus_is_the_same_tone(alsa: Alsa, context: metaros.Context) -> None:
+    with running("microphone", {"device": MIC, "output": "both"}, context=context) as driver:
         packets = driver.messages(AudioPacket, "audio/opus", DEEP)
         raw = driver.messages(RawAudio, "audio")
         wait_until(lambda: len(packets) >= 75 and len(raw) >= 75)
@@ -69,8 +69,8 @@ def test_opus_is_the_same_tone(alsa: Alsa, zenoh_router: str) -> None:
     assert share > 0.9
 
 
-def test_level_gain_and_mute(alsa: Alsa, zenoh_router: str) -> None:
-    with running("microphone", {"device": MIC}, zenoh_router=zenoh_router) as driver:
+def test_level_gain_and_mute(alsa: Alsa, context: metaros.Context) -> None:
+    with running("microphone", {"device": MIC}, context=context) as driver:
         levels, heard = driver.messages(Float32, "audio/level"), driver.messages(RawAudio, "audio")
         wait_until(lambda: len(levels) > 2)
         assert levels[-1].data == pytest.approx(-9.0, abs=0.3)  # a sine of half the scale
@@ -90,10 +90,10 @@ def test_level_gain_and_mute(alsa: Alsa, zenoh_router: str) -> None:
         assert driver.state() == "working"
 
 
-def test_a_device_that_goes_and_comes_back(alsa: Alsa, zenoh_router: str) -> None:
+def test_a_device_that_goes_and_comes_back(alsa: Alsa, context: metaros.Context) -> None:
     alsa.remove()
     params = {"device": MIC, "allow_faults": True}
-    with running("microphone", params, zenoh_router=zenoh_router) as driver:
+    with running("microphone", params, context=context) as driver:
         heard = driver.messages(RawAudio, "audio")
         wait_until(lambda: driver.state() == "waiting")
         assert MIC in driver.status().message
@@ -109,9 +109,9 @@ def test_a_device_that_goes_and_comes_back(alsa: Alsa, zenoh_router: str) -> Non
         wait_until(lambda: len(heard) > count + 5 and driver.state() == "working")
 
 
-def test_what_cannot_work_is_refused(alsa: Alsa, zenoh_router: str) -> None:
+def test_what_cannot_work_is_refused(alsa: Alsa, context: metaros.Context) -> None:
     with (
         pytest.raises(ConfigError, match="output must be one of"),
-        running("microphone", {"output": "mp3"}, zenoh_router=zenoh_router),
+        running("microphone", {"output": "mp3"}, context=context),
     ):
         pass

@@ -85,10 +85,12 @@ def wired(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[str,
 
 
 @contextmanager
-def reading(zenoh_router: str, tmp_path: Path, link: str, text: str = MAP, **more: Any) -> Iterator[RunningDriver]:
+def reading(
+    context: metaros.Context, tmp_path: Path, link: str, text: str = MAP, **more: Any
+) -> Iterator[RunningDriver]:
     file = tmp_path / "map.toml"
     file.write_text(text)
-    with running("modbus", {"link": link, "map": str(file), **more}, zenoh_router=zenoh_router) as driver:
+    with running("modbus", {"link": link, "map": str(file), **more}, context=context) as driver:
         yield driver
 
 
@@ -106,9 +108,11 @@ def count(driver: RunningDriver, name: str) -> int:
     return int(driver.facts().get(name, 0))
 
 
-def test_points_are_published_and_written(wired: tuple[str, int | str], zenoh_router: str, tmp_path: Path) -> None:
+def test_points_are_published_and_written(
+    wired: tuple[str, int | str], context: metaros.Context, tmp_path: Path
+) -> None:
     link, where = wired
-    with ModbusDevice(where, holding=HOLDING) as device, reading(zenoh_router, tmp_path, link) as driver:
+    with ModbusDevice(where, holding=HOLDING) as device, reading(context, tmp_path, link) as driver:
         temperatures = driver.messages(Float64, "modbus/temperature", metaros.qos_default)
         powers = driver.messages(Float64, "modbus/power", metaros.qos_default)
         doors = driver.messages(Bool, "modbus/door", metaros.qos_default)
@@ -129,10 +133,10 @@ def test_points_are_published_and_written(wired: tuple[str, int | str], zenoh_ro
 
 
 def test_what_moves_stops_when_commands_end_and_when_the_driver_does(
-    wired: tuple[str, int | str], zenoh_router: str, tmp_path: Path
+    wired: tuple[str, int | str], context: metaros.Context, tmp_path: Path
 ) -> None:
     link, where = wired
-    with ModbusDevice(where) as device, reading(zenoh_router, tmp_path, link) as driver:
+    with ModbusDevice(where) as device, reading(context, tmp_path, link) as driver:
         wait_until(lambda: driver.state() == "working")
         motor = driver.viewer.create_publisher(Float64, "/r1/modbus/motor/set", metaros.qos_command)
         half, zero = (16, 20, [0x3F00, 0]), (16, 20, [0, 0])
@@ -143,9 +147,9 @@ def test_what_moves_stops_when_commands_end_and_when_the_driver_does(
         assert device.written[-1] == zero
 
 
-def test_killed_and_restarted(wired: tuple[str, int | str], zenoh_router: str, tmp_path: Path) -> None:
+def test_killed_and_restarted(wired: tuple[str, int | str], context: metaros.Context, tmp_path: Path) -> None:
     link, where = wired
-    with reading(zenoh_router, tmp_path, link, timeout=0.1) as driver:
+    with reading(context, tmp_path, link, timeout=0.1) as driver:
         sets = driver.viewer.create_publisher(Float64, "/r1/modbus/setpoint/set", metaros.qos_command)
         temperatures = driver.messages(Float64, "modbus/temperature", metaros.qos_default)
         for _ in range(2):
@@ -158,11 +162,11 @@ def test_killed_and_restarted(wired: tuple[str, int | str], zenoh_router: str, t
                 assert device.written == []
 
 
-def test_one_address_that_is_refused_does_not_hide_its_neighbours(zenoh_router: str, tmp_path: Path) -> None:
+def test_one_address_that_is_refused_does_not_hide_its_neighbours(context: metaros.Context, tmp_path: Path) -> None:
     port = free_port()
     with ModbusDevice(port, holding=HOLDING) as device:
         device.refused.add(1)
-        with reading(zenoh_router, tmp_path, f"tcp://127.0.0.1:{port}") as driver:
+        with reading(context, tmp_path, f"tcp://127.0.0.1:{port}") as driver:
             temperatures = driver.messages(Float64, "modbus/temperature", metaros.qos_default)
             wait_until(lambda: temperatures and "power: illegal data address" in driver.status().message)
             assert count(driver, "split_requests") == 1
@@ -170,11 +174,11 @@ def test_one_address_that_is_refused_does_not_hide_its_neighbours(zenoh_router: 
             wait_until(lambda: "illegal" not in driver.status().message)
 
 
-def test_a_slow_device_is_asked_one_thing_at_a_time(zenoh_router: str, tmp_path: Path) -> None:
+def test_a_slow_device_is_asked_one_thing_at_a_time(context: metaros.Context, tmp_path: Path) -> None:
     port = free_port()
     with ModbusDevice(port, holding=HOLDING) as device:
         device.delay_s = 0.1  # of five requests every 50 ms
-        with reading(zenoh_router, tmp_path, f"tcp://127.0.0.1:{port}") as driver:
+        with reading(context, tmp_path, f"tcp://127.0.0.1:{port}") as driver:
             temperatures = driver.messages(Float64, "modbus/temperature", metaros.qos_default)
             doors = driver.messages(Bool, "modbus/door", metaros.qos_default)
             wait_until(lambda: len(temperatures) > 3 and len(doors) > 3)
@@ -182,13 +186,13 @@ def test_a_slow_device_is_asked_one_thing_at_a_time(zenoh_router: str, tmp_path:
             assert driver.state() == "working"
 
 
-def test_late_answers_on_a_serial_line_are_nobody_s(zenoh_router: str, tmp_path: Path) -> None:
+def test_late_answers_on_a_serial_line_are_nobody_s(context: metaros.Context, tmp_path: Path) -> None:
     with (
         PtyDevice(tmp_path) as pty,
         PtyBridge(pty) as bridge,
         ModbusDevice(bridge.path, holding=HOLDING) as device,
     ):
-        with reading(zenoh_router, tmp_path, f"serial://{pty.path}", timeout=0.15) as driver:
+        with reading(context, tmp_path, f"serial://{pty.path}", timeout=0.15) as driver:
             temperatures = driver.messages(Float64, "modbus/temperature", metaros.qos_default)
             setpoints = driver.messages(Float64, "modbus/setpoint", metaros.qos_default)
             wait_until(lambda: temperatures and setpoints)
@@ -205,7 +209,7 @@ def test_late_answers_on_a_serial_line_are_nobody_s(zenoh_router: str, tmp_path:
 ONE = '[[points]]\nname = "one"\ntable = "holding"\naddress = 0\ntype = "u16"\nperiod_s = 0.02\n'
 
 
-def test_late_answers_over_tcp_are_nobody_s(zenoh_router: str, tmp_path: Path) -> None:
+def test_late_answers_over_tcp_are_nobody_s(context: metaros.Context, tmp_path: Path) -> None:
     def answer(listener: socket.socket, stop: threading.Event) -> None:
         """Before each answer comes one with the number of the request before: 666."""
         listener.settimeout(60)
@@ -215,7 +219,7 @@ def test_late_answers_over_tcp_are_nobody_s(zenoh_router: str, tmp_path: Path) -
                 for one, value in ((number - 1, 666), (number, 7)):
                     client.sendall(one.to_bytes(2) + bytes.fromhex("0000 0005 01 03 02") + value.to_bytes(2))
 
-    with peer(answer) as port, reading(zenoh_router, tmp_path, f"tcp://127.0.0.1:{port}", ONE) as driver:
+    with peer(answer) as port, reading(context, tmp_path, f"tcp://127.0.0.1:{port}", ONE) as driver:
         values = driver.messages(Float64, "modbus/one", metaros.qos_default)
         wait_until(lambda: len(values) > 5 and count(driver, "late_answers") > 5)
         assert {one.data for one in values} == {7.0}
@@ -237,8 +241,8 @@ def peer(live: Callable[[socket.socket, threading.Event], None]) -> Iterator[int
             assert not thread.is_alive()
 
 
-def test_garbage_over_tcp(zenoh_router: str, tmp_path: Path) -> None:
-    with peer(_babble) as port, reading(zenoh_router, tmp_path, f"tcp://127.0.0.1:{port}", timeout=0.1) as driver:
+def test_garbage_over_tcp(context: metaros.Context, tmp_path: Path) -> None:
+    with peer(_babble) as port, reading(context, tmp_path, f"tcp://127.0.0.1:{port}", timeout=0.1) as driver:
         wait_until(lambda: count(driver, "bytes_read") > 10_000 and count(driver, "reconnects") > 2)
         assert driver.state() in ("waiting", "opening")
 
@@ -257,15 +261,15 @@ def _babble(listener: socket.socket, stop: threading.Event) -> None:
                 pass
 
 
-def test_garbage_on_the_serial_line(zenoh_router: str, tmp_path: Path) -> None:
+def test_garbage_on_the_serial_line(context: metaros.Context, tmp_path: Path) -> None:
     with PtyDevice(tmp_path) as pty:
-        with reading(zenoh_router, tmp_path, f"serial://{pty.path}", timeout=0.1) as driver:
+        with reading(context, tmp_path, f"serial://{pty.path}", timeout=0.1) as driver:
             for _ in range(100):
                 pty.write(os.urandom(10_000))
             wait_until(lambda: driver.state() == "waiting")
             assert count(driver, "garbage_bytes") > 0
         with PtyBridge(pty) as bridge, ModbusDevice(bridge.path, holding=HOLDING):
-            with reading(zenoh_router, tmp_path, f"serial://{pty.path}") as driver:
+            with reading(context, tmp_path, f"serial://{pty.path}") as driver:
                 wait_until(lambda: driver.state() == "working")
                 pty.write(os.urandom(500))
                 temperatures = driver.messages(Float64, "modbus/temperature", metaros.qos_default)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import metaros
 from metaros.interfaces.sensor_msgs.msg import LaserScan
 from tests.support.drivers import RunningDriver, running
 from tests.support.pty_device import PtyDevice
@@ -68,11 +69,11 @@ def told(driver: RunningDriver, **wanted: Any) -> None:
         ("express", True, "express"),
     ],
 )
-def test_scans_of_a_room(device: PtyDevice, zenoh_router: str, mode: str, express: bool, found: str) -> None:
+def test_scans_of_a_room(device: PtyDevice, context: metaros.Context, mode: str, express: bool, found: str) -> None:
     lidar = RplidarEmulator(device.write, express=express)
     parameters = {"port": device.path, "mode": mode}
     with answering(device, lidar.heard, lambda: scanning(lidar)):
-        with running("rplidar", parameters, zenoh_router=zenoh_router) as driver:
+        with running("rplidar", parameters, context=context) as driver:
             scans = driver.messages(LaserScan, "scan")
             assert_room(seen(scans))
             told(driver, mode=found, firmware="1.29", health="good", state="working")
@@ -81,71 +82,71 @@ def test_scans_of_a_room(device: PtyDevice, zenoh_router: str, mode: str, expres
         wait_until(lambda: lidar.scanning is None)  # it is told to stop
 
 
-def test_an_old_firmware_is_not_asked_for_express_scans(device: PtyDevice, zenoh_router: str) -> None:
+def test_an_old_firmware_is_not_asked_for_express_scans(device: PtyDevice, context: metaros.Context) -> None:
     lidar = RplidarEmulator(device.write)
     lidar.firmware = (1, 15)
     with answering(device, lidar.heard, lambda: scanning(lidar)):
-        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+        with running("rplidar", {"port": device.path}, context=context) as driver:
             assert_room(seen(driver.messages(LaserScan, "scan")))
     assert 0x82 not in lidar.commands
 
 
-def test_an_a2_is_told_how_fast_to_turn(device: PtyDevice, zenoh_router: str) -> None:
+def test_an_a2_is_told_how_fast_to_turn(device: PtyDevice, context: metaros.Context) -> None:
     lidar = RplidarEmulator(device.write, model=0x28)
     with answering(device, lidar.heard, lambda: scanning(lidar)):
-        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+        with running("rplidar", {"port": device.path}, context=context) as driver:
             assert_room(seen(driver.messages(LaserScan, "scan")))
     assert lidar.pwm == [660]
 
 
-def test_bad_health_is_reset(device: PtyDevice, zenoh_router: str) -> None:
+def test_bad_health_is_reset(device: PtyDevice, context: metaros.Context) -> None:
     lidar = RplidarEmulator(device.write)
     lidar.status = 2
     with answering(device, lidar.heard, lambda: scanning(lidar)):
-        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+        with running("rplidar", {"port": device.path}, context=context) as driver:
             assert_room(seen(driver.messages(LaserScan, "scan")))
             told(driver, resets="1", health="good")
     assert 0x40 in lidar.commands
 
 
-def test_bad_health_that_stays_is_said_and_tried_again(device: PtyDevice, zenoh_router: str) -> None:
+def test_bad_health_that_stays_is_said_and_tried_again(device: PtyDevice, context: metaros.Context) -> None:
     lidar = RplidarEmulator(device.write)
     lidar.status, lidar.heals = 2, False
     with answering(device, lidar.heard, lambda: scanning(lidar)):
-        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+        with running("rplidar", {"port": device.path}, context=context) as driver:
             wait_until(lambda: "health is bad (code 32769)" in driver.status().message)
             scans = driver.messages(LaserScan, "scan")
             lidar.heals = True
             assert_room(seen(scans))
 
 
-def test_a_warning_is_told(device: PtyDevice, zenoh_router: str) -> None:
+def test_a_warning_is_told(device: PtyDevice, context: metaros.Context) -> None:
     lidar = RplidarEmulator(device.write)
     lidar.status = 1
     with answering(device, lidar.heard, lambda: scanning(lidar)):
-        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+        with running("rplidar", {"port": device.path}, context=context) as driver:
             told(driver, health="warning")
             wait_until(lambda: "health: warning" in driver.status().message)
 
 
-def test_answers_that_come_late_or_are_of_another_question(device: PtyDevice, zenoh_router: str) -> None:
+def test_answers_that_come_late_or_are_of_another_question(device: PtyDevice, context: metaros.Context) -> None:
     lidar = RplidarEmulator(device.write)
     lidar.mute, lidar.wrong_answers = 2, True
     with answering(device, lidar.heard, lambda: scanning(lidar)):
-        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+        with running("rplidar", {"port": device.path}, context=context) as driver:
             assert_room(seen(driver.messages(LaserScan, "scan")))
             told(driver, asked_again="2")
             assert int(driver.facts()["wrong_answers"]) >= 3
 
 
-def test_a_device_that_is_none_is_said(device: PtyDevice, zenoh_router: str) -> None:
+def test_a_device_that_is_none_is_said(device: PtyDevice, context: metaros.Context) -> None:
     with answering(device, lambda _: None, lambda: b"$GPGGA,,,,,,0,,,,,,,,*66\r\n"):
-        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+        with running("rplidar", {"port": device.path}, context=context) as driver:
             wait_until(lambda: "no RPLIDAR answers here" in driver.status().message)
 
 
 @pytest.mark.parametrize("express", [True, False])
-def test_through_garbage(device: PtyDevice, zenoh_router: str, express: bool) -> None:
+def test_through_garbage(device: PtyDevice, context: metaros.Context, express: bool) -> None:
     lidar, noise = RplidarEmulator(device.write, express=express), np.random.default_rng(3)
 
     def dirty() -> bytes:
@@ -157,7 +158,7 @@ def test_through_garbage(device: PtyDevice, zenoh_router: str, express: bool) ->
         return bytes(data) + noise.integers(0, 256, 333, dtype=np.uint8).tobytes()
 
     with answering(device, lidar.heard, dirty):
-        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+        with running("rplidar", {"port": device.path}, context=context) as driver:
             scans = driver.messages(LaserScan, "scan")
             seen(scans, 8)
             assert_room(together(scans))  # of each one garbage takes a sector away
@@ -166,10 +167,10 @@ def test_through_garbage(device: PtyDevice, zenoh_router: str, express: bool) ->
             wait_until(lambda: int(driver.facts().get("skipped_bytes", 0)) > 300)
 
 
-def test_unplugged_and_plugged_in_again(device: PtyDevice, zenoh_router: str) -> None:
+def test_unplugged_and_plugged_in_again(device: PtyDevice, context: metaros.Context) -> None:
     lidar = RplidarEmulator(device.write)
     with answering(device, lidar.heard, lambda: scanning(lidar)):
-        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+        with running("rplidar", {"port": device.path}, context=context) as driver:
             scans = driver.messages(LaserScan, "scan")
             seen(scans)
             device.unplug()
@@ -180,10 +181,10 @@ def test_unplugged_and_plugged_in_again(device: PtyDevice, zenoh_router: str) ->
             told(driver, state="working")
 
 
-def test_one_that_falls_silent_is_asked_anew(device: PtyDevice, zenoh_router: str) -> None:
+def test_one_that_falls_silent_is_asked_anew(device: PtyDevice, context: metaros.Context) -> None:
     lidar = RplidarEmulator(device.write)
     with answering(device, lidar.heard, lambda: scanning(lidar)):
-        with running("rplidar", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+        with running("rplidar", {"port": device.path}, context=context) as driver:
             scans = driver.messages(LaserScan, "scan")
             seen(scans)
             lidar.scanning = None  # it lost its power for a moment

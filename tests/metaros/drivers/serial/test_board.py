@@ -75,8 +75,8 @@ def board(program: Path, device: PtyDevice) -> Iterator[subprocess.Popen[bytes]]
         process.wait()
 
 
-def test_the_board_of_the_page_is_on_the_network(program: Path, zenoh_router: str, tmp_path: Path) -> None:
-    with PtyDevice(tmp_path) as device, running("serial", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+def test_the_board_of_the_page_is_on_the_network(program: Path, context: metaros.Context, tmp_path: Path) -> None:
+    with PtyDevice(tmp_path) as device, running("serial", {"port": device.path}, context=context) as driver:
         readings = driver.messages(Float64, "temperature")
         lamp = driver.viewer.create_publisher(Bool, "/r1/lamp", 10)
         with board(program, device):
@@ -90,8 +90,8 @@ def test_the_board_of_the_page_is_on_the_network(program: Path, zenoh_router: st
             wait_until(lambda: driver.facts().get("board_restarts") == "1")
 
 
-def test_unplugged_and_replugged(program: Path, zenoh_router: str, tmp_path: Path) -> None:
-    with PtyDevice(tmp_path) as device, running("serial", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+def test_unplugged_and_replugged(program: Path, context: metaros.Context, tmp_path: Path) -> None:
+    with PtyDevice(tmp_path) as device, running("serial", {"port": device.path}, context=context) as driver:
         readings = driver.messages(Float64, "temperature")
         with board(program, device):
             wait_until(lambda: readings)
@@ -128,8 +128,8 @@ class Line:
         return any(k == kind and c == channel and payload in (None, p) for k, c, p in self.heard)
 
 
-def test_declarations_are_answered(zenoh_router: str, tmp_path: Path) -> None:
-    with PtyDevice(tmp_path) as device, running("serial", {"port": device.path}, zenoh_router=zenoh_router):
+def test_declarations_are_answered(context: metaros.Context, tmp_path: Path) -> None:
+    with PtyDevice(tmp_path) as device, running("serial", {"port": device.path}, context=context):
         line = Line(device)
         line.hello()
         wanted = {
@@ -153,8 +153,8 @@ def test_declarations_are_answered(zenoh_router: str, tmp_path: Path) -> None:
         assert int.from_bytes(pong[4:], "little") > 1_700_000_000_000_000_000
 
 
-def test_garbage_on_the_line_is_counted_and_passed(zenoh_router: str, tmp_path: Path) -> None:
-    with PtyDevice(tmp_path) as device, running("serial", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+def test_garbage_on_the_line_is_counted_and_passed(context: metaros.Context, tmp_path: Path) -> None:
+    with PtyDevice(tmp_path) as device, running("serial", {"port": device.path}, context=context) as driver:
         texts = driver.messages(String, "text")
         line = Line(device)
         line.hello()
@@ -176,8 +176,8 @@ def test_garbage_on_the_line_is_counted_and_passed(zenoh_router: str, tmp_path: 
         assert driver.state() == "working"
 
 
-def test_a_slow_line_gets_the_newest(zenoh_router: str, tmp_path: Path) -> None:
-    with PtyDevice(tmp_path) as device, running("serial", {"port": device.path}, zenoh_router=zenoh_router) as driver:
+def test_a_slow_line_gets_the_newest(context: metaros.Context, tmp_path: Path) -> None:
+    with PtyDevice(tmp_path) as device, running("serial", {"port": device.path}, context=context) as driver:
         line = Line(device)
         line.hello()
         line.declare(1, 1, "numbers", "std_msgs/msg/Float64")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import metaros
 from metaros.clock import system_rng
 from metaros.interfaces.std_msgs.msg import Float64
 from tests.support.drivers import RunningDriver, running
@@ -32,9 +33,9 @@ def heard(driver: RunningDriver, device: PtyDevice, values: list[Float64], line:
     return values[-1]
 
 
-def test_values_come_again_after_garbage_and_unplugging(device: PtyDevice, zenoh_router: str) -> None:
+def test_values_come_again_after_garbage_and_unplugging(device: PtyDevice, context: metaros.Context) -> None:
     parameters = {"port": device.path, "format": "json", "fields": "t,air.h", "topic": "weather"}
-    with running("serial_sensor", parameters, zenoh_router=zenoh_router) as driver:
+    with running("serial_sensor", parameters, context=context) as driver:
         warm, humid = driver.messages(Float64, "weather/t"), driver.messages(Float64, "weather/air/h")
         line = b'{"t": 21.5, "air": {"h": 40}}\r\n'
         assert heard(driver, device, warm, line).data == 21.5

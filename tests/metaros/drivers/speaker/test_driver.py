@@ -29,10 +29,10 @@ def alsa(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Alsa:
 
 
 @pytest.fixture
-def speaker(alsa: Alsa, tmp_path: Path, zenoh_router: str) -> Iterator[RunningDriver]:
+def speaker(alsa: Alsa, tmp_path: Path, context: metaros.Context) -> Iterator[RunningDriver]:
     write_wav(tmp_path / "horn.wav")
     params = {"device": SPEAKER, "rate": RATE, "sounds": str(tmp_path)}
-    with running("speaker", params, zenoh_router=zenoh_router) as driver:
+    with running("speaker", params, context=context) as driver:
         wait_until(lambda: driver.state() == "working")
         yield driver
 
@@ -128,9 +128,9 @@ def test_garbage_on_every_topic(speaker: RunningDriver, alsa: Alsa) -> None:
     wait_until(lambda: loudness(alsa) > 16000)
 
 
-def test_a_device_that_goes_and_comes_back(alsa: Alsa, zenoh_router: str) -> None:
+def test_a_device_that_goes_and_comes_back(alsa: Alsa, context: metaros.Context) -> None:
     alsa.remove()
-    with running("speaker", {"device": SPEAKER, "rate": RATE}, zenoh_router=zenoh_router) as driver:
+    with running("speaker", {"device": SPEAKER, "rate": RATE}, context=context) as driver:
         wait_until(lambda: driver.state() == "waiting")
         stream = publisher(driver, RawAudio, "speaker/audio")
         stream.publish(numpy_to_audio(np.full(3200, 9999, np.int16), RATE))  # never heard: it is late by then
@@ -142,6 +142,6 @@ def test_a_device_that_goes_and_comes_back(alsa: Alsa, zenoh_router: str) -> Non
 
 
 @pytest.mark.parametrize("params", [{"voice": "-w/tmp/x"}, {"sounds": "/nonexistent"}])
-def test_what_cannot_work_is_refused(params: dict[str, str], alsa: Alsa, zenoh_router: str) -> None:
-    with pytest.raises(ConfigError, match="could not configure"), running("speaker", params, zenoh_router=zenoh_router):
+def test_what_cannot_work_is_refused(params: dict[str, str], alsa: Alsa, context: metaros.Context) -> None:
+    with pytest.raises(ConfigError, match="could not configure"), running("speaker", params, context=context):
         pass

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import metaros
 from metaros.clock import SystemClock
 from metaros.convert import points_to_numpy, quantized_to_numpy
 from metaros.drivers.vlp16.receiver import Receiver
@@ -28,10 +29,10 @@ Send = Callable[[bytes], Any]
 
 
 @contextmanager
-def lidar_and(zenoh_router: str, **parameters: Any) -> Iterator[tuple[RunningDriver, Send]]:
+def lidar_and(context: metaros.Context, **parameters: Any) -> Iterator[tuple[RunningDriver, Send]]:
     """A driver that listens, and how to send it a packet."""
     wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    with wire, running("vlp16", {"port": 0, **parameters}, zenoh_router=zenoh_router) as driver:
+    with wire, running("vlp16", {"port": 0, **parameters}, context=context) as driver:
         wait_until(lambda: "udp_port" in driver.node.standing.facts)
         port = int(driver.node.standing.facts["udp_port"])
         yield driver, lambda data: wire.sendto(data, ("127.0.0.1", port))
@@ -70,8 +71,8 @@ def assert_room(points: np.ndarray) -> None:
     assert points["z"].min() == pytest.approx(FLOOR_M, abs=0.02)
 
 
-def test_clouds_of_a_room_as_ros_drivers_have_them(zenoh_router: str) -> None:
-    with lidar_and(zenoh_router, frame_id="roof") as (driver, send):
+def test_clouds_of_a_room_as_ros_drivers_have_them(context: metaros.Context) -> None:
+    with lidar_and(context, frame_id="roof") as (driver, send):
         clouds = driver.messages(PointCloud2, "points")
         with turning(Vlp16Emulator(), send):
             cloud = seen(clouds)
@@ -90,8 +91,8 @@ def test_clouds_of_a_room_as_ros_drivers_have_them(zenoh_router: str) -> None:
         assert sorted(set(points["ring"].tolist())) == list(range(16))
 
 
-def test_filters_are_obeyed_at_once(zenoh_router: str) -> None:
-    with lidar_and(zenoh_router, voxel_m=0.25) as (driver, send):
+def test_filters_are_obeyed_at_once(context: metaros.Context) -> None:
+    with lidar_and(context, voxel_m=0.25) as (driver, send):
         clouds = driver.messages(PointCloud2, "points")
         with turning(Vlp16Emulator(), send):
             assert seen(clouds).width < 3000
@@ -101,8 +102,8 @@ def test_filters_are_obeyed_at_once(zenoh_router: str) -> None:
         assert points_to_numpy(clouds[-1])["z"].min() >= 0.0
 
 
-def test_a_quantised_cloud_beside_it(zenoh_router: str) -> None:
-    with lidar_and(zenoh_router, quantized_step_m=0.02) as (driver, send):
+def test_a_quantised_cloud_beside_it(context: metaros.Context) -> None:
+    with lidar_and(context, quantized_step_m=0.02) as (driver, send):
         clouds = driver.messages(PointCloud2, "points")
         small = driver.messages(QuantizedCloud, "points/quantized")
         with turning(Vlp16Emulator(), send):
@@ -115,8 +116,8 @@ def test_a_quantised_cloud_beside_it(zenoh_router: str) -> None:
         assert len(two.data) < len(one.data) / 3
 
 
-def test_all_turns_come_in_order_with_delivery_all(zenoh_router: str) -> None:
-    with lidar_and(zenoh_router, delivery="all") as (driver, send):
+def test_all_turns_come_in_order_with_delivery_all(context: metaros.Context) -> None:
+    with lidar_and(context, delivery="all") as (driver, send):
         clouds = driver.messages(PointCloud2, "points", qos_reliable_all)
         emulator = Vlp16Emulator()
         with turning(emulator, send):
@@ -161,9 +162,9 @@ class _QuietUnit:
         self.facts[name] = str(value)
 
 
-def test_garbage_and_losses_are_counted(zenoh_router: str) -> None:
+def test_garbage_and_losses_are_counted(context: metaros.Context) -> None:
     noise = np.random.default_rng(16)
-    with lidar_and(zenoh_router) as (driver, send):
+    with lidar_and(context) as (driver, send):
         clouds = driver.messages(PointCloud2, "points")
         emulator = Vlp16Emulator()
         for size in (0, 1, 100, 1205, 1206, 1207, 1500, 9000):
@@ -183,9 +184,9 @@ def test_garbage_and_losses_are_counted(zenoh_router: str) -> None:
         assert counters["lost_packets"] >= 7
 
 
-def test_a_megabyte_of_noise_then_a_room(zenoh_router: str) -> None:
+def test_a_megabyte_of_noise_then_a_room(context: metaros.Context) -> None:
     noise = np.random.default_rng(7).integers(0, 256, 1 << 20, dtype=np.uint8).tobytes()
-    with lidar_and(zenoh_router) as (driver, send):
+    with lidar_and(context) as (driver, send):
         clouds = driver.messages(PointCloud2, "points")
         for at in range(0, len(noise), 1206):
             send(noise[at : at + 1206])
@@ -194,17 +195,17 @@ def test_a_megabyte_of_noise_then_a_room(zenoh_router: str) -> None:
         assert driver.node.standing.counters["wrong_magic"] > 100
 
 
-def test_packets_of_others_do_not_count(zenoh_router: str) -> None:
-    with lidar_and(zenoh_router, device="192.0.2.7") as (driver, send):
+def test_packets_of_others_do_not_count(context: metaros.Context) -> None:
+    with lidar_and(context, device="192.0.2.7") as (driver, send):
         clouds = driver.messages(PointCloud2, "points")
         with turning(Vlp16Emulator(), send):
             wait_until(lambda: driver.node.standing.counters["foreign_packets"] > 200)
         assert clouds == []
 
 
-def test_gps_and_pps_are_told(zenoh_router: str) -> None:
+def test_gps_and_pps_are_told(context: metaros.Context) -> None:
     port = free_port()
-    with lidar_and(zenoh_router, position_port=port) as (driver, _), socket.socket(type=socket.SOCK_DGRAM) as wire:
+    with lidar_and(context, position_port=port) as (driver, _), socket.socket(type=socket.SOCK_DGRAM) as wire:
         wire.sendto(position_packet(5, 2), ("127.0.0.1", port))
         wire.sendto(b"short", ("127.0.0.1", port))
         wait_until(lambda: driver.facts().get("pps") == "locked" and driver.facts().get("wrong_position") == "1")
@@ -212,8 +213,8 @@ def test_gps_and_pps_are_told(zenoh_router: str) -> None:
         assert driver.facts()["gps_utc"] == "231126 120304"
 
 
-def test_silence_is_stale_and_the_lidar_comes_back(zenoh_router: str) -> None:
-    with lidar_and(zenoh_router) as (driver, send):
+def test_silence_is_stale_and_the_lidar_comes_back(context: metaros.Context) -> None:
+    with lidar_and(context) as (driver, send):
         clouds = driver.messages(PointCloud2, "points")
         with turning(Vlp16Emulator(), send):
             seen(clouds)
@@ -223,11 +224,11 @@ def test_silence_is_stale_and_the_lidar_comes_back(zenoh_router: str) -> None:
             wait_until(lambda: driver.state() == "working")
 
 
-def test_a_port_that_is_taken_is_waited_for(zenoh_router: str) -> None:
+def test_a_port_that_is_taken_is_waited_for(context: metaros.Context) -> None:
     with socket.socket(type=socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
-        with running("vlp16", {"port": port}, zenoh_router=zenoh_router) as driver:
+        with running("vlp16", {"port": port}, context=context) as driver:
             wait_until(lambda: driver.state() == "waiting")
             taken.close()
             wait_until(lambda: driver.node.standing.detail.startswith("listening"))
@@ -242,7 +243,7 @@ def test_a_port_that_is_taken_is_waited_for(zenoh_router: str) -> None:
         ({"z_min_m": 2.0, "z_max_m": 1.0}, "z_min_m below z_max_m"),
     ],
 )
-def test_what_cannot_work_is_refused(zenoh_router: str, parameters: dict[str, Any], words: str) -> None:
-    with running("vlp16", {"port": 0, **parameters}, zenoh_router=zenoh_router, start=False) as driver:
+def test_what_cannot_work_is_refused(context: metaros.Context, parameters: dict[str, Any], words: str) -> None:
+    with running("vlp16", {"port": 0, **parameters}, context=context, start=False) as driver:
         with pytest.raises(ConfigError, match=words):
             driver.node.start()

@@ -1,0 +1,18 @@
+"""One context for the drivers of a worker: each test's nodes leave it with the test."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+import metaros
+from tests.support.leaping import LeapingClock
+from tests.support.routers import zenoh_router
+
+
+@pytest.fixture(scope="session")
+def context() -> Iterator[metaros.Context]:
+    """On a router of its own; its clock leaps when told."""
+    with zenoh_router() as endpoint, metaros.Context(connect=endpoint, clock=LeapingClock()) as opened:
+        yield opened
