@@ -39,7 +39,8 @@ from edge_agent.talk_guard import TalkGuard
 from edge_agent.tap import Tap
 from edge_agent.teleop import Teleop
 from edge_agent.twin.services import RosServices
-from edge_agent.update.setup import HANDOVER, open_updates
+from edge_agent.update.handover import HANDOVER
+from edge_agent.update.setup import open_updates
 from edge_agent.uplink.address import GatewayAddress
 from edge_agent.uplink.backoff import Backoff
 from edge_agent.uplink.budget import Budget

@@ -39,7 +39,7 @@ def make_environment(folder: Path, *, environ: Mapping[str, str] = os.environ) -
     """
     base = environ.get(BASE_PYTHON) or sys.executable
     places = environ[BASE_SITE].split(os.pathsep) if BASE_SITE in environ else base_places()
-    own_pip = _run([base, "-I", "-m", "pip", "--version"], environ, must=False) == 0
+    own_pip = _run([base, "-I", "-c", "import pip"], environ, must=False) == 0
     _run([base, "-I", "-m", "venv", *(["--without-pip"] if own_pip else []), str(folder / "venv")], environ)
     python = python_of(folder)
     pip = [base, "-I", "-m", "pip", "--python", str(python)] if own_pip else [str(python), "-I", "-m", "pip"]

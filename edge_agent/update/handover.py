@@ -5,16 +5,19 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import signal
 import sys
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from metaros.limits import LIMITS
 
-__all__ = ["AGAIN", "LOADED", "Loaded", "give_back", "loaded"]
+__all__ = ["AGAIN", "HANDOVER", "LOADED", "Handover", "Loaded", "give_back", "loaded"]
 
 LOADED = "METAROS_AGENT_SLOT"  # in the environment of an agent that the loader started
 AGAIN = 75  # the exit code of an agent that wants to be started anew by the loader that waits for it
+CLOSE_S = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,3 +56,29 @@ def give_back(found: Loaded) -> None:
         with contextlib.suppress(OSError):
             os.execv(found.loader[0], list(found.loader))
     os._exit(AGAIN)
+
+
+class Handover:
+    """Whether this program is to become another version once everything of it is closed."""
+
+    def __init__(self, *, patience_s: float = CLOSE_S) -> None:
+        """`patience_s`: after so long it no longer waits for parts that do not close."""
+        self._asked: Loaded | None = None
+        self._patience_s = patience_s
+
+    def ask(self, found: Loaded | None) -> None:
+        """End the program as a signal would, so that nothing that was accepted is lost."""
+        self._asked = found
+        if found is not None:
+            late = threading.Timer(self._patience_s, self.finish)
+            late.daemon = True
+            late.start()
+            signal.raise_signal(signal.SIGINT if os.name == "nt" else signal.SIGTERM)
+
+    def finish(self) -> None:
+        """The last act of the program: the loader, if it was asked for."""
+        if self._asked is not None:
+            give_back(self._asked)
+
+
+HANDOVER = Handover()

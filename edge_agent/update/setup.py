@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from edge_agent.config import Settings
 from edge_agent.identity.credentials import Credentials
-from edge_agent.update.handover import Loaded, give_back, loaded
+from edge_agent.update.handover import HANDOVER, loaded
 from edge_agent.update.nodes import NodeBundles
 from edge_agent.update.slots import Slots
 from edge_agent.update.source import Source
@@ -18,35 +15,7 @@ from edge_agent.update.updater import AgentUpdates
 from metaros.bundle import BundleError, check_group
 from metaros.clock import Clock, system_rng
 
-__all__ = ["HANDOVER", "Handover", "Updates", "open_updates"]
-
-CLOSE_S = 60.0
-
-
-class Handover:
-    """Whether this program is to become another version once everything of it is closed."""
-
-    def __init__(self, *, patience_s: float = CLOSE_S) -> None:
-        """`patience_s`: after so long it no longer waits for parts that do not close."""
-        self._asked: Loaded | None = None
-        self._patience_s = patience_s
-
-    def ask(self, found: Loaded | None) -> None:
-        """End the program as a signal would, so that nothing that was accepted is lost."""
-        self._asked = found
-        if found is not None:
-            late = threading.Timer(self._patience_s, self.finish)
-            late.daemon = True
-            late.start()
-            signal.raise_signal(signal.SIGINT if os.name == "nt" else signal.SIGTERM)
-
-    def finish(self) -> None:
-        """The last act of the program: the loader, if it was asked for."""
-        if self._asked is not None:
-            give_back(self._asked)
-
-
-HANDOVER = Handover()
+__all__ = ["Updates", "open_updates"]
 
 
 @dataclass(frozen=True, slots=True)

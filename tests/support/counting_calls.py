@@ -8,12 +8,34 @@ from __future__ import annotations
 
 import errno
 import os
+import sys
 from typing import Any
 
-__all__ = ["FAULTS", "CountingCalls", "PowerCutError"]
+__all__ = ["FAULTS", "CountingCalls", "PowerCutError", "points"]
 
 WATCHED = ("open", "write", "fdatasync", "fsync", "ftruncate", "replace", "unlink", "lseek", "close", "stat", "statvfs")
 FAULTS = ("EIO", "ENOSPC", "short", "crash", "unsynced")
+_WRITES = ("open", "write", "fdatasync", "fsync", "ftruncate", "replace")
+_APART = {"ENOSPC": _WRITES, "short": ("write",), "unsynced": ("write", "fdatasync")}  # else as EIO, or as a crash
+
+
+def points(whole: CountingCalls, fault: str) -> list[int]:
+    """The calls of a life, from 1, at which to fail: the first and the last of each place, where the fault is apart."""
+    first: dict[object, int] = {}
+    last: dict[object, int] = {}
+    for at, (name, place) in enumerate(zip(whole.names, whole.places, strict=True), 1):
+        if name in _APART.get(fault, WATCHED) and name != "close":
+            first.setdefault((name, place), at)
+            last[name, place] = at
+    return sorted({*first.values(), *last.values()})
+
+
+def _place() -> tuple[tuple[str, int], ...]:
+    frame, found = sys._getframe(2), []
+    while frame is not None:
+        found.append((frame.f_code.co_filename, frame.f_lineno))
+        frame = frame.f_back
+    return tuple(found)
 
 
 class PowerCutError(BaseException):
@@ -27,6 +49,8 @@ class CountingCalls:
         self.count = 0
         self.fired = False
         self.name = ""
+        self.names: list[str] = []  # of all calls, in their order
+        self.places: list[object] = []  # where each was made, lines of its callers included; of a life that is whole
         self._fail_at = fail_at
         self._fault = fault
         self._full = False
@@ -39,6 +63,9 @@ class CountingCalls:
     def _watched(self, name: str, real: Any) -> Any:
         def call(*args: Any, **more: Any) -> Any:
             self.count += 1
+            self.names.append(name)
+            if not self._fail_at:
+                self.places.append(_place())
             if name == "ftruncate":
                 self._sizes[args[0]] = args[1]
             if name == "write" and self._full:

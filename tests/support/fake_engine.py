@@ -9,7 +9,7 @@ import os
 import sys
 from pathlib import Path
 
-import psutil
+from tests.support.processes import alive
 
 __all__ = ["FakeEngine"]
 
@@ -48,8 +48,8 @@ def run(*words):
         sys.exit("the name is in use")
     code = open(path("image", digest)).read()
     child = subprocess.Popen([sys.executable, "-S", "-c", code, *words], start_new_session=True)
-    open(path("container", name), "w").write(str(child.pid))
     signal.signal(signal.SIGINT, lambda *_: child.send_signal(signal.SIGINT))
+    open(path("container", name), "w").write(str(child.pid))
     status = child.wait()
     os.unlink(path("container", name))
     sys.exit(status if status >= 0 else 128 - status)
@@ -101,6 +101,6 @@ class FakeEngine:
                 text = path.read_text()
             except FileNotFoundError:  # it has just gone
                 continue
-            if text and psutil.pid_exists(int(text)):
+            if text and alive(int(text)):
                 found[path.name.removeprefix("container-")] = int(text)
         return found

@@ -7,7 +7,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["END_S", "end", "started"]
+import psutil
+
+__all__ = ["END_S", "alive", "end", "started"]
 
 END_S = 60.0  # for an end that takes a moment on a desk: a loaded machine is no fault of the program
 _TERMINATE_S = 5.0
@@ -22,6 +24,14 @@ def started(argv: Sequence[str], **options: Any) -> Iterator[subprocess.Popen[st
         yield process
     finally:
         end(process)
+
+
+def alive(pid: int) -> bool:
+    """Whether a process runs; one that has ended does not, also before it is reaped, which may take init seconds."""
+    try:
+        return bool(psutil.Process(pid).status() != psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return False
 
 
 def end(process: subprocess.Popen[Any]) -> None:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 
 from edge_agent.nodes.allowed import NodeSettings
@@ -28,13 +27,18 @@ from metaros.supervise.table_file import Row, TableFile, read_rows
 from metaros.twin import parse
 from metaros.twin.document import NodeWanted
 from tests.support.fake_engine import FakeEngine
-from tests.support.processes import started
+from tests.support.processes import alive, started
 from tests.support.tuf_repository import make_bundle
 from tests.support.tuf_robot import TufRobot, tuf_robot
 from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the engine that is played here is Linux's")
-CODE = "import signal, sys; print('inside', *sys.argv[1:], flush=True); signal.sigwait([signal.SIGINT])"
+CODE = """
+import os, signal, sys
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+print("inside", os.getpid(), *sys.argv[1:], flush=True)
+signal.sigwait([signal.SIGINT])
+"""
 PLACE = Place(namespace="/r1", zenoh_port=7447, env={"ZENOH_SESSION_CONFIG_URI": "/z/node.json5"})
 
 
@@ -129,6 +133,18 @@ class Robot:
         except UnavailableError:  # it is just starting
             return 0
 
+    def log(self) -> str:
+        """What the node has said."""
+        path = self.folder / "logs" / "lidar.log"
+        return path.read_text() if path.exists() else ""
+
+    def container(self, engine: FakeEngine) -> int:
+        """The process of the one container, once it runs and may be asked to end."""
+        wait_until(lambda: len(engine.containers()) == 1)
+        pid = next(iter(engine.containers().values()))
+        wait_until(lambda: f"inside {pid} " in self.log() and self.pid() > 0)
+        return pid
+
 
 async def test_it_ends_with_its_node_and_with_a_killed_supervisor(robot: TufRobot, engine: FakeEngine) -> None:
     row = row_of(wanted(args=["--fast"]), NodeSettings(), PLACE, await bundles(robot).get("lidar", "1.0"))
@@ -137,29 +153,20 @@ async def test_it_ends_with_its_node_and_with_a_killed_supervisor(robot: TufRobo
 
 def the_life_of_a_container(robot: Robot, engine: FakeEngine) -> None:
     with started(robot.argv) as process:
-        first = only(engine)
+        first = robot.container(engine)
         ask(robot.folder, "stop", node="lidar")
         assert engine.containers() == {}
-        assert not psutil.pid_exists(first)
+        assert not alive(first)
         ask(robot.folder, "start", node="lidar")
-        second = only(engine)
-        wait_until(lambda: robot.pid() > 0)
+        second = robot.container(engine)
         os.kill(robot.pid(), signal.SIGKILL)  # whose container goes on without it, were it not taken away
-        wait_until(lambda: not psutil.pid_exists(second))
-        third = only(engine)
+        wait_until(lambda: not alive(second))
+        third = robot.container(engine)
         process.kill()
-        wait_until(lambda: not psutil.pid_exists(third))
+        wait_until(lambda: not alive(third))
     with started(robot.argv):
-        fourth = only(engine)
-        wait_until(lambda: robot.pid() > 0)
+        fourth = robot.container(engine)
         ask(robot.folder, "shutdown")
-        wait_until(lambda: not psutil.pid_exists(fourth))
-    log = (robot.folder / "logs" / "lidar.log").read_text()
-    assert "inside --fast" in log
-    assert "in use" not in log
-
-
-def only(engine: FakeEngine) -> int:
-    """The process of the one container, once there is one."""
-    wait_until(lambda: len(engine.containers()) == 1)
-    return next(iter(engine.containers().values()))
+        wait_until(lambda: not alive(fourth))
+    assert f"inside {fourth} --fast" in robot.log()
+    assert "in use" not in robot.log()

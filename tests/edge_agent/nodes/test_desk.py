@@ -29,6 +29,7 @@ from metaros.errors import MetarosError
 from metaros.supervise.client import ask
 from metaros.supervise.program import running_pid
 from metaros.twin import TwinError
+from tests.support.processes import alive
 from tests.support.waiting import wait_until, wait_until_async
 
 SLEEP = """
@@ -238,7 +239,7 @@ async def test_a_killed_supervisor_comes_back_with_its_nodes(rig: Rig) -> None:
     supervisor = running_pid(rig.directory)
     assert supervisor is not None
     os.kill(supervisor, signal.SIGKILL)
-    await wait_until_async(lambda: not psutil.pid_exists(pid))
+    await wait_until_async(lambda: not alive(pid))
     await wait_until_async(lambda: running_pid(rig.directory) not in (None, supervisor))
     await wait_until_async(lambda: rig.node("a").get("pid") not in (None, pid))
 
@@ -422,7 +423,7 @@ async def test_a_lease_that_nobody_renews_ends_with_agent_and_link_dead(shared: 
     await shared.desk.verb("other", "restart")  # goes the same way, after it
     await shared.again()
     await shared.stop()  # the agent is gone, and with it the link
-    await wait_until_async(lambda: not psutil.pid_exists(pid), timeout_s=30.0)  # not after a minute
+    await wait_until_async(lambda: not alive(pid), timeout_s=30.0)  # not after a minute
 
 
 async def test_a_frame_that_lay_in_a_buffer_gives_nothing(shared: Rig) -> None:

@@ -12,8 +12,7 @@ from tests.support.processes import END_S, started
 
 PROGRAM = """
 import os, signal, sys, threading
-from edge_agent.update.handover import Loaded
-from edge_agent.update.setup import Handover
+from edge_agent.update.handover import Handover, Loaded
 handover = Handover(patience_s={patience_s})
 signal.signal(signal.SIGTERM, lambda *_: print("asked to end", flush=True))
 handover.ask(Loaded(loader=(sys.executable, "-c", "import os; print('loader', os.getpid())"), watcher={watcher}))
