@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import random  # noqa: TID251 - seeded
 import ssl
@@ -10,18 +11,44 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from edge_agent.update.errors import UpdateError
 from edge_agent.update.fetch import Patience
 from edge_agent.update.files import replace_table
 from edge_agent.update.handover import Loaded
 from edge_agent.update.slots import Current, Slots, python_of
 from edge_agent.update.source import Source
 from edge_agent.update.updater import AgentUpdates
+from metaros.bundle import BundleError
 from metaros.clock import ManualClock
 from tests.support.tuf_repository import Served, TufRepository, serve, utc
 
-__all__ = ["OLD", "TufRobot", "fill_slot", "tuf_robot"]
+__all__ = ["OLD", "Hurry", "TufRobot", "fill_slot", "tuf_robot"]
 
 OLD = "2.0.0"
+TRUSTS_NOBODY = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # the server speaks plain HTTP; to read roots takes 50 ms
+PATIENT = Patience(head_s=60.0, span_s=60.0, span_bytes=10_000)
+
+
+class Hurry:
+    """Patience that ends once a certain file was asked for: what comes after it is to be slow."""
+
+    span_bytes = PATIENT.span_bytes
+
+    def __init__(self, served: Served, after: str, *, head_s: float, span_s: float) -> None:
+        self._served, self._after, self._short = served, after, (head_s, span_s)
+        self._now = (PATIENT.head_s, PATIENT.span_s)
+
+    @property
+    def head_s(self) -> float:
+        """It is read once a file, before it is asked for."""
+        asked = self._served.asked
+        self._now = self._short if asked and asked[-1][0].endswith(self._after) else (PATIENT.head_s, PATIENT.span_s)
+        return self._now[0]
+
+    @property
+    def span_s(self) -> float:
+        """Of the same file."""
+        return self._now[1]
 
 
 class HalfClock(ManualClock):
@@ -47,6 +74,7 @@ class TufRobot:
         self.state_dir, self.served, self.clock = state_dir, served, clock
         self.slots = Slots(state_dir)
         self.restarts = 0
+        self.patience: Patience | Hurry = PATIENT
         fill_slot(self.slots, "a", OLD)
         replace_table(self.slots.folder / "current", json.loads(json.dumps({"format": 1, **_good()})))
         self.begin()
@@ -56,10 +84,10 @@ class TufRobot:
         self.source = Source(
             self.state_dir / "update",
             self.served.url,
-            ssl.create_default_context,
+            lambda: TRUSTS_NOBODY,
             self.clock,
             groups=("east",),
-            patience=Patience(head_s=1.0, span_s=1.0, span_bytes=10_000),
+            patience=self.patience,  # type: ignore[arg-type]
         )
         self.source.folder.mkdir(parents=True, exist_ok=True)
         self.updates = AgentUpdates(
@@ -79,6 +107,19 @@ class TufRobot:
         """The code of the refusal; "" where the new version is to start now."""
         done = await self.updates.attempt(version)
         return "" if done else self.code
+
+    async def takes(self, version: str = "2.1.0") -> str:
+        """The same, but that nothing is installed where nothing is refused, which takes seconds."""
+        try:
+            await asyncio.to_thread(self._unpack, version)
+        except (UpdateError, BundleError) as error:
+            return error.code
+        return ""
+
+    def _unpack(self, version: str) -> None:
+        what = {"kind": "agent", "name": "metaros", "version": version}
+        with self.source.bundle(**what) as fetched:
+            self.source.unpack(fetched, self.slots.empty_one(), **what)
 
     @property
     def code(self) -> str:
