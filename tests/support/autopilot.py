@@ -15,7 +15,7 @@ from tests.support.pty_device import PtyDevice
 
 __all__ = ["Autopilot", "PtyCable", "TcpCable", "UdpCable"]
 
-PERIOD_S = 0.05
+PERIOD_S = 0.02
 
 
 class UdpCable:

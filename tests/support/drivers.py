@@ -14,6 +14,7 @@ from metaros.drivers.node import DriverNode
 from metaros.drivers.registry import device_maker, manifest_of
 from metaros.interfaces.diagnostic_msgs.msg import DiagnosticStatus
 from tests.support.leaping import LeapingClock
+from tests.support.waiting import wait_until
 
 __all__ = ["RETRY_S", "RunningDriver", "running"]
 
@@ -52,6 +53,10 @@ class RunningDriver:
         assert isinstance(clock, LeapingClock)
         clock.leap(seconds)
         self.node.ingress.wake()
+
+    def lose(self, seconds: float) -> None:
+        """Leap until the driver, which hears nothing, notices that."""
+        wait_until(lambda: self.state() in ("waiting", "opening") or self.leap(seconds))
 
 
 @contextmanager

@@ -19,8 +19,11 @@ LONGEST_S: Final = 5.0  # of a command that is in progress
 class Asking:
     """`ask` is called from the executor's thread, `answer` and `give_up` from the driver's."""
 
-    def __init__(self, send: Callable[[Any], None], *, monotonic_s: Callable[[], float]) -> None:
+    def __init__(
+        self, send: Callable[[Any], None], *, monotonic_s: Callable[[], float], answer_s: float = ANSWER_S
+    ) -> None:
         self._send = send
+        self._answer_s = answer_s
         self._monotonic_s = monotonic_s
         self._changed = threading.Condition()
         self._asked = 0
@@ -61,7 +64,7 @@ class Asking:
                     break
             self._send(dialect.MAVLink_command_long_message(*target, command, confirmation, *parameters))
             with self._changed:
-                self._changed.wait_for(lambda: self._gone or self._result is not None, ANSWER_S)
+                self._changed.wait_for(lambda: self._gone or self._result is not None, self._answer_s)
                 if self._result == dialect.MAV_RESULT_IN_PROGRESS:
                     self._await_end()
                 if self._result is not None and not self._gone:

@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 import metaros
 from metaros.drivers.mavlink.codec import MAX_FRAME
+from metaros.drivers.mavlink.vehicle import LOST_S
 from metaros.interfaces.metaros_msgs.msg import VehicleState
 from metaros.interfaces.nav_msgs.msg import Odometry
 from metaros.interfaces.sensor_msgs.msg import BatteryState, Imu, NavSatFix, NavSatStatus
@@ -47,7 +48,7 @@ def repeat(pilot: Autopilot, message: Any, found: list[Any]) -> Any:
         pilot.send(message)
         return bool(found)
 
-    wait_until(told, every_s=0.05)
+    wait_until(told, every_s=0.02)
     return found[-1]
 
 
@@ -111,7 +112,7 @@ def test_telemetry(context: metaros.Context) -> None:
             pilot.send(attitude)
             return any(one.linear_acceleration_covariance[0] != -1 for one in imus)
 
-        wait_until(with_acceleration, every_s=0.05)
+        wait_until(with_acceleration, every_s=0.02)
         felt = next(one for one in imus if one.linear_acceleration_covariance[0] != -1).linear_acceleration
         assert (felt.x, felt.y, felt.z) == pytest.approx((0.980665, -1.96133, 9.80665), abs=1e-5)
 
@@ -121,7 +122,7 @@ def test_telemetry(context: metaros.Context) -> None:
             pilot.send(dialect.MAVLink_local_position_ned_message(1, 10.0, 20.0, -30.0, 0.0, 3.0, 0.5))
             return bool(places)
 
-        wait_until(moving, every_s=0.05)
+        wait_until(moving, every_s=0.02)
         place, speed = places[-1].pose.pose.position, places[-1].twist.twist.linear
         assert (place.x, place.y, place.z) == pytest.approx((20, 10, 30))
         assert (speed.x, speed.y, speed.z) == pytest.approx((3, 0, -0.5), abs=1e-5)
@@ -136,7 +137,7 @@ def test_telemetry(context: metaros.Context) -> None:
             pilot.send(here)
             return bool(fixes[-1].latitude == pytest.approx(48.1234567))
 
-        wait_until(own_estimate, every_s=0.05)
+        wait_until(own_estimate, every_s=0.02)
         assert fixes[-1].altitude == pytest.approx(593.0)
         assert fixes[-1].status.status == NavSatStatus.STATUS_GBAS_FIX
         assert list(fixes[-1].position_covariance[[0, 8]]) == pytest.approx([0.0004, 0.0009])
@@ -180,7 +181,7 @@ def test_it_goes_away_and_returns(context: metaros.Context) -> None:
         pilot.armed = True
         wait_until(lambda: states and states[-1].armed)
         pilot.silent = True
-        wait_until(lambda: driver.state() == "waiting")
+        driver.lose(LOST_S / 2)
         wait_until(lambda: not states[-1].connected)
         assert (states[-1].armed, states[-1].mode, states[-1].status) == (False, "", "lost")
         pilot.silent = False
@@ -225,7 +226,7 @@ def test_others_on_the_link_are_not_it(context: metaros.Context, tmp_path: Path)
             for _ in range(3):
                 for sender, message in others:
                     sender.send(message)
-            wait_until(lambda: "no heartbeat" in driver.status().message)
+            wait_until(lambda: "no heartbeat" in driver.status().message or driver.leap(LOST_S / 2))
             pilot.silent = False
             wait_until(lambda: driver.state() == "working")
             for _ in range(5):

@@ -1,4 +1,4 @@
-"""What may move the vehicle, and what stops it. The times here are the driver's own, on a real clock."""
+"""What may move the vehicle, and what stops it."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 import metaros
+from metaros.drivers.mavlink.driver import HEARTBEAT_S
+from metaros.drivers.mavlink.vehicle import LOST_S
+from metaros.drivers.mavlink.velocity import FAREWELL_S
 from metaros.interfaces.geometry_msgs.msg import Twist, Vector3
 from metaros.interfaces.metaros_msgs.msg import VehicleState
 from metaros.interfaces.metaros_msgs.srv import SetMode
@@ -88,16 +91,10 @@ def test_a_refusal_is_told(context: metaros.Context) -> None:
         assert len(pilot.commands(ARM)) == 1
 
 
-def test_a_lost_command_is_sent_again_and_says_so(context: metaros.Context) -> None:
-    with flying(context) as (driver, pilot):
-        pilot.deaf_to = 2
-        assert arm(driver, on=True).success
-        assert [message.confirmation for message in pilot.commands(ARM)] == [0, 1, 2]
-
-
 def test_no_answer(context: metaros.Context) -> None:
     with flying(context) as (driver, pilot):
         pilot.deaf_to = 99
+        driver.node._device._pilot.asking._answer_s = 0.05  # type: ignore[union-attr]
         assert arm(driver, on=True).message == "no answer to 3 tries"
         assert not pilot.armed
 
@@ -129,18 +126,19 @@ def test_velocity_is_turned_limited_and_ends_by_zero_then_silence(context: metar
             velocities.publish(command(6.0, 8.0, 0.5, 0.25))
             return bool(pilot.of_type(SETPOINT))
 
-        wait_until(told, every_s=0.05)
+        wait_until(told, every_s=0.02)
         message = pilot.of_type(SETPOINT)[0]
         assert (message.vx, message.vy, message.vz) == pytest.approx((1.2, -1.6, -0.5))
         assert (message.yaw_rate, message.coordinate_frame, message.type_mask) == (-0.25, 8, 0x5C7)
+        driver.leap(driver.node.parameters["watchdog"])
         wait_until(lambda: pilot.of_type(SETPOINT)[-1].vx == 0)
+        driver.leap(FAREWELL_S)
         # Silence: ours are still heard (heartbeats), and no setpoint among them.
         wait_until(lambda: driver.node._device._pilot._gate._until_s == -math.inf)  # type: ignore[union-attr]
-        beats = len(pilot.of_type("HEARTBEAT"))
-        wait_until(lambda: len(pilot.of_type("HEARTBEAT")) > beats)
-        said = len(pilot.of_type(SETPOINT))
-        beats = len(pilot.of_type("HEARTBEAT"))
-        wait_until(lambda: len(pilot.of_type("HEARTBEAT")) > beats)
+        for _ in range(2):
+            said, beats = len(pilot.of_type(SETPOINT)), len(pilot.of_type("HEARTBEAT"))
+            driver.leap(HEARTBEAT_S)
+            wait_until(lambda beats=beats: len(pilot.of_type("HEARTBEAT")) > beats)  # type: ignore[misc]
         assert len(pilot.of_type(SETPOINT)) == said
 
 
@@ -152,7 +150,7 @@ def test_what_is_no_number_moves_nothing(context: metaros.Context) -> None:
             velocities.publish(command(math.nan))
             return int(driver.facts().get("refused_commands", 0)) > 3
 
-        wait_until(refused, every_s=0.05)
+        wait_until(refused, every_s=0.02)
         assert pilot.of_type(SETPOINT) == []
 
 
@@ -164,19 +162,22 @@ def test_after_a_lost_link_nothing_moves_until_a_new_command(context: metaros.Co
             velocities.publish(command(1.0))
             return bool(pilot.of_type(SETPOINT))
 
-        wait_until(told, every_s=0.05)
+        wait_until(told, every_s=0.02)
         pilot.silent = True
-        wait_until(lambda: driver.state() == "waiting")
+        driver.lose(LOST_S / 2)
         assert not arm(driver, on=True).success
         for _ in range(10):
             velocities.publish(command(1.0))  # while it is away: refused
         wait_until(lambda: int(driver.facts().get("refused_commands", 0)) > 1)
         pilot.received.clear()
         pilot.silent = False
-        wait_until(lambda: driver.state() == "working" and len(pilot.of_type("HEARTBEAT")) > 1)
+        wait_until(lambda: driver.state() == "working" and pilot.of_type("HEARTBEAT"))
+        beats = len(pilot.of_type("HEARTBEAT"))
+        driver.leap(HEARTBEAT_S)
+        wait_until(lambda: len(pilot.of_type("HEARTBEAT")) > beats)
         assert (pilot.of_type(SETPOINT), pilot.commands(ARM)) == ([], [])
         assert not pilot.armed
-        wait_until(told, every_s=0.05)
+        wait_until(told, every_s=0.02)
 
 
 def test_the_driver_s_end_is_a_zero(context: metaros.Context) -> None:
@@ -187,7 +188,7 @@ def test_the_driver_s_end_is_a_zero(context: metaros.Context) -> None:
             velocities.publish(command(1.0))
             return bool(pilot.of_type(SETPOINT))
 
-        wait_until(told, every_s=0.05)
+        wait_until(told, every_s=0.02)
         driver.node.trigger("deactivate")
         wait_until(lambda: pilot.of_type(SETPOINT)[-1].vx == 0)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 import metaros
+from metaros.drivers.rplidar import conversation
+from metaros.drivers.rplidar.conversation import ANSWER_S
+from metaros.drivers.rplidar.driver import SILENT_S
 from metaros.interfaces.sensor_msgs.msg import LaserScan
 from tests.support.drivers import RunningDriver, running
 from tests.support.pty_device import PtyDevice
@@ -60,6 +63,12 @@ def told(driver: RunningDriver, **wanted: Any) -> None:
     wait_until(lambda: wanted.items() <= driver.facts().items())
 
 
+def unanswered(driver: RunningDriver, asked: Callable[[], bool], onward: Callable[[], bool]) -> None:
+    """Once it has asked, let the time for the answer go by until it does something else."""
+    wait_until(asked)
+    wait_until(lambda: onward() or driver.leap(ANSWER_S / 2))
+
+
 @pytest.mark.parametrize(
     ("mode", "express", "found"),
     [
@@ -75,6 +84,8 @@ def test_scans_of_a_room(device: PtyDevice, context: metaros.Context, mode: str,
     with answering(device, lidar.heard, lambda: scanning(lidar)):
         with running("rplidar", parameters, context=context) as driver:
             scans = driver.messages(LaserScan, "scan")
+            if mode == "auto" and not express:
+                unanswered(driver, lambda: 0x82 in lidar.commands, lambda: 0x20 in lidar.commands)
             assert_room(seen(scans))
             told(driver, mode=found, firmware="1.29", health="good", state="working")
             assert "RPLIDAR A1" in driver.status().message or "RPLIDAR A1" in driver.node.standing.detail
@@ -99,6 +110,12 @@ def test_an_a2_is_told_how_fast_to_turn(device: PtyDevice, context: metaros.Cont
     assert lidar.pwm == [660]
 
 
+@pytest.fixture
+def soon_rebooted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(conversation, "REBOOT_S", 0.05)
+
+
+@pytest.mark.usefixtures("soon_rebooted")
 def test_bad_health_is_reset(device: PtyDevice, context: metaros.Context) -> None:
     lidar = RplidarEmulator(device.write)
     lidar.status = 2
@@ -109,6 +126,7 @@ def test_bad_health_is_reset(device: PtyDevice, context: metaros.Context) -> Non
     assert 0x40 in lidar.commands
 
 
+@pytest.mark.usefixtures("soon_rebooted")
 def test_bad_health_that_stays_is_said_and_tried_again(device: PtyDevice, context: metaros.Context) -> None:
     lidar = RplidarEmulator(device.write)
     lidar.status, lidar.heals = 2, False
@@ -134,15 +152,20 @@ def test_answers_that_come_late_or_are_of_another_question(device: PtyDevice, co
     lidar.mute, lidar.wrong_answers = 2, True
     with answering(device, lidar.heard, lambda: scanning(lidar)):
         with running("rplidar", {"port": device.path}, context=context) as driver:
-            assert_room(seen(driver.messages(LaserScan, "scan")))
+            scans = driver.messages(LaserScan, "scan")
+            unanswered(driver, lambda: lidar.commands.count(0x50) == 1, lambda: lidar.commands.count(0x50) == 2)
+            unanswered(driver, lambda: lidar.commands.count(0x50) == 2, lambda: lidar.commands.count(0x50) == 3)
+            assert_room(seen(scans))
             told(driver, asked_again="2")
             assert int(driver.facts()["wrong_answers"]) >= 3
 
 
 def test_a_device_that_is_none_is_said(device: PtyDevice, context: metaros.Context) -> None:
-    with answering(device, lambda _: None, lambda: b"$GPGGA,,,,,,0,,,,,,,,*66\r\n"):
+    heard = bytearray()
+    with answering(device, heard.extend, lambda: b"$GPGGA,,,,,,0,,,,,,,,*66\r\n"):
         with running("rplidar", {"port": device.path}, context=context) as driver:
-            wait_until(lambda: "no RPLIDAR answers here" in driver.status().message)
+            unanswered(driver, lambda: bool(heard), lambda: "no RPLIDAR answers here" in driver.status().message)
+    assert heard.count(b"\xa5\x50") >= 3
 
 
 @pytest.mark.parametrize("express", [True, False])
@@ -188,5 +211,5 @@ def test_one_that_falls_silent_is_asked_anew(device: PtyDevice, context: metaros
             scans = driver.messages(LaserScan, "scan")
             seen(scans)
             lidar.scanning = None  # it lost its power for a moment
-            wait_until(lambda: lidar.scanning is not None)
+            driver.lose(SILENT_S / 2)
             assert_room(seen(scans))

@@ -92,8 +92,8 @@ def test_a_capsule_that_begins_anew_forgets_the_one_before() -> None:
 
 
 @pytest.mark.parametrize("stream", [NodeStream(), CapsuleStream()])
-def test_a_megabyte_of_noise(stream: NodeStream | CapsuleStream) -> None:
-    noise = np.random.default_rng(52).integers(0, 256, 1 << 20, dtype=np.uint8).tobytes()
+def test_much_noise(stream: NodeStream | CapsuleStream) -> None:
+    noise = np.random.default_rng(52).integers(0, 256, 1 << 17, dtype=np.uint8).tobytes()
     found = 0
     for at in range(0, len(noise), 4096):
         found += len(stream.feed(noise[at : at + 4096]))
