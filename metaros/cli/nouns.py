@@ -10,13 +10,13 @@ import importlib
 import sys
 from collections.abc import Callable, Iterator, MutableMapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 import typer
 
-__all__ = ["NOUNS", "Noun", "NounCommands"]
+__all__ = ["NOUNS", "Noun", "NounCommands", "plug_ins"]
 
 GROUP = "metaros.cli"
 SYSTEM = "The whole system"
@@ -86,6 +86,12 @@ NOUNS = (
 )
 
 
+@cache
+def plug_ins() -> tuple[EntryPoint, ...]:
+    """What distributions bring: to find them costs a file each."""
+    return tuple(entry_points(group=GROUP))
+
+
 class NounCommands(MutableMapping[str, Any]):
     """Name to click command, each made at its first use."""
 
@@ -93,7 +99,7 @@ class NounCommands(MutableMapping[str, Any]):
         self._made: dict[str, Any] = {}
         self._loaders: dict[str, Callable[[], Any]] = {}
         self.table: dict[str, Noun] = {}  # for the help, which loads nothing
-        found = {point.name: point for point in entry_points(group=GROUP)}
+        found = {point.name: point for point in plug_ins()}
         for noun in NOUNS:
             if noun.module or noun.name in found:
                 self._add(noun, found.get(noun.name))

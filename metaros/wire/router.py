@@ -144,9 +144,9 @@ def _speaks_zenoh(port: int, host: str) -> bool:
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([f"tcp/{host}:{port}"]))
-    config.insert_json5("connect/timeout_ms", "1500")
+    config.insert_json5("connect/timeout_ms", "0")  # once
     config.insert_json5("connect/exit_on_failure", "true")
-    config.insert_json5("transport/unicast/open_timeout", "1000")
+    config.insert_json5("transport/unicast/open_timeout", "1500")
     config.insert_json5("scouting/multicast/enabled", "false")
     try:
         session = zenoh.open(config)
