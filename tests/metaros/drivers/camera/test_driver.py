@@ -18,6 +18,7 @@ import pytest
 
 import metaros
 from metaros.convert import is_key_frame
+from metaros.drivers.camera import source
 from metaros.drivers.camera.encoders import encode_jpeg
 from metaros.drivers.camera.source import TestPattern
 from metaros.errors import ConfigError, ParameterError
@@ -164,6 +165,13 @@ def test_simulated_faults(context: metaros.Context) -> None:
 # -- real peers --------------------------------------------------------------------------------------------------------
 
 
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(source, "READ_TIMEOUT_MS", 300)
+
+
+@pytest.mark.integration
+@pytest.mark.usefixtures("impatient")
 def test_an_rtsp_server_that_dies_and_returns(context: metaros.Context) -> None:
     with RtspServer(free_port()) as server:
         settings = {"source": server.url, "width": 160, "height": 120, "rate": 25}
@@ -248,7 +256,7 @@ def transport_stream(port: int) -> Iterator[None]:
                 "libx264", rate=25, options={"preset": "ultrafast", "tune": "zerolatency", "g": "12"}
             )
             stream.width, stream.height, stream.pix_fmt = 320, 240, "yuv420p"
-            while not over.wait(0.04):
+            while not over.wait(0.01):
                 for packet in stream.encode(av.VideoFrame.from_ndarray(pattern.read(), format="bgr24")):
                     out.mux(packet)
 
@@ -261,6 +269,7 @@ def transport_stream(port: int) -> Iterator[None]:
         thread.join(60)
 
 
+@pytest.mark.usefixtures("impatient")
 def test_a_transport_stream_over_udp_that_stops_and_returns(context: metaros.Context) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
         sock.bind(("127.0.0.1", 0))

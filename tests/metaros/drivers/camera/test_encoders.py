@@ -36,12 +36,12 @@ def count_of(image: np.ndarray) -> int:
 
 
 def test_every_picture_comes_at_once_and_in_order() -> None:
-    pattern, encoder = TestPattern(320, 240), H264Encoder(RUNG, rate=30, warn=pytest.fail)
-    units = [encoder.encode(pattern.read(), key_frame=False) for _ in range(150)]
+    pattern, encoder = TestPattern(320, 240), H264Encoder(RUNG, rate=10, warn=pytest.fail)
+    units = [encoder.encode(pattern.read(), key_frame=False) for _ in range(50)]
     assert all(units)
-    assert [count_of(image) for image in decoded(units)] == list(range(150))
+    assert [count_of(image) for image in decoded(units)] == list(range(50))
     keys = [n for n, unit in enumerate(units) if is_key_frame(unit, "h264")]
-    assert keys == [0, 60, 120]  # at least every two seconds
+    assert keys == [0, 20, 40]  # at least every two seconds
 
 
 def test_a_key_frame_comes_when_it_is_asked_for_and_stands_alone() -> None:
