@@ -90,11 +90,10 @@ class Owner:
 
 @asynccontextmanager
 async def running(*gateways: str, owner: Owner | None = None, **options: Any) -> AsyncIterator[tuple[Owner, Uplink]]:
-    """An uplink at work to the gateways of these addresses."""
+    """An uplink at work to the gateways of these addresses; it tries again sooner than an agent does."""
     owner = owner or Owner()
-    uplink = Uplink(
-        [parse_address(text) for text in gateways], owner, Backoff(random.Random(1)), owner.clock, **options
-    )
+    backoff = Backoff(random.Random(1), first_s=0.01, cap_s=0.1)
+    uplink = Uplink([parse_address(text) for text in gateways], owner, backoff, owner.clock, **options)
     task = asyncio.create_task(uplink.run())
     try:
         yield owner, uplink

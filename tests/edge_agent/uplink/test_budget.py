@@ -75,15 +75,14 @@ def run(
     return queued
 
 
-@pytest.mark.parametrize("mbit", [0.1, 1, 8, 50])
-@pytest.mark.parametrize("rtt_s", [0.002, 0.05, 0.3])
+@pytest.mark.parametrize(("mbit", "rtt_s"), [(0.1, 0.002), (0.1, 0.3), (1, 0.05), (8, 0.05), (50, 0.002), (50, 0.3)])
 def test_backfill_finds_a_links_speed_and_takes_its_share(mbit: float, rtt_s: float) -> None:
     budget, link = Budget(now_s=0.0), Link(mbit * MBIT, rtt_s=rtt_s)
     settled_s = 120.0 if mbit < 1 else 30.0
     run(budget, link, seconds=settled_s)
     before = link.carried[Use.BACKFILL]
-    queued = run(budget, link, seconds=100, start_s=settled_s)
-    share = (link.carried[Use.BACKFILL] - before) / (100 * link.bytes_per_s)
+    queued = run(budget, link, seconds=40, start_s=settled_s)
+    share = (link.carried[Use.BACKFILL] - before) / (40 * link.bytes_per_s)
     assert 0.5 < share <= BACKFILL_SHARE + 0.02
     assert budget.uplink_bytes_per_s == pytest.approx(link.bytes_per_s, rel=0.3)
     empty = sum(size <= 2 * 8192 for _, size in queued) / len(queued)
@@ -139,7 +138,7 @@ def test_what_a_small_backlog_needs_says_nothing_about_the_link() -> None:
     assert budget.uplink_bytes_per_s == 250_000
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 2**32),
     limit=st.integers(1000, 20_000_000),
@@ -152,7 +151,7 @@ def test_the_limit_holds_over_any_second(seed: int, limit: int, frame: int, gree
     uses = sorted(greedy - {Use.COMMAND}, key=lambda use: use.value)
     sent: deque[tuple[float, int]] = deque()
     burst = max(16 * 1024, limit // 20)
-    for _ in range(2000):
+    for _ in range(1000):
         now_s += rng.choice([0.0, 0.001, 0.02, 0.1])
         for use in uses:
             if budget.room(use, now_s) > 0:
@@ -187,19 +186,19 @@ def test_events_and_results_go_whatever_others_owe() -> None:
 def test_under_a_tight_limit_those_who_matter_more_go_first() -> None:
     budget, sent = Budget(limit_bytes_per_s=50_000, now_s=0.0), dict.fromkeys(Use, 0)
     order = [Use.BACKFILL, Use.BULK, Use.METRIC, Use.LIVE, Use.EVENT]  # who matters least asks first
-    for tick in range(20_000):
+    for tick in range(5_000):
         for use in order:
-            if budget.room(use, tick / 1000) > 0:
-                budget.spend(use, 500, tick / 1000)
+            while budget.room(use, tick / 250) > 0:
+                budget.spend(use, 500, tick / 250)
                 sent[use] += 500
     assert sent[Use.EVENT] > 900_000, "events alone may fill the limit"
     assert max(sent[use] for use in order[:-1]) < 40_000
     sent = dict.fromkeys(Use, 0)
-    for tick in range(20_000, 40_000):
+    for tick in range(5_000, 10_000):
         for use in order[:-1]:
-            wanted = {Use.LIVE: 10_000, Use.METRIC: 20_000}.get(use, 1 << 30) * (tick - 20_000) / 1000
-            if sent[use] + 500 <= wanted and budget.room(use, tick / 1000) > 0:
-                budget.spend(use, 500, tick / 1000)
+            wanted = {Use.LIVE: 10_000, Use.METRIC: 20_000}.get(use, 1 << 30) * (tick - 5_000) / 250
+            while sent[use] + 500 <= wanted and budget.room(use, tick / 250) > 0:
+                budget.spend(use, 500, tick / 250)
                 sent[use] += 500
     assert sent[Use.LIVE] > 0.95 * 200_000
     assert sent[Use.METRIC] > 0.95 * 400_000

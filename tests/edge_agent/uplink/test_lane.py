@@ -100,16 +100,15 @@ def test_a_budget_holds_back_without_spinning(limit: int) -> None:
     assert sent <= 5 * limit + 600_000  # a frame, and the burst, come on top
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_a_closed_window_and_a_spent_budget_wait_for_something(seed: int) -> None:
-    rng = random.Random(seed)
+@pytest.mark.parametrize("limit", [2_000, 20_000])
+def test_a_closed_window_and_a_spent_budget_wait_for_something(limit: int) -> None:
     rig = SessionRig(GatewayHalf(window_batches=1, window_bytes=10_000))
-    rig.budget.set_limit(rng.choice([2_000, 20_000]), rig.clock.monotonic_s())
+    rig.budget.set_limit(limit, rig.clock.monotonic_s())
     rig.connect()
     for _ in range(10):
         rig.put("/bulk/a", bytes(30_000), "bulk")
         rig.put("/event/a", bytes(3_000), "event")
-    for _ in range(2_000):
+    for _ in range(1_000):
         rig.send()
         waits = {lane: rig.session.wait_s(lane) for lane in LANES}
         assert all(wait_s is None or wait_s > 0 for wait_s in waits.values())

@@ -13,6 +13,7 @@ from edge_agent.errors import LinkDeadError, LinkError, RefusedError
 from edge_agent.uplink.address import GatewayAddress, parse_address
 from edge_agent.uplink.backoff import Backoff
 from edge_agent.uplink.grpc import open_grpc
+from edge_agent.uplink.reach import reach
 from edge_agent.uplink.transport import Connection
 from edge_agent.uplink.uplink import TRANSPORTS, Uplink
 from metaros._proto import link_pb2
@@ -101,7 +102,7 @@ async def test_a_goodbye_sends_the_agent_to_the_next_gateway_at_once() -> None:
 @pytest.mark.parametrize("kind", ["grpc", "websocket"])
 async def test_a_half_open_connection_is_found_by_its_silence(kind: str) -> None:
     half = GatewayHalf()
-    half.welcome.heartbeat_s = 0.2  # silent for three of them is dead
+    half.welcome.heartbeat_s = 0.1  # silent for three of them is dead
     server = fake_gateway(half) if kind == "grpc" else websocket_gateway(half)
     async with server as gateway, running(gateway.target) as (owner, _uplink):
         await wait(lambda: len(owner.errors) >= 1 + (kind == "websocket"))
@@ -152,13 +153,20 @@ async def test_the_wait_before_the_next_attempt_grows_until_a_session_was_good()
 
 async def test_each_state_of_the_link_is_said_once(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
+    attempts: list[GatewayAddress] = []
+
+    async def counted(address: GatewayAddress) -> None:
+        attempts.append(address)
+        await reach(address)
+
     async with fake_gateway() as gateway:
         missing = f"127.0.0.1:{free_port()}"
-        async with running(missing, gateway.target) as (owner, _uplink):
+        async with running(missing, gateway.target, reach=counted) as (owner, _uplink):
             await wait(lambda: owner.ups == 1)
             await gateway.stop()
             await wait(lambda: len(owner.errors) >= 1)
-            await asyncio.sleep(1.0)
+            before = len(attempts)
+            await wait(lambda: len(attempts) >= before + 6)
             await gateway.start()
             await wait(lambda: owner.ups == 2)
     said = [record.getMessage() for record in caplog.records if record.name == "metaros.agent.uplink"]
