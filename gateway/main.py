@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import math
 import os
 import socket
@@ -48,13 +49,19 @@ from metaros.signals import on_stop
 
 __all__ = ["Ready", "run", "serve"]
 
+log = logging.getLogger(__name__)
+
+DATE_S = 1.0  # how long an answer's date may be behind
+LOOK_S = 0.01  # between looks at what the HTTP server still does at its end
+
 
 class _HttpServer(uvicorn.Server):
-    """uvicorn without its signal handlers: the program has its own; `up` says when it serves."""
+    """uvicorn without its signal handlers and naps: the program has its own, and ends at once; `up`: it serves."""
 
     def __init__(self, config: uvicorn.Config, *, crowd: Crowd, tls: HttpTls | None) -> None:
         super().__init__(config)
         self.up = asyncio.Event()
+        self._ending = asyncio.get_running_loop().create_future()
         self._crowd = crowd
         self._tls = tls
         self._accepting: list[asyncio.Task[None]] = []
@@ -74,15 +81,38 @@ class _HttpServer(uvicorn.Server):
                 self._accepting.append(asyncio.get_running_loop().create_task(acceptor.run()))
         self.up.set()
 
+    async def main_loop(self) -> None:
+        """Until the end."""
+        while not await self.on_tick(0):
+            await asyncio.wait({self._ending}, timeout=DATE_S)
+
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Take nobody any more, then end as ever."""
+        """Take nobody any more, let what is under way finish within its time, then cut it."""
         for task in self._accepting:
             task.cancel()
-        await super().shutdown(sockets)
+        for server in self.servers:
+            server.close()
+        for listener in sockets or ():
+            listener.close()
+        state = self.server_state
+        for connection in list(state.connections):
+            connection.shutdown()
+        await asyncio.sleep(0)  # in which idle connections end
+        loop = asyncio.get_running_loop()
+        latest_s = loop.time() + (self.config.timeout_graceful_shutdown or 0.0)
+        while state.connections or state.tasks:
+            if loop.time() >= latest_s:
+                log.warning("ending: %d requests were not done in time, and are cut", len(state.tasks))
+                for work in state.tasks:
+                    work.cancel()
+                return
+            await asyncio.sleep(LOOK_S)
 
     async def end(self, serving: asyncio.Task[None]) -> None:
         """Close sockets, finish requests, as far as they are done in time; `serving` is the task of `serve`."""
         self.should_exit = True
+        if not self._ending.done():
+            self._ending.set_result(None)
         await asyncio.wait({serving})
 
     def _protocol(self, guest: Guest) -> asyncio.Protocol:
