@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 import metaros
+from metaros.drivers.diff_drive.driver import SILENT_S
 from metaros.interfaces.geometry_msgs.msg import Twist, Vector3
 from metaros.interfaces.nav_msgs.msg import Odometry
 from metaros.interfaces.sensor_msgs.msg import JointState
@@ -42,7 +43,13 @@ class Rig:
             self.send(linear, angular)
             return bool(until())
 
-        wait_until(driven, every_s=0.02)
+        wait_until(driven, every_s=0.01)
+
+    def rest(self) -> None:
+        """Stand still, also by the odometry: no reading of it has two movements."""
+        self.drive(0.0, 0.0, self.standing)
+        seen = len(self.odometry)
+        wait_until(lambda: len(self.odometry) > seen + 1)
 
     def moving(self) -> bool:
         return self.base.targets != (0, 0)
@@ -66,7 +73,7 @@ def rig(tmp_path: Path, context: metaros.Context, **parameters: Any) -> Iterator
         PtyDevice(tmp_path) as device,
         BaseEmulator(device, separation=0.3, wheel_radius=0.05, ticks_per_turn=20_000, pid_rate=30) as base,
     ):
-        wanted = {"port": device.path, "wheel_separation": 0.3, "rate": 50.0, **GEOMETRY, **parameters}
+        wanted = {"port": device.path, "wheel_separation": 0.3, "rate": 100.0, **GEOMETRY, **parameters}
         with running("diff_drive", wanted, context=context) as driver:
             made = Rig(base, driver)
             wait_until(lambda: made.odometry)
@@ -79,9 +86,12 @@ def test_a_driven_square_ends_where_the_odometry_says(tmp_path: Path, context: m
         base, yaw = made.base, 0.0
         for side in range(4):
             begin = (base.x, base.y)
-            made.drive(1.0, 0.0, lambda at=begin: math.dist(at, (base.x, base.y)) >= 0.8)
+            made.drive(1.0, 0.0, lambda at=begin: math.dist(at, (base.x, base.y)) >= 0.2)
+            made.rest()
             yaw = (side + 1) * math.pi / 2
-            made.drive(0.0, 3.0, lambda goal=yaw: base.yaw >= goal)
+            made.drive(0.0, 6.0, lambda goal=yaw: base.yaw >= goal)
+            made.rest()
+        made.driver.leap(made.driver.node.parameters["watchdog"])
         wait_until(made.standing)
         seen = len(made.odometry)
         wait_until(lambda: len(made.odometry) > seen + 3)
@@ -101,6 +111,7 @@ def test_transforms_and_joints_say_the_same(tmp_path: Path, context: metaros.Con
         transforms = made.driver.messages(TFMessage, "tf")
         joints = made.driver.messages(JointState, "joint_states")
         made.drive(0.4, 0.0, lambda: joints and transforms and joints[-1].velocity[0] > 1)
+        made.driver.leap(made.driver.node.parameters["watchdog"])
         wait_until(made.standing)
         seen = len(joints)
         wait_until(lambda: len(joints) > seen + 3)
@@ -139,7 +150,7 @@ def test_stop_holds_until_release_and_a_new_command(tmp_path: Path, context: met
         made.drive(0.4, 0.0, made.moving)
         assert made.call("stop").success
         made.base.commands.clear()
-        made.drive(0.4, 0.0, lambda: len(made.base.commands) > 40)
+        made.drive(0.4, 0.0, lambda: len(made.base.commands) > 20)
         assert {line for line in made.base.commands[5:] if line != "e"} == {"m 0 0"}
         wait_until(lambda: made.driver.status().message == "stopped by ~/stop")
         assert made.call("release").success
@@ -160,7 +171,7 @@ def test_after_replugging_nothing_moves_without_a_new_command(tmp_path: Path, co
         made.base.commands.clear()
         made.base.replug()
         place, seen = made.place(), len(made.odometry)
-        wait_until(lambda: made.driver.state() == "working" and len(made.odometry) > seen + 20)
+        wait_until(lambda: made.driver.state() == "working" and len(made.odometry) > seen + 10)
         assert {line for line in made.base.commands if line != "e"} == {"m 0 0"}
         assert made.place() == pytest.approx(place, abs=0.01)
         made.drive(0.4, 0.0, made.moving)
@@ -176,7 +187,7 @@ def test_it_stops_the_wheels_when_it_is_stopped(tmp_path: Path, context: metaros
 
 def test_a_board_that_began_anew_stands_and_the_place_does_not_jump(tmp_path: Path, context: metaros.Context) -> None:
     with rig(tmp_path, context) as made:
-        made.drive(0.4, 0.0, lambda: made.base.x > 0.3)
+        made.drive(0.4, 0.0, lambda: made.base.x > 0.1)
         made.base.restart()
         wait_until(lambda: int(made.driver.facts().get("encoder_jumps", 0)) == 1)
         wait_until(made.standing)
@@ -187,7 +198,8 @@ def test_encoders_wrap(tmp_path: Path, context: metaros.Context) -> None:
     with rig(tmp_path, context) as made:
         made.base.offset = [2**31 - 3000, 2**31 - 3000]
         wait_until(lambda: int(made.driver.facts().get("encoder_jumps", 0)) == 1)  # the emulator's, once
-        made.drive(0.4, 0.0, lambda: made.base.x > 0.2)
+        made.drive(0.4, 0.0, lambda: made.base.x > 0.1)
+        made.driver.leap(made.driver.node.parameters["watchdog"])
         wait_until(made.standing)
         wait_until(lambda: made.place()[0] == pytest.approx(made.base.x, abs=0.003))
         assert made.driver.facts()["encoder_jumps"] == "1"
@@ -198,7 +210,7 @@ def test_noise_on_the_line_moves_nothing_by_itself(tmp_path: Path, context: meta
         rng = Random(2)
         made.base.noise = b"9" * 500 + b"\r\n" + rng.randbytes(200).replace(b"\n", b"") + b"\n"
         seen = len(made.odometry)
-        wait_until(lambda: len(made.odometry) > seen + 20)
+        wait_until(lambda: len(made.odometry) > seen + 10)
         assert made.standing()
         assert made.place() == pytest.approx((0, 0, 0), abs=1e-9)
         assert int(made.driver.facts()["long_lines"]) > 0
@@ -209,6 +221,6 @@ def test_noise_on_the_line_moves_nothing_by_itself(tmp_path: Path, context: meta
 def test_a_board_that_falls_silent_is_away_until_it_answers(tmp_path: Path, context: metaros.Context) -> None:
     with rig(tmp_path, context) as made:
         made.base.answers = False
-        wait_until(lambda: made.driver.state() == "waiting")
+        made.driver.lose(SILENT_S / 2)
         made.base.answers = True
         wait_until(lambda: made.driver.state() == "working")

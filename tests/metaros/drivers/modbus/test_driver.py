@@ -101,7 +101,7 @@ def repeat(act: Callable[[], object], until: Callable[[], object]) -> None:
         act()
         return until()
 
-    wait_until(step, every_s=0.1)
+    wait_until(step, every_s=0.02)
 
 
 def count(driver: RunningDriver, name: str) -> int:
@@ -141,6 +141,7 @@ def test_what_moves_stops_when_commands_end_and_when_the_driver_does(
         motor = driver.viewer.create_publisher(Float64, "/r1/modbus/motor/set", metaros.qos_command)
         half, zero = (16, 20, [0x3F00, 0]), (16, 20, [0, 0])
         repeat(lambda: motor.publish(Float64(data=0.5)), lambda: half in device.written)
+        driver.leap(0.3)
         wait_until(lambda: device.written[-1] == zero)
         repeat(lambda: motor.publish(Float64(data=0.5)), lambda: device.written[-1] == half)
         driver.node.trigger("deactivate")
@@ -177,7 +178,7 @@ def test_one_address_that_is_refused_does_not_hide_its_neighbours(context: metar
 def test_a_slow_device_is_asked_one_thing_at_a_time(context: metaros.Context, tmp_path: Path) -> None:
     port = free_port()
     with ModbusDevice(port, holding=HOLDING) as device:
-        device.delay_s = 0.1  # of five requests every 50 ms
+        device.delay_s = 0.03  # of five requests every 50 ms
         with reading(context, tmp_path, f"tcp://127.0.0.1:{port}") as driver:
             temperatures = driver.messages(Float64, "modbus/temperature", metaros.qos_default)
             doors = driver.messages(Bool, "modbus/door", metaros.qos_default)
