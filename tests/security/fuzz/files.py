@@ -293,7 +293,7 @@ TARGETS = (
         errors=(RecordingError,),
         seeds=(FILE_SEEDS["zstd True"], FILE_SEEDS["zstd False"]),
         base_bytes=LIMITS.recorded_chunk_bytes + 8 * MIB,
-        cost=5,
+        cost=10,
     ),
     Target(name="segment chunk", run=chunk, errors=(MalformedChunkError,), seeds=(chunk_record(),)),
     Target(name="segment run", run=segment_run, errors=(CorruptObjectError,), seeds=(chunk_record(),)),
@@ -320,6 +320,7 @@ TARGETS = (
         run=lambda data: on_disk(data, Keyring.load, name="seal.keys"),
         errors=(KeyringError,),
         seeds=(KEYRING,),
+        cost=4,
     ),
     Target(name="carmen log", run=old_log, errors=(), seeds=(FLASER,)),
     Target(

@@ -13,7 +13,7 @@ SWEPT = 160  # places of one seed that a sweep visits for each kind of damage
 
 
 def sweep(seed: bytes, most: int = SWEPT) -> Iterator[bytes]:
-    """Every truncation of a short seed (of a long one as many, evenly), and a huge length at each of these places."""
+    """The seed, then four of each place (of a long one, of some): it ends there, other bits, and 4 or 8 bytes of ff."""
     places = range(len(seed)) if len(seed) <= most else [len(seed) * index // most for index in range(most)]
     yield seed
     for place in places:

@@ -145,7 +145,9 @@ def encoded(extension: str) -> bytes:
     return bytes(np.asarray(numpy_to_compressed(np.arange(48, dtype=np.uint8).reshape(4, 4, 3), kind).data))
 
 
-def text_target(name: str, run: Callable[[str], Any], errors: tuple[type[Exception], ...], *seeds: str) -> Target:
+def text_target(
+    name: str, run: Callable[[str], Any], errors: tuple[type[Exception], ...], *seeds: str, cost: int = 2
+) -> Target:
     """A target that takes text."""
     return Target(
         name=name,
@@ -153,7 +155,7 @@ def text_target(name: str, run: Callable[[str], Any], errors: tuple[type[Excepti
         errors=errors,
         seeds=tuple(seed.encode() for seed in seeds),
         per_byte=3000,
-        cost=2,
+        cost=cost,
     )
 
 
@@ -172,7 +174,7 @@ TARGETS = (
     ),
     Target(name="agent settings", run=agent_settings, errors=(ConfigError,), seeds=(AGENT,), per_byte=3000, cost=3),
     text_target("launch table", lambda text: parse_table(text, Path("/nowhere/a.toml")), (ConfigError,), LAUNCH),
-    text_target("parameter file", lambda text: load_text(text, "/sim_1/base"), (ConfigError,), PARAMETERS),
+    text_target("parameter file", lambda text: load_text(text, "/sim_1/base"), (ConfigError,), PARAMETERS, cost=6),
     text_target("parameter value", parse_value, (), "[1, 2.5, a]", "0x10", "{a: 1}", "1e-3", "2026-01-01"),
     text_target("gateway address", parse_address, (ConfigError,), "h:1", "grpcs://[::1]:8081", "https://a.example/b/c"),
     text_target(
@@ -183,7 +185,7 @@ TARGETS = (
         run=lambda data: on_disk(data, lambda path: OidcSettings.load(path), name="oidc.json"),
         errors=(ConfigError,),
         seeds=(json.dumps(OIDC).encode(),),
-        cost=3,
+        cost=5,
     ),
     Target(
         name="picture",
