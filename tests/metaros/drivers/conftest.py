@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 import metaros
+from tests.support.hurried import HurriedClock
 from tests.support.leaping import LeapingClock
 from tests.support.routers import zenoh_router
 
@@ -15,4 +16,11 @@ from tests.support.routers import zenoh_router
 def context() -> Iterator[metaros.Context]:
     """On a router of its own; its clock leaps when told."""
     with zenoh_router() as endpoint, metaros.Context(connect=endpoint, clock=LeapingClock()) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="session")
+def hurried_context(context: metaros.Context) -> Iterator[metaros.Context]:
+    """On the same router, with short seconds: for what plays or is recorded at its own pace."""
+    with metaros.Context(connect=context.session.connect, clock=HurriedClock(speed=5.0)) as opened:
         yield opened

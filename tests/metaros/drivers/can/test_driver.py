@@ -44,7 +44,7 @@ def repeat(act: Callable[[], object], until: Callable[[], object]) -> None:
         act()
         return until()
 
-    wait_until(step, every_s=0.1)
+    wait_until(step, every_s=0.02)
 
 
 def count(driver: RunningDriver, name: str) -> int:
@@ -158,7 +158,7 @@ def test_an_adapter_on_a_serial_port(context: metaros.Context, tmp_path: Path) -
             sender.publish(Frame(id=0x123, dlc=1, data=np.array([255, *[0] * 7], np.uint8)))
             return says(b"t1231FF\r")
 
-        wait_until(sent, every_s=0.1)
+        wait_until(sent, every_s=0.02)
         for _ in range(100):
             pty.write(os.urandom(10_000))
         pty.write(b"\r")

@@ -42,7 +42,7 @@ def test_it_publishes_exactly_what_the_device_gives(alsa: Alsa, context: metaros
     with running("microphone", {"device": MIC}, context=context, start=False) as driver:
         heard = driver.messages(RawAudio, "audio", DEEP)
         driver.node.start()
-        wait_until(lambda: len(heard) >= 50)
+        wait_until(lambda: len(heard) >= 25)
         assert driver.state() == "working"
     assert (heard[0].format, heard[0].sample_rate, heard[0].number_of_channels) == ("pcm-s16", RATE, 1)
     assert {audio_to_numpy(message).shape for message in heard} == {(320, 1)}
@@ -53,8 +53,8 @@ def test_it_publishes_exactly_what_the_device_gives(alsa: Alsa, context: metaros
     assert began_ns - 10**9 < stamps[0] < stamps[-1] < SystemClock().wall_ns() - 20_000_000
 
 
-def test_opus_is_the_same_tone(alsa: Alsa, context: metaros.Context) -> None:
-    with running("microphone", {"device": MIC, "output": "both"}, context=context) as driver:
+def test_opus_is_the_same_tone(alsa: Alsa, hurried_context: metaros.Context) -> None:
+    with running("microphone", {"device": MIC, "output": "both"}, context=hurried_context) as driver:
         packets = driver.messages(AudioPacket, "audio/opus", DEEP)
         raw = driver.messages(RawAudio, "audio")
         wait_until(lambda: len(packets) >= 75 and len(raw) >= 75)
@@ -69,8 +69,8 @@ def test_opus_is_the_same_tone(alsa: Alsa, context: metaros.Context) -> None:
     assert share > 0.9
 
 
-def test_level_gain_and_mute(alsa: Alsa, context: metaros.Context) -> None:
-    with running("microphone", {"device": MIC}, context=context) as driver:
+def test_level_gain_and_mute(alsa: Alsa, hurried_context: metaros.Context) -> None:
+    with running("microphone", {"device": MIC}, context=hurried_context) as driver:
         levels, heard = driver.messages(Float32, "audio/level"), driver.messages(RawAudio, "audio")
         wait_until(lambda: len(levels) > 2)
         assert levels[-1].data == pytest.approx(-9.0, abs=0.3)  # a sine of half the scale
@@ -100,7 +100,7 @@ def test_a_device_that_goes_and_comes_back(alsa: Alsa, context: metaros.Context)
         alsa.restore()
         wait_until(lambda: len(heard) > 5 and driver.state() == "working")
         fault = driver.viewer.create_publisher(String, "/r1/microphone/fault", 10)
-        wait_until(lambda: fault.publish(String(data="unplug")) or driver.state() == "waiting", every_s=0.1)
+        wait_until(lambda: fault.publish(String(data="unplug")) or driver.state() == "waiting", every_s=0.02)
         alsa.remove()
         count = len(heard)
         fault.publish(String(data="clear"))
