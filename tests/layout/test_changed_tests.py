@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tools.changed_tests import FURTHEST, Graph, module_name, rank
+from tools.changed_tests import FURTHEST, Graph, imported_by, module_name, rank
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -51,3 +51,16 @@ def test_every_product_module_has_a_test_within_reach(graph: Graph) -> None:
 def test_a_package_is_called_by_its_folder() -> None:
     assert module_name("gateway/api/__init__.py") == "gateway.api"
     assert module_name("gateway/app.py") == "gateway.app"
+
+
+def test_imports_are_read_wherever_they_stand() -> None:
+    text = """
+import os, a.b as c
+from d import (
+    e,  # why
+    f as g,
+)
+def later():
+    from h.i import j, k  # why
+"""
+    assert list(imported_by(text)) == ["os", "a.b", "d.e", "d.f", "h.i.j", "h.i.k"]

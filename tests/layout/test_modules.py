@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import importlib
 import pkgutil
 import subprocess
@@ -11,26 +10,11 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("metaros", "edge_agent", "gateway")
+from tests.layout.reading import PACKAGES, ROOT, shape, sources
+
 MODULE_LINES = 400
 TEST_LINES = 600
 FUNCTION_LINES = 60
-
-
-def sources(*folders: str) -> list[Path]:
-    """Every Python file we wrote under the given folders."""
-    return sorted(
-        path
-        for folder in folders
-        for path in (ROOT / folder).rglob("*.py")
-        if "_proto" not in path.parts and "node_modules" not in path.parts
-    )
-
-
-def relative(paths: list[Path]) -> list[str]:
-    """Names for readable failures."""
-    return [str(path.relative_to(ROOT)) for path in paths]
 
 
 def test_no_module_is_over_the_size_cap() -> None:
@@ -41,27 +25,17 @@ def test_no_module_is_over_the_size_cap() -> None:
 
 
 def test_no_function_is_over_its_cap() -> None:
-    over = []
-    for path in sources(*PACKAGES, "load_tests", "tools"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                lines = (node.end_lineno or node.lineno) - node.lineno + 1
-                if lines > FUNCTION_LINES:
-                    over.append(f"{path.relative_to(ROOT)}:{node.lineno} {node.name} ({lines})")
+    over = [
+        f"{path.relative_to(ROOT)}:{line} {name} ({lines})"
+        for path in sources(*PACKAGES, "load_tests", "tools")
+        for line, name, lines in shape(path).functions
+        if lines > FUNCTION_LINES
+    ]
     assert over == []
 
 
 def test_every_module_and_public_name_has_a_docstring() -> None:
-    bare = []
-    for path in sources(*PACKAGES):
-        tree = ast.parse(path.read_text())
-        if tree.body and ast.get_docstring(tree) is None:
-            bare.append(str(path.relative_to(ROOT)))
-        for node in tree.body:
-            named = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
-            if named and not node.name.startswith("_") and ast.get_docstring(node) is None:
-                bare.append(f"{path.relative_to(ROOT)}:{node.lineno} {node.name}")
-    assert bare == []
+    assert [name for path in sources(*PACKAGES) for name in shape(path).bare] == []
 
 
 def module_names() -> list[str]:

@@ -34,8 +34,8 @@ def test_a_run_is_measured_with_its_processes(tmp_path: Path) -> None:
     (tmp_path / "test_small.py").write_text(SUITE)
     costs = tmp_path / "costs"
     costs.mkdir()
-    environ = {**os.environ, VARIABLE: str(costs), "PYTHONPATH": str(ROOT)}
-    plugins = ["-p", "tools.profile_tests", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    environ = {**os.environ, VARIABLE: str(costs), "PYTHONPATH": str(ROOT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    plugins = ["-p", "tools.profile_tests", "-p", "no:cacheprovider"]
     command = [sys.executable, "-m", "pytest", "-q", *plugins, "--rootdir", str(tmp_path), str(tmp_path)]
     done = subprocess.run(command, env=environ, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
