@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from collections.abc import AsyncIterator
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
+import pytest_asyncio
 from fastapi import APIRouter, Depends, FastAPI
 from starlette.routing import Mount, Route
 from websockets.asyncio.client import connect
@@ -31,8 +29,11 @@ from metaros._proto import alerts_pb2, events_pb2, fleet_pb2, link_pb2, telemetr
 from metaros.clock import SystemClock
 from tests.gateway.harness import ScriptedAgent, bearer, client, running_gateway
 from tests.support.key_ring import KeyRing
+from tests.support.plain_http import PlainHttp, plain_http
+from tools.gen_permissions import PAGE, render
 
-ROOT = Path(__file__).resolve().parents[2]
+pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.xdist_group("permission matrix")]
+
 SIGNED = "/lambda/{path:path}"  # takes no credential but signatures: tests/security/test_lambda_matrix.py
 OPERATIONS = [(method, path, rows[0].name) for method, path, rows in routes_of(ROUTERS) if rows and path != SIGNED]
 
@@ -122,31 +123,39 @@ class People:
         self.ring.put(self.keys["robot"], Principal(kind="robot", id="sim_1", robots=("sim_1",)))
 
 
-@asynccontextmanager
-async def world(folder: Path, people: People) -> AsyncIterator[tuple[Ready, Ready]]:
+@dataclass(frozen=True)
+class World:
     """A gateway where nobody is a viewer, and one where nobody is nobody; robots sim_1 and other_1 on both."""
+
+    people: People
+    open: Ready
+    closed: Ready
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def world(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[World]:
+    people, gateways = People(), []
     async with AsyncExitStack() as stack:
-        gateways = []
-        for number, anonymous in enumerate((True, False)):
-            running = running_gateway(folder / str(number), door=people.ring, anonymous=anonymous)
+        for anonymous in (True, False):
+            folder = tmp_path_factory.mktemp("gateway")
+            running = running_gateway(folder, door=people.ring, anonymous=anonymous, allow_hosts=("fleet",))
             ready = await stack.enter_async_context(running)
             for robot in ("sim_1", "other_1"):
-                await stack.enter_async_context(ScriptedAgent(ready, robot, session=robot.encode().ljust(16)))
+                agent = ScriptedAgent(ready, robot, session=robot.encode().ljust(16))
+                await stack.enter_async_context((await stack.enter_async_context(agent)).beating())
             gateways.append(ready)
-        yield gateways[0], gateways[1]
+        yield World(people, *gateways)
 
 
 async def recording_of(ready: Ready, people: People, robot: str) -> str:
     """A new recording's id."""
     async with client(ready, key=people.keys["admin"]) as http:
-        answer = await http.post(f"/api/v1/robots/{robot}/recordings", json={"last_s": 5})
-        assert answer.status_code == 202, answer.text
-        asked = answer.json()
         # A robot may have few unfinished ones: each is given up by the next.
         for item in (await http.get(f"/api/v1/recordings?robot={robot}")).json()["recordings"]:
-            if item["id"] != asked["id"]:
-                await http.request("DELETE", f"/api/v1/recordings/{item['id']}", json={})
-        return str(asked["id"])
+            await http.request("DELETE", f"/api/v1/recordings/{item['id']}", json={})
+        answer = await http.post(f"/api/v1/robots/{robot}/recordings", json={"last_s": 5})
+        assert answer.status_code == 202, answer.text
+        return str(answer.json()["id"])
 
 
 def concrete(path: str, *, robot: str = "sim_1", recording: str = "none") -> str:
@@ -156,16 +165,11 @@ def concrete(path: str, *, robot: str = "sim_1", recording: str = "none") -> str
     return f"{path}?robot={robot}" if path.endswith("/export.mcap") else path
 
 
-async def ask(http: httpx.AsyncClient, method: str, path: str, **headers: str) -> tuple[int, str]:
+async def ask(http: PlainHttp, method: str, path: str, **headers: str) -> tuple[int, str]:
     """The status and the code of an answer; a mutation has an empty body, which every route refuses after its gate."""
-    body = None if method == "GET" else b"{}"
-    kind = {} if body is None else {"Content-Type": "application/json"}
-    answer = await http.request(method, path, content=body, headers={**kind, **headers})
-    try:
-        document = answer.json()
-    except ValueError:
-        return answer.status_code, ""
-    return answer.status_code, str(document.get("code", "")) if isinstance(document, dict) else ""
+    if method == "GET":
+        return await http.ask(method, path, **headers)
+    return await http.ask(method, path, b"{}", **{"Content-Type": "application/json", **headers})
 
 
 async def knock(ready: Ready, path: str, key: str) -> tuple[int, str]:
@@ -187,13 +191,13 @@ async def knock(ready: Ready, path: str, key: str) -> tuple[int, str]:
         return answer.status_code, str(json.loads(answer.body or b"{}").get("code", ""))
 
 
-def test_every_row_of_the_table_is_expected_here() -> None:
+async def test_every_row_of_the_table_is_expected_here() -> None:
     assert set(EXPECTED) == {row.name for row in PERMISSIONS}
     assert len(PERMISSIONS) == len(EXPECTED)
     assert all(len(marks) == len(ASKERS) for marks in EXPECTED.values())
 
 
-def test_every_route_and_socket_declares_one_permission() -> None:
+async def test_every_route_and_socket_declares_one_permission() -> None:
     undeclared = [(method, path) for method, path, rows in routes_of(ROUTERS) if len(rows) != 1]
     assert undeclared == []
     assert len(OPERATIONS) >= 27
@@ -233,7 +237,7 @@ async def test_a_route_without_a_permission_fails_wherever_it_is_added(tmp_path:
         await gateway.stop()
 
 
-def test_every_rpc_has_a_row() -> None:
+async def test_every_rpc_has_a_row() -> None:
     modules = (link_pb2, fleet_pb2, telemetry_pb2, events_pb2, alerts_pb2)
     files = [module.DESCRIPTOR for module in modules]
     services = [service for file in files for service in file.services_by_name.values()]
@@ -242,31 +246,33 @@ def test_every_rpc_has_a_row() -> None:
     assert {permission(name).who for path, name in RPCS.items() if "/metaros.v1.Link/" in path} == {"robots"}
 
 
-def test_the_page_of_permissions_is_up_to_date() -> None:
-    subprocess.run([sys.executable, str(ROOT / "tools/gen_permissions.py"), "--check"], check=True, timeout=120)
+async def test_the_page_of_permissions_is_up_to_date() -> None:
+    assert PAGE.read_text() == render()
 
 
-async def test_everybody_on_every_operation_and_socket(tmp_path: Path) -> None:
-    people, wrong, asked = People(), [], 0
-    async with world(tmp_path, people) as (ready, closed):
-        for column, asker in enumerate(ASKERS):
-            where, key = closed if asker == "nobody" else ready, people.keys[asker]
-            async with client(where, key=key) as http:
-                for method, path, name in OPERATIONS:
-                    recording = await recording_of(where, people, "sim_1") if "{recording_id}" in path else "none"
-                    place, mark = concrete(path, recording=recording), EXPECTED[name][column]
-                    got = await (knock(where, place, key) if method == "SOCKET" else ask(http, method, place))
-                    right = got == CODES[mark] if mark in CODES else got[1] not in GATE
-                    asked += 1
-                    if not right or (mark == "+" and got[1] in ("unknown_robot", "unknown_recording")):
-                        wrong.append((asker, method, place, mark, got))
+async def test_everybody_on_every_operation_and_socket(world: World) -> None:
+    people, wrong, asked = world.people, [], 0
+    for column, asker in enumerate(ASKERS):
+        where, key = world.closed if asker == "nobody" else world.open, people.keys[asker]
+        recording = ""
+        async with plain_http(where.http_port, bearer(key)) as http:
+            for method, path, name in OPERATIONS:
+                if "{recording_id}" in path and not recording:
+                    recording = await recording_of(where, people, "sim_1")
+                place, mark = concrete(path, recording=recording), EXPECTED[name][column]
+                got = await (knock(where, place, key) if method == "SOCKET" else ask(http, method, place))
+                recording = "" if method == "DELETE" else recording
+                right = got == CODES[mark] if mark in CODES else got[1] not in GATE
+                asked += 1
+                if not right or (mark == "+" and got[1] in ("unknown_robot", "unknown_recording")):
+                    wrong.append((asker, method, place, mark, got))
     assert wrong == []
     assert asked == len(OPERATIONS) * len(ASKERS)
 
 
-async def test_a_robot_out_of_scope_does_not_exist(tmp_path: Path) -> None:
-    people, wrong = People(), []
-    async with world(tmp_path, people) as (ready, _), client(ready, key=people.keys["other"]) as http:
+async def test_a_robot_out_of_scope_does_not_exist(world: World) -> None:
+    ready, people, key, wrong = world.open, world.people, world.people.keys["other"], []
+    async with client(ready, key=key) as http, plain_http(ready.http_port, bearer(key)) as plain:
         mine, theirs = await recording_of(ready, people, "other_1"), await recording_of(ready, people, "sim_1")
         for method, path, _name in OPERATIONS:
             about = "{robot_id}" in path or "{recording_id}" in path or path.endswith("/export.mcap")
@@ -275,8 +281,7 @@ async def test_a_robot_out_of_scope_does_not_exist(tmp_path: Path) -> None:
             answers = []
             for robot, recording in (("sim_1", theirs), ("no_such", "01J" + "0" * 23)):
                 place = concrete(path, robot=robot, recording=recording)
-                key = people.keys["other"]
-                answers.append(await (knock(ready, place, key) if method == "SOCKET" else ask(http, method, place)))
+                answers.append(await (knock(ready, place, key) if method == "SOCKET" else ask(plain, method, place)))
             hidden = "unknown_recording" if "{recording_id}" in path else "unknown_robot"
             if answers != [(404, hidden)] * 2:
                 wrong.append((method, path, answers))
@@ -287,9 +292,9 @@ async def test_a_robot_out_of_scope_does_not_exist(tmp_path: Path) -> None:
         assert (await http.get("/api/v1/export.mcap?robot=other_1&robot=sim_1")).status_code == 404
 
 
-async def test_lists_leave_out_what_is_out_of_scope(tmp_path: Path) -> None:
-    people = People()
-    async with world(tmp_path, people) as (ready, _), client(ready, key=people.keys["other"]) as http:
+async def test_lists_leave_out_what_is_out_of_scope(world: World) -> None:
+    ready, people = world.open, world.people
+    async with client(ready, key=people.keys["other"]) as http:
         for robot in ("sim_1", "other_1"):
             await recording_of(ready, people, robot)
         assert [robot["id"] for robot in (await http.get("/api/v1/robots")).json()["robots"]] == ["other_1"]
@@ -304,60 +309,60 @@ async def test_lists_leave_out_what_is_out_of_scope(tmp_path: Path) -> None:
         assert words[0] == words[1], "the answer must not tell the hidden from the absent"
 
 
-async def test_a_session_changes_things_only_with_its_token(tmp_path: Path) -> None:
-    people = People()
-    token, csrf = people.ring.sign_in(role=Role.ADMIN)
-    cookie = {"Cookie": f"metaros_session={token}"}
-    async with running_gateway(tmp_path, door=people.ring) as ready, client(ready, key="") as http:
-        async with ScriptedAgent(ready):
-            guarded = [
-                (method, concrete(path))
-                for method, path, name in OPERATIONS
-                if method not in ("GET", "SOCKET") and permission(name).who == "people"
-            ]
-            assert len(guarded) >= 5
-            for method, path in guarded:
-                assert await ask(http, method, path, **cookie) == (403, "csrf"), path
-                assert await ask(http, method, path, **cookie, **{"X-CSRF-Token": csrf[:-1]}) == (403, "csrf"), path
-            assert await ask(http, "GET", "/api/v1/robots", **cookie) == (200, "")
-            publish = "/api/v1/robots/sim_1/publish"
-            assert await ask(http, "POST", publish, **cookie, **{"X-CSRF-Token": csrf}) == (400, "invalid_request")
-            people.ring.revoke(token)
-            assert await ask(http, "GET", "/api/v1/robots", **cookie) == (401, "bad_credentials")
-            assert await ask(http, "GET", "/healthz", **cookie) == (200, "")
-
-
-@pytest.mark.parametrize(
-    "headers",
-    [
-        {"Authorization": "Basic YTpi"},
-        {"Authorization": "Bearer"},
-        {"Authorization": "Bearer mrk_local_" + "x" * 43},
-        {"Authorization": "Bearer " + "x" * 5000},
-        {"Authorization": "mrk_1_2"},
-        {"Cookie": "metaros_session="},
-        {"Cookie": "metaros_session=abc"},
-        {"Cookie": "metaros_session=a; metaros_session=b"},
-    ],
-    ids=lambda headers: str(headers)[:40],
-)
-async def test_a_bad_credential_is_never_anonymous(tmp_path: Path, headers: dict[str, str]) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready, key="") as http:
+async def test_a_session_changes_things_only_with_its_token(world: World) -> None:
+    ring = world.people.ring
+    token, csrf = ring.sign_in(role=Role.ADMIN)
+    guarded = [
+        (method, concrete(path))
+        for method, path, name in OPERATIONS
+        if method not in ("GET", "SOCKET") and permission(name).who == "people"
+    ]
+    assert len(guarded) >= 5
+    wrong = []
+    async with plain_http(world.open.http_port, {"Cookie": f"metaros_session={token}"}) as http:
+        for method, path in guarded:
+            for headers in ({}, {"X-CSRF-Token": csrf[:-1]}):
+                got = await ask(http, method, path, **headers)
+                if got != (403, "csrf"):
+                    wrong.append((method, path, headers, got))
+        assert wrong == []
         assert await ask(http, "GET", "/api/v1/robots") == (200, "")
-        assert await ask(http, "GET", "/api/v1/robots", **headers) == (401, "bad_credentials")
-        refused = await http.get("/api/v1/robots", headers=headers)
-        assert refused.headers["www-authenticate"] == "Bearer"
+        publish = "/api/v1/robots/sim_1/publish"
+        assert await ask(http, "POST", publish, **{"X-CSRF-Token": csrf}) == (400, "invalid_request")
+        ring.revoke(token)
+        assert await ask(http, "GET", "/api/v1/robots") == (401, "bad_credentials")
+        assert await ask(http, "GET", "/healthz") == (200, "")
 
 
-@pytest.mark.parametrize(
-    "headers",
-    [{"X-Forwarded-For": "203.0.113.9"}, {"Forwarded": "for=203.0.113.9"}, {"X-Real-IP": "1.2.3.4"}, {"Host": "fleet"}],
-    ids=lambda headers: next(iter(headers)),
+BAD_CREDENTIALS = (
+    {"Authorization": "Basic YTpi"},
+    {"Authorization": "Bearer"},
+    {"Authorization": "Bearer mrk_local_" + "x" * 43},
+    {"Authorization": "Bearer " + "x" * 5000},
+    {"Authorization": "mrk_1_2"},
+    {"Cookie": "metaros_session="},
+    {"Cookie": "metaros_session=abc"},
+    {"Cookie": "metaros_session=a; metaros_session=b"},
 )
-async def test_who_comes_through_a_proxy_is_nobody(tmp_path: Path, headers: dict[str, str]) -> None:
-    async with running_gateway(tmp_path, allow_hosts=("fleet",)) as ready, client(ready, key="") as http:
-        assert await ask(http, "GET", "/api/v1/robots", **headers) == (401, "sign_in")
-        assert await ask(http, "GET", "/healthz", **headers) == (200, "")
+
+
+async def test_a_bad_credential_is_never_anonymous(world: World) -> None:
+    async with client(world.open, key="") as http:
+        assert (await http.get("/api/v1/robots")).status_code == 200
+        for headers in BAD_CREDENTIALS:
+            refused = await http.get("/api/v1/robots", headers=headers)
+            assert (refused.status_code, refused.json()["code"]) == (401, "bad_credentials"), headers
+            assert refused.headers["www-authenticate"] == "Bearer", headers
+
+
+PROXIED = ({"X-Forwarded-For": "203.0.113.9"}, {"Forwarded": "for=203.0.113.9"}, {"X-Real-IP": "1.2.3.4"})
+
+
+async def test_who_comes_through_a_proxy_is_nobody(world: World) -> None:
+    async with plain_http(world.open.http_port) as http:
+        for headers in (*PROXIED, {"Host": "fleet"}):
+            assert await ask(http, "GET", "/api/v1/robots", **headers) == (401, "sign_in"), headers
+            assert await ask(http, "GET", "/healthz", **headers) == (200, ""), headers
 
 
 async def test_the_local_key_is_of_the_process_and_the_user(tmp_path: Path) -> None:
@@ -365,8 +370,8 @@ async def test_the_local_key_is_of_the_process_and_the_user(tmp_path: Path) -> N
         file = ready.data_dir / "local.key"
         assert file.stat().st_mode & 0o077 == 0
         key = file.read_text().strip()
-        async with client(ready, key=key) as http:
+        async with plain_http(ready.http_port, bearer(key)) as http:
             assert await ask(http, "GET", "/api/v1/robots") == (200, "")
     assert not file.exists()
-    async with running_gateway(tmp_path) as again, client(again, key=key) as http:
+    async with running_gateway(tmp_path) as again, plain_http(again.http_port, bearer(key)) as http:
         assert await ask(http, "GET", "/api/v1/robots") == (401, "bad_credentials")
