@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import json
 import ssl
+import sys
+import tempfile
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -17,13 +20,18 @@ from websockets.asyncio.client import ClientConnection, connect
 from gateway.domain.principal import Role
 from gateway.identity.door import Door
 from gateway.main import Ready, serve
+from gateway.private_dir import make_private
 from gateway.settings import Settings
+from gateway.store.sqlite import DATABASE, SqliteEngine
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.clock import SystemClock
 from metaros.idl import schema_text, type_hash
 from metaros.limits import LIMITS
 from metaros.link import pack_batch, pack_metrics
 from tests.support.key_ring import KeyRing, bearer
+
+# httpx asks for it at every request, and where it is not installed each time all over the disk: 5 ms a request.
+sys.modules.setdefault("sniffio", None)  # type: ignore[arg-type]
 
 CONTROL, DATA, BACKFILL = link_pb2.LANE_CONTROL, link_pb2.LANE_DATA, link_pb2.LANE_BACKFILL
 EPOCH = 77
@@ -47,6 +55,8 @@ async def running_gateway(folder: Path, *, door: Door | None = None, **settings:
             **settings,
         }
     )
+    if not chosen.data_dir.exists() and not chosen.store_url:
+        (make_private(chosen.data_dir) / DATABASE).write_bytes(_empty_store())
     task = asyncio.create_task(serve(chosen, stop, on_ready=up.set_result, door=door or RING))
     await asyncio.wait({task, up}, return_when=asyncio.FIRST_COMPLETED)
     try:
@@ -54,6 +64,17 @@ async def running_gateway(folder: Path, *, door: Door | None = None, **settings:
     finally:
         stop.set()
         await asyncio.wait_for(task, 60)
+
+
+@functools.cache
+def _empty_store() -> bytes:
+    """The file of a store with its tables and nothing in it, made once a process: it is half of a gateway's start."""
+    with tempfile.TemporaryDirectory() as folder:
+        engine = SqliteEngine(Path(folder))
+        engine.open()
+        engine.connection.execute("DELETE FROM meta WHERE key = 'store_id'")  # each makes its own
+        engine.close()
+        return (Path(folder) / DATABASE).read_bytes()
 
 
 def client(ready: Ready, *, key: str = OPERATOR_KEY, **headers: str) -> httpx.AsyncClient:
