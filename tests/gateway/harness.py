@@ -6,7 +6,6 @@ import asyncio
 import functools
 import json
 import ssl
-import sys
 import tempfile
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
@@ -29,9 +28,6 @@ from metaros.idl import schema_text, type_hash
 from metaros.limits import LIMITS
 from metaros.link import pack_batch, pack_metrics
 from tests.support.key_ring import KeyRing, bearer
-
-# httpx asks for it at every request, and where it is not installed each time all over the disk: 5 ms a request.
-sys.modules.setdefault("sniffio", None)  # type: ignore[arg-type]
 
 CONTROL, DATA, BACKFILL = link_pb2.LANE_CONTROL, link_pb2.LANE_DATA, link_pb2.LANE_BACKFILL
 EPOCH = 77
