@@ -11,6 +11,7 @@ import pytest
 from gpiozero.pins.mock import MockFactory
 
 import metaros
+from metaros.drivers.gpio.driver import REPEAT_S
 from metaros.errors import ConfigError
 from metaros.interfaces.std_msgs.msg import Bool
 from tests.support.drivers import RunningDriver, running
@@ -52,6 +53,7 @@ def test_inputs_are_told_at_changes_and_again(pins: MockFactory, context: metaro
         pins.pin(27).drive_low()  # the bumper's switch goes to ground
         wait_until(lambda: door[-1].data and bumper[-1].data)
         seen = len(door)
+        driver.leap(REPEAT_S)
         wait_until(lambda: len(door) > seen)
         wait_until(lambda: driver.state() == "working")
 

@@ -85,15 +85,15 @@ def test_through_garbage_before_between_and_within(device: PtyDevice, context: m
             wait_until(lambda: int(driver.facts().get("skipped_bytes", 0)) > 500)
 
 
-def test_a_megabyte_of_noise_then_a_room(device: PtyDevice, context: metaros.Context) -> None:
+def test_much_noise_then_a_room(device: PtyDevice, context: metaros.Context) -> None:
     lidar = Ld19Emulator()
     with running("ld19", {"port": device.path}, context=context) as driver:
         scans = driver.messages(LaserScan, "scan")
         wait_until(lambda: driver.node.standing.state == "working")
-        device.write(np.random.default_rng(1).integers(0, 256, 1 << 20, dtype=np.uint8).tobytes())
+        device.write(np.random.default_rng(1).integers(0, 256, 1 << 17, dtype=np.uint8).tobytes())
         with answering(device, nothing, lambda: lidar.turns(0.25)):
             assert_room(seen(driver, scans))
-        assert driver.node.standing.counters["skipped_bytes"] > 1_000_000
+        assert driver.node.standing.counters["skipped_bytes"] > 125_000
 
 
 def test_unplugged_and_plugged_in_again(device: PtyDevice, context: metaros.Context) -> None:
