@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
+import pytest_asyncio
 from starlette.routing import WebSocketRoute
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
 from gateway.api import ROUTERS as ALL_ROUTERS
 from gateway.api.aws.routes import router as aws_router
-from tests.gateway.harness import ScriptedAgent, client, open_socket, running_gateway
+from gateway.main import Ready
+from tests.gateway.harness import OPERATOR_KEY, ScriptedAgent, bearer, client, open_socket, running_gateway
+from tests.support.plain_http import plain_http
+
+pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.xdist_group("foreign pages")]
 
 # Lambda's API says it in AWS's words, and takes no credential that a browser has: tests/gateway/api/aws/test_signed.py.
 ROUTERS = [router for router in ALL_ROUTERS if router is not aws_router]
@@ -41,12 +46,28 @@ FOREIGN = [
 ]
 
 
+JSON = {"Content-Type": "application/json"}
+UPGRADE = {
+    "Connection": "Upgrade",
+    "Upgrade": "websocket",
+    "Sec-WebSocket-Version": "13",
+    "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+}
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def ready(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Ready]:
+    """A gateway as it is when nothing is said about hosts and origins."""
+    async with running_gateway(tmp_path_factory.mktemp("gateway")) as running:
+        yield running
+
+
 def concrete(path: str) -> str:
     """A route's path for a robot that exists."""
     return path.replace("{robot_id}", "sim_1")
 
 
-def test_the_walk_sees_the_routes() -> None:
+async def test_the_walk_sees_the_routes() -> None:
     assert ("POST", "/api/v1/robots/{robot_id}/publish") in MUTATIONS
     assert ("POST", "/api/v1/robots/{robot_id}/services/call") in MUTATIONS
     assert {"/api/v1/stream", "/api/v1/robots/{robot_id}/teleop", "/api/v1/link"} < set(SOCKETS)
@@ -54,61 +75,69 @@ def test_the_walk_sees_the_routes() -> None:
     assert "/api/v1/robots" in READS
 
 
-async def test_every_request_of_a_foreign_page_is_refused(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
+async def test_every_request_of_a_foreign_page_is_refused(ready: Ready) -> None:
+    asked = [*MUTATIONS, *(("GET", path) for path in READS), ("GET", "/"), ("OPTIONS", "/x")]
+    wrong = []
+    async with plain_http(ready.http_port, bearer(OPERATOR_KEY) | JSON) as http, ScriptedAgent(ready) as agent:
         for headers, code in FOREIGN:
-            for method, path in [*MUTATIONS, *(("GET", path) for path in READS), ("GET", "/"), ("OPTIONS", "/x")]:
-                sent = {**headers, "Content-Type": "application/json"}
-                answer = await http.request(method, concrete(path), headers=sent, content=b"{}")
-                assert (answer.status_code, answer.json()["code"]) == (403, code), (method, path, headers)
+            for method, path in asked:
+                got = await http.ask(method, concrete(path), b"{}", **headers)
+                if got != (403, code):
+                    wrong.append((method, path, headers, got))
+        assert wrong == []
         while not agent.frames[1].empty():
             assert agent.frames[1].get_nowait().WhichOneof("frame") != "command"
 
 
-@pytest.mark.parametrize("path", SOCKETS)
-async def test_every_socket_of_a_foreign_page_is_refused(tmp_path: Path, path: str) -> None:
-    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready):
-        url = ready.url.replace("http", "ws", 1) + concrete(path)
-        for headers, code in FOREIGN:
-            if headers.get("Host") == "":
+async def test_every_socket_of_a_foreign_page_is_refused(ready: Ready) -> None:
+    wrong = []
+    async with ScriptedAgent(ready), plain_http(ready.http_port, bearer(OPERATOR_KEY) | UPGRADE) as http:
+        for path in SOCKETS:
+            for headers, code in FOREIGN:
+                got = await http.ask("GET", concrete(path), **{"Origin": ready.url, **headers})
+                if got != (403, code):
+                    wrong.append((path, headers, got))
+            if path == "/api/v1/link":  # of agents, which send no Origin: our own page has no business there either
+                with pytest.raises(InvalidStatus):
+                    await open_socket(ready, path)
                 continue
-            origin = headers.get("Origin", ready.url)
-            # The client writes Host from the URL; an additional one makes two, which is refused as well.
-            more = {"Host": headers["Host"]} if "Host" in headers else {}
-            with pytest.raises(InvalidStatus) as caught:
-                await connect(url, origin=origin, additional_headers=more, proxy=None)
-            assert caught.value.response.status_code in (400, 403)
-            if caught.value.response.status_code == 403:
-                assert json.loads(caught.value.response.body)["code"] == code
-        if path == "/api/v1/link":  # of agents, which send no Origin: our own page has no business there either
-            with pytest.raises(InvalidStatus):
-                await open_socket(ready, path)
-            return
-        spoken = {"subprotocols": ["foxglove.sdk.v1"]} if path.startswith("/foxglove") else {}
-        async with open_socket(ready, concrete(path), **spoken) as own:
-            assert own.state.name == "OPEN"
+            spoken = {"subprotocols": ["foxglove.sdk.v1"]} if path.startswith("/foxglove") else {}
+            async with open_socket(ready, concrete(path), **spoken) as own:
+                assert own.state.name == "OPEN", path
+    assert wrong == []
+
+
+async def test_a_second_host_does_not_hide_behind_the_first(ready: Ready) -> None:
+    stream = ready.url.replace("http", "ws", 1) + "/api/v1/stream"
+    for headers, _ in FOREIGN:
+        if headers.get("Host"):
+            with pytest.raises(InvalidStatus) as caught:  # the client writes Host from the URL
+                await connect(stream, origin=ready.url, additional_headers=headers, proxy=None)
+            assert caught.value.response.status_code in (400, 403), headers
 
 
 FORM_TYPES = ["application/x-www-form-urlencoded", "multipart/form-data; boundary=x", "text/plain", "application/jsonx"]
 
 
-async def test_no_form_can_change_anything(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http:
+async def test_no_form_can_change_anything(ready: Ready) -> None:
+    wrong = []
+    async with plain_http(ready.http_port, bearer(OPERATOR_KEY)) as http:
         for method, path in MUTATIONS:
             for headers in [*({"Content-Type": form} for form in FORM_TYPES), {}]:
-                answer = await http.request(method, concrete(path), headers=headers, content=b'{"topic": "/a"}')
-                assert (answer.status_code, answer.json()["code"]) == (415, "unsupported_media_type"), (path, headers)
+                got = await http.ask(method, concrete(path), b'{"topic": "/a"}', **headers)
+                if got != (415, "unsupported_media_type"):
+                    wrong.append((method, path, headers, got))
+    assert wrong == []
 
 
-async def test_bodies_are_bounded(tmp_path: Path) -> None:
+async def test_bodies_are_bounded(ready: Ready) -> None:
     async def endless() -> object:
         for _ in range(64):
             yield b" " * 65536
 
-    async with running_gateway(tmp_path) as ready, client(ready) as http:
-        headers = {"Content-Type": "application/json"}
+    async with client(ready) as http:
         for content in (b" " * (1 << 20) + b"{}", endless()):
-            answer = await http.post("/api/v1/robots/sim_1/publish", headers=headers, content=content)
+            answer = await http.post("/api/v1/robots/sim_1/publish", headers=JSON, content=content)
             assert (answer.status_code, answer.json()["code"]) == (413, "body_too_large")
 
 
@@ -122,8 +151,8 @@ async def test_own_names_and_allowed_ones_pass(tmp_path: Path) -> None:
             assert (await http.get("/api/v1/robots", headers={"Origin": origin})).status_code == 200, origin
 
 
-async def test_answers_carry_the_security_headers(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http:
+async def test_answers_carry_the_security_headers(ready: Ready) -> None:
+    async with client(ready) as http:
         for path in ("/", "/api/v1/robots", "/api/none", "/assets/none.js"):
             headers = (await http.get(path)).headers
             assert headers["x-content-type-options"] == "nosniff"
@@ -133,8 +162,8 @@ async def test_answers_carry_the_security_headers(tmp_path: Path) -> None:
             assert f"ws://127.0.0.1:{ready.http_port}" in policy
 
 
-async def test_delete_needs_no_body_and_takes_none_of_another_type(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http:
+async def test_delete_needs_no_body_and_takes_none_of_another_type(ready: Ready) -> None:
+    async with client(ready) as http:
         path = "/api/v1/recordings/01J00000000000000000000000"
         assert (await http.delete(path)).json()["code"] == "unknown_recording"
         assert (await http.request("DELETE", path, content=b"{}")).status_code == 415
