@@ -23,7 +23,7 @@ from gateway.private_dir import make_private
 from gateway.settings import Settings
 from gateway.store.sqlite import DATABASE, SqliteEngine
 from metaros._proto import link_pb2, link_pb2_grpc
-from metaros.clock import SystemClock
+from metaros.clock import Clock, SystemClock
 from metaros.idl import schema_text, type_hash
 from metaros.limits import LIMITS
 from metaros.link import pack_batch, pack_metrics
@@ -37,7 +37,9 @@ OPERATOR_KEY = RING.add(role=Role.OPERATOR, name="test operator")
 
 
 @asynccontextmanager
-async def running_gateway(folder: Path, *, door: Door | None = None, **settings: Any) -> AsyncIterator[Ready]:
+async def running_gateway(
+    folder: Path, *, door: Door | None = None, clock: Clock | None = None, **settings: Any
+) -> AsyncIterator[Ready]:
     """A gateway on free ports, stopped at the end as a signal would stop it; it knows the keys of `door`."""
     stop, up = asyncio.Event(), asyncio.get_running_loop().create_future()
     chosen = Settings(
@@ -53,7 +55,7 @@ async def running_gateway(folder: Path, *, door: Door | None = None, **settings:
     )
     if not chosen.data_dir.exists() and not chosen.store_url:
         (make_private(chosen.data_dir) / DATABASE).write_bytes(_empty_store())
-    task = asyncio.create_task(serve(chosen, stop, on_ready=up.set_result, door=door or RING))
+    task = asyncio.create_task(serve(chosen, stop, clock=clock, on_ready=up.set_result, door=door or RING))
     await asyncio.wait({task, up}, return_when=asyncio.FIRST_COMPLETED)
     try:
         yield up.result() if up.done() else task.result()
