@@ -127,14 +127,14 @@ def test_noise_between_epochs_costs_none_of_them() -> None:
 TEXTS = st.text(st.characters(min_codepoint=32, max_codepoint=126, exclude_characters="*$!"), max_size=80)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.sampled_from(["GNGGA", "GPRMC", "GNGST", "GNVTG", "GAGGA"]), TEXTS)
 def test_no_sound_sentence_whatever_it_says_stops_the_reader(name: str, text: str) -> None:
     for epoch in read(nmea_frame(f"{name},{text}") + nmea_epoch(5)):
         assert epoch.status == NO_FIX or abs(epoch.latitude) <= 90
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.binary(min_size=84, max_size=100))
 def test_no_nav_pvt_whatever_it_says_stops_the_reader(payload: bytes) -> None:
     body = b"\x01\x07" + len(payload).to_bytes(2, "little") + payload

@@ -103,7 +103,7 @@ def test_falling_before_the_first_sample_gives_no_orientation() -> None:
 NUMBERS = st.floats(-400, 400)
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(st.lists(st.tuples(st.tuples(*[NUMBERS] * 3), st.tuples(*[NUMBERS] * 3), st.floats(0, 1)), max_size=20))
 def test_whatever_is_plausible_gives_a_unit_quaternion(samples: list[tuple[Vector, Vector, float]]) -> None:
     filter_ = ComplementaryFilter(gain=0.5, estimate_bias=True)

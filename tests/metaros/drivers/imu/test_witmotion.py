@@ -81,7 +81,7 @@ def test_a_megabyte_of_noise_gives_nothing_implausible_and_little_is_kept() -> N
     assert len([*decoder.feed(bytes(FRAME_BYTES)), *decoder.feed(wit_round() * 5)]) >= 4
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(st.lists(st.one_of(st.binary(max_size=30), st.just(b"U"), st.just(wit_round()))))
 def test_anything_in_pieces_gives_what_the_whole_gives(pieces: list[bytes]) -> None:
     whole = b"".join(pieces)
@@ -89,7 +89,7 @@ def test_anything_in_pieces_gives_what_the_whole_gives(pieces: list[bytes]) -> N
     assert all(plausible(sample) for sample in samples_of(whole))
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=30)
 @given(*[st.floats(-math.pi, math.pi)] * 3)
 def test_euler_angles_give_a_unit_quaternion(roll: float, pitch: float, yaw: float) -> None:
     assert math.hypot(*from_euler(roll, pitch, yaw)) == pytest.approx(1)

@@ -26,8 +26,8 @@ def test_a_tone_stays_that_tone(rate_in: int, rate_out: int) -> None:
 
 
 def test_pieces_leave_no_seam() -> None:
-    samples = np.random.default_rng(3).integers(-9000, 9000, 20_000, dtype=np.int16)
-    whole = converted(samples, 44100, 16000, 20_000)
+    samples = np.random.default_rng(3).integers(-9000, 9000, 4_000, dtype=np.int16)
+    whole = converted(samples, 44100, 16000, 4_000)
     for piece in (1, 7, 441):
         assert np.allclose(converted(samples, 44100, 16000, piece), whole, atol=1e-5)
 

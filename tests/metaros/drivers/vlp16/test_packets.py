@@ -192,7 +192,7 @@ def test_a_position_packet() -> None:
     assert (void.pps, void.gps) == ("absent", "void")
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.binary(max_size=600), st.binary(max_size=306))
 def test_any_bytes_as_a_position_packet(data: bytes, text: bytes) -> None:
     assert (parse_position(data) is None) == (len(data) != 512)
