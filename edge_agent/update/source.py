@@ -7,14 +7,22 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from edge_agent.update.bundle import check_target, unpack
 from edge_agent.update.errors import UpdateFetchError
-from edge_agent.update.fetch import Patience, RobotFetcher
 from edge_agent.update.floor import Floor
-from edge_agent.update.repository import Fetched, SignedRepository
 from metaros.bundle import Manifest, target_path
 from metaros.clock import Clock
+from metaros.later import Later
+
+if TYPE_CHECKING:  # with all that checks signatures: an agent that fetches nothing must not wait for it at its start
+    from edge_agent.update import bundle as bundles
+    from edge_agent.update import fetch, repository
+    from edge_agent.update.fetch import Patience
+    from edge_agent.update.repository import Fetched, SignedRepository
+else:
+    bundles = Later("edge_agent.update.bundle")
+    fetch, repository = Later("edge_agent.update.fetch"), Later("edge_agent.update.repository")
 
 __all__ = ["API", "Source"]
 
@@ -64,8 +72,8 @@ class Source:
 
     def unpack(self, fetched: Fetched, folder: Path, *, kind: str, name: str, version: str) -> Manifest:
         """All of it in an empty folder, if it is what was asked for. Raises UpdateError."""
-        manifest = unpack(fetched, folder)
-        check_target(manifest, kind=kind, name=name, version=version)
+        manifest = bundles.unpack(fetched, folder)
+        bundles.check_target(manifest, kind=kind, name=name, version=version)
         return manifest
 
     def _repository(self) -> SignedRepository:
@@ -73,8 +81,10 @@ class Source:
             tls = self._tls()
         except (OSError, ValueError) as error:
             raise UpdateFetchError(f"the fleet's root cannot be used: {error}") from error
-        fetcher = RobotFetcher(tls, lambda: self.token, self.folder / "parts", self._clock, patience=self._patience)
+        fetcher = fetch.RobotFetcher(
+            tls, lambda: self.token, self.folder / "parts", self._clock, patience=self._patience
+        )
         shipped = self.folder / SHIPPED
-        return SignedRepository(
+        return repository.SignedRepository(
             self.folder, self._url, fetcher, self._clock, shipped_root=shipped if shipped.exists() else None
         )

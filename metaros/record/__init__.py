@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from metaros.record.bag import Bag, BagMessage, BagTopic, open_bag
 from metaros.record.bag_output import BagOptions
-from metaros.record.export import export_csv, export_images, export_json
-from metaros.record.player import Player, PlayerReport
-from metaros.record.recorder import Recorder, RecordingReport, RingOptions
-from metaros.record.replay import PlayReport, play_carmen
 from metaros.record.rewrite import Rewritten, rewrite
+
+if TYPE_CHECKING:
+    from metaros.record.export import export_csv, export_images, export_json
+    from metaros.record.player import Player, PlayerReport
+    from metaros.record.recorder import Recorder, RecordingReport, RingOptions
+    from metaros.record.replay import PlayReport, play_carmen
 
 __all__ = [
     "Bag",
@@ -29,3 +34,17 @@ __all__ = [
     "play_carmen",
     "rewrite",
 ]
+
+_HOMES = {  # loaded when used: an agent's black box needs none of them, and a restarted agent must be back soon
+    "export": ("export_csv", "export_images", "export_json"),
+    "player": ("Player", "PlayerReport"),
+    "recorder": ("Recorder", "RecordingReport", "RingOptions"),
+    "replay": ("PlayReport", "play_carmen"),
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"metaros.record.{_HOME[name]}"), name)
