@@ -17,6 +17,7 @@ STEPS_MS = (
     *(n * DAY for n in (1, 2, 5, 7)),
 )
 MOST_TIMES, VALUES = 10, 3
+SMALLEST = 1e-307  # of steps: among the numbers below few are round, and 10 ** -324 is 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +37,9 @@ class Axis:
 def value_ticks(axis: Axis) -> Iterator[float]:
     """A few round numbers of an axis, at least one."""
     width = axis.end - axis.begin
-    if not (math.isfinite(width) and width > 0):
-        return
     rough = width / VALUES
+    if not (math.isfinite(rough) and rough > SMALLEST):
+        return
     size = 10.0 ** math.floor(math.log10(rough))
     step = next((size * factor for factor in (1, 2, 5) if size * factor >= rough), size * 10)
     if width < 2 * step:  # one or two would be all

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from gateway.anomaly.cells import LARGEST
 from gateway.backtest.report import Point
 from gateway.store.lttb import extremes
 
@@ -45,9 +46,9 @@ class Trace:
     _scores: dict[int, float] = field(default_factory=dict)
 
     def add(self, stamps_ns: Stamps, values: Values) -> None:
-        """Rows in order of time; what is no number is left out."""
+        """Rows in order of time; what is no number, also to the judge, is left out."""
         self.samples += len(stamps_ns)
-        usable = np.isfinite(values)
+        usable = np.abs(values) < LARGEST
         stamps_ns, values = stamps_ns[usable], values[usable]
         if not len(stamps_ns):
             return

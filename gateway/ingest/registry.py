@@ -28,6 +28,7 @@ HEADLINE_SERIES = 64
 REMEMBERED_PROCESSES = 16  # agents of one robot, one after another
 REMEMBERED_SERIES = 4 * LIMITS.series_per_robot  # of one robot's agents, one after another
 RIVAL_TRIES = 3
+LONGEST_LAG_NS = 2**63 - 1  # other gateways are told no longer one; of a clock at the beginning of all stamps it is
 
 
 class RateMeter:
@@ -240,7 +241,7 @@ class RobotRecord:
             if fresh or state.last_stamp_ns is None:
                 state.last_stamp_ns = int(run.columns.stamps_ns[-1])
             if fresh and not run.channel.history:
-                self.lag_ns = run.receive_ns - int(run.columns.stamps_ns[-1])
+                self.lag_ns = min(run.receive_ns - int(run.columns.stamps_ns[-1]), LONGEST_LAG_NS)
 
     def count_rows(
         self, rows: Rows, duplicates: int, *, wall_ns: int, now_s: float, fresh: bool = True

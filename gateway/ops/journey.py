@@ -10,7 +10,7 @@
     store    it was given to the store       -> its row was committed
 
 The robot's times are put on the gateway's clock. Where a clock is wrong by so much that something would have happened
-before its cause, it counts as having happened together with it, and the journey says so.
+before its cause, or before 1970, it counts as having happened together with it, or then, and the journey says so.
 """
 
 from __future__ import annotations
@@ -77,8 +77,8 @@ class Journey:
         adjusted, before_ns = ahead > 0, points[-1][1]
         for index in range(len(points) - 1, -1, -1):
             name, at_ns = points[index]
-            adjusted |= at_ns > before_ns
-            before_ns = min(at_ns, before_ns)
+            before_ns = max(0, min(at_ns, before_ns))
+            adjusted |= at_ns != before_ns
             points[index] = (name, before_ns)
         return points, adjusted
 

@@ -21,6 +21,7 @@ log = logging.getLogger(__name__)
 
 BACK_NS = 60 * 10**9  # how far behind the robot's newest row a series' rows may come
 AHEAD_NS = 600 * 10**9  # how far beyond what has passed its stamps may be
+FIRST_NS, LAST_NS = -(2**63), 2**63 - 1  # of all stamps: SQL takes no others
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +41,8 @@ class Window:
         end_ns = saved.newest_ns + passed_ns
         first_ns = end_ns - round(LIMITS.watch_replay_s * 1e9)
         start_ns = max(saved.newest_ns - BACK_NS, first_ns)
-        return cls(start_ns, end_ns + AHEAD_NS, max(0, start_ns - saved.newest_ns) / 1e9)
+        skipped_s = max(0, start_ns - saved.newest_ns) / 1e9
+        return cls(max(start_ns, FIRST_NS), min(end_ns + AHEAD_NS, LAST_NS), skipped_s)
 
 
 class Moves:
@@ -101,7 +103,7 @@ class Moves:
                 fence=fence,
                 version=version,
                 saved_ns=now_ns,
-                newest_ns=round(newest_s * 1e9) if math.isfinite(newest_s) else 0,
+                newest_ns=min(max(round(newest_s * 1e9), FIRST_NS), LAST_NS) if math.isfinite(newest_s) else 0,
                 marks=judged[robot],
                 state=state if version else b"",
             )

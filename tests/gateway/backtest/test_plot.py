@@ -113,6 +113,13 @@ def test_many_series_are_cut_and_said_to_be() -> None:
     assert "cut: there was more" in texts
 
 
+def test_values_as_near_as_numbers_can_be() -> None:
+    points = [[START_MS + n, value, None, None, 0.0] for n, value in enumerate((0.0, 5e-324, 1e-310))]
+    for some in (points[:2], points):
+        assert len(of_class(drawn(report(series=[{"series": "x", "samples": 2, "points": some}])), "line")) == 1
+    assert list(value_ticks(Axis(0.0, 5e-324, 100.0, 0.0))) == []
+
+
 @pytest.mark.parametrize("value", [0.0, -5.0, 1e300, -1e-300, 7e15])
 def test_a_constant_a_single_and_a_huge_value(value: float) -> None:
     constant = {"series": "x", "samples": 2, "points": [[START_MS + n, value, None, None, 0.0] for n in range(2)]}

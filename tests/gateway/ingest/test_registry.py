@@ -13,7 +13,7 @@ from gateway.domain.sample import Gap, Rows, Run
 from gateway.errors import UnknownRobotError
 from gateway.ingest.outbox import LaneOutbox
 from gateway.ingest.registry import Counts, RateMeter, Registry, RobotRecord
-from metaros._proto import link_pb2
+from metaros._proto import cluster_pb2, link_pb2
 from metaros.link import SampleColumns
 
 
@@ -46,6 +46,16 @@ def test_a_new_agent_process_keeps_the_topics_counts() -> None:
     assert (state.received, state.received_bytes, state.lost) == (5, 10, 3)
     assert record.channel_of("/scan") == state.channel
     assert record.channel_of("/odom") is None
+
+
+def test_how_late_samples_come_is_a_number_that_other_gateways_can_be_told() -> None:
+    record, now_ns = RobotRecord(Robot("r"), seen_ns=0), 1_700_000_000 * 10**9
+    record.announce([channel := make_channel(1, "/scan")], [])
+    run = make_run(channel, 1)
+    for stamp_ns, lag_ns in ((now_ns - 5, 5), (2**63 - 1, now_ns + 1 - 2**63), (-(2**63), 2**63 - 1)):
+        columns = replace(run.columns, stamps_ns=np.array([stamp_ns]))
+        record.count_run(replace(run, columns=columns, receive_ns=now_ns), 0, now_s=0.0)
+        assert record.lag_ns == cluster_pb2.MirroredState(lag_ns=record.lag_ns).lag_ns == lag_ns
 
 
 def test_the_same_process_keeps_its_channels() -> None:

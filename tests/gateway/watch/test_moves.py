@@ -33,6 +33,12 @@ def test_without_a_state_there_is_nothing_to_go_on_from() -> None:
         assert window.start_ns > window.end_ns
 
 
+def test_a_clock_at_either_end_of_all_stamps_asks_for_none_beyond() -> None:
+    for newest_ns in (2**63 - 1, -(2**63)):
+        window = Window.after(replace(STATE, newest_ns=newest_ns), NOW + 20 * S)
+        assert -(2**63) <= window.start_ns <= newest_ns <= window.end_ns < 2**63
+
+
 def test_rows_that_were_judged_elsewhere_are_not_judged_again() -> None:
     pending = Pending()
     for first_seq in (1, 11, 21):
