@@ -41,13 +41,13 @@ def run_stream(stream: Stream, stamps: np.ndarray, values: np.ndarray) -> np.nda
 
 @pytest.mark.parametrize("config", CONFIGS)
 def test_many_series_at_once_score_as_each_alone(config: BankConfig) -> None:
-    stamps = START_S + np.arange(1500) * 300.0
-    columns = [noisy(1500, seed=seed) for seed in range(12)]
+    stamps = START_S + np.arange(1100) * 300.0
+    columns = [noisy(1100, seed=seed) for seed in range(8)]
     columns[3][:] = 7.0
     columns[4] = np.round(columns[4])
     columns[5][::7] = math.nan
     bank = Bank(config)
-    slots = [bank.add(times=1.0 + seed % 3) for seed in range(12)]
+    slots = [bank.add(times=1.0 + seed % 3) for seed in range(8)]
     together = run_bank(bank, slots, stamps, columns)
     for seed, slot in enumerate(slots):
         stream = Stream(config, times=1.0 + seed % 3)
@@ -60,8 +60,8 @@ def test_many_series_at_once_score_as_each_alone(config: BankConfig) -> None:
 
 
 def test_a_snapshot_goes_on_as_if_nothing_had_been() -> None:
-    stamps = START_S + np.arange(1200) * 300.0
-    columns = [noisy(1200, seed=seed) for seed in range(5)]
+    stamps = START_S + np.arange(1000) * 300.0
+    columns = [noisy(1000, seed=seed) for seed in range(5)]
     bank = Bank()
     slots = [bank.add(times=1.0 + seed) for seed in range(5)]
     run_bank(bank, slots, stamps[:700], [column[:700] for column in columns])
@@ -217,7 +217,7 @@ def test_a_series_takes_less_than_nine_kib_in_all_its_life() -> None:
     assert bank.size_bytes / PAGE_ROWS < 9 * 1024
     before = bank.size_bytes
     rng = np.random.default_rng(2)
-    for number in range(2000):
+    for number in range(500):
         bank.update(slot, np.array([START_S + number]), rng.lognormal(sigma=5.0, size=1))
     assert bank.size_bytes == before
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+
 import numpy as np
+import pytest
 
 from gateway.anomaly.cohort import CohortConfig, Cohorts
 
@@ -33,42 +36,47 @@ class Fleet:
         return [(int(slot), bool(opened), float(median), int(others)) for slot, opened, median, others in found]
 
 
-def test_one_that_is_other_for_long_is_told_with_the_median_of_the_others() -> None:
+@pytest.fixture(scope="module")
+def learnt() -> Fleet:
     fleet = Fleet(6)
     assert fleet.run(300) == []
+    return fleet
+
+
+@pytest.fixture
+def fleet(learnt: Fleet) -> Fleet:
+    return deepcopy(learnt)
+
+
+def test_one_that_is_other_for_long_is_told_with_the_median_of_the_others(fleet: Fleet) -> None:
     slot, opened, median, others = fleet.run(120, hot=25.0)[0]
     assert (slot, opened, others) == (2, True, 5)
     assert 45.0 < median < 51.0
     assert [opened for _, opened, _, _ in fleet.run(300)] == [False]
 
 
-def test_all_that_change_together_are_no_odd_ones() -> None:
-    fleet = Fleet(6)
-    fleet.run(300)
+def test_all_that_change_together_are_no_odd_ones(fleet: Fleet) -> None:
     fleet.cohorts.columns["mean"][:6] += 30.0
     assert fleet.run(100) == []
 
 
 def test_three_are_no_cohort_and_neither_are_those_without_one() -> None:
     three = Fleet(3)
-    assert three.run(300) + three.run(120, hot=25.0) == []
+    assert three.run(70) + three.run(60, hot=25.0) == []
     lonely = Fleet(6)
     lonely.cohorts.columns["group"][:] = -1
-    assert lonely.run(300) + lonely.run(120, hot=25.0) == []
+    assert lonely.run(70) + lonely.run(60, hot=25.0) == []
 
 
-def test_what_is_open_is_over_when_there_is_nobody_left_to_compare_with() -> None:
-    fleet = Fleet(6)
-    fleet.run(300)
+def test_what_is_open_is_over_when_there_is_nobody_left_to_compare_with(fleet: Fleet) -> None:
     assert [opened for _, opened, _, _ in fleet.run(120, hot=25.0)] == [True]
     fleet.cohorts.columns["group"][3:6] = -1  # they went to another gateway
     assert [(slot, opened) for slot, opened, _, _ in fleet.run(60, hot=25.0)] == [(2, False)]
     assert fleet.run(120, hot=25.0) == []
 
 
-def test_a_cohort_outlives_a_snapshot() -> None:
-    fleet, again = Fleet(6), Fleet(6)
-    fleet.run(300)
+def test_a_cohort_outlives_a_snapshot(fleet: Fleet) -> None:
+    again = Fleet(6)
     again.cohorts.load(fleet.cohorts.dump())
     again.at_s, again.rng = fleet.at_s, np.random.default_rng(1)
     fleet.rng = np.random.default_rng(1)

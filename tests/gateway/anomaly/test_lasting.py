@@ -9,18 +9,16 @@ import numpy.typing as npt
 import pytest
 
 from gateway.anomaly.lasting import Lasting, LastingConfig
-from tests.gateway.anomaly.cellfeed import second
+from tests.gateway.anomaly.cellfeed import quick, second
 
 Values = npt.NDArray[np.float64]
-CONFIG = LastingConfig(learn_s=3600, epoch_s=1800)
-LEARNT_S = 9000
+CONFIG = quick(LastingConfig(learn_s=3600, epoch_s=1800))
+LEARNT_S = 2250
 USUAL, OTHER_USUAL, CONSTANT, WAVE, RAMP = range(5)
 BEGIN_S = 1000.0
 
 
-def usual(
-    rng: np.random.Generator, at_s: float, seconds: int, *, noise: float = 1.0, period_s: float = 300.0
-) -> Values:
+def usual(rng: np.random.Generator, at_s: float, seconds: int, *, noise: float = 1.0, period_s: float = 75.0) -> Values:
     """Noise and a slow swing."""
     times = at_s + np.arange(seconds)
     values: Values = noise * rng.normal(size=seconds) + 2.0 * np.sin(times / period_s * 2.0 * np.pi)
@@ -35,7 +33,7 @@ class Series:
         self.lasting.load(learnt.dump())
         self.rng, self.at_s = np.random.default_rng(12), BEGIN_S + LEARNT_S
 
-    def usual(self, seconds: int, *, noise: float = 1.0, period_s: float = 300.0) -> list[float]:
+    def usual(self, seconds: int, *, noise: float = 1.0, period_s: float = 75.0) -> list[float]:
         return usual(self.rng, self.at_s, seconds, noise=noise, period_s=period_s).tolist()
 
     def told(self, values: Iterable[float], *, spread: float = 0.5) -> Iterator[tuple[int, str, bool]]:
@@ -52,15 +50,15 @@ class Series:
 
 @pytest.fixture(scope="module")
 def learnt() -> Lasting:
-    """Two hours and a half of all series at once; of those that go on as usual nothing is told."""
+    """All series at once, two and a half times as long as learning takes; of the usual ones nothing is told."""
     lasting = Lasting(CONFIG)
     lasting.grow(5)
-    rng, ramp = np.random.default_rng(11), 10.0 * np.sin(np.arange(LEARNT_S) / 2000.0)
+    rng, ramp = np.random.default_rng(11), 10.0 * np.sin(np.arange(LEARNT_S) / 500.0)
     columns = (
         usual(rng, BEGIN_S, LEARNT_S),
-        usual(rng, BEGIN_S, LEARNT_S, noise=2.0, period_s=900.0),
+        usual(rng, BEGIN_S, LEARNT_S, noise=2.0, period_s=225.0),
         np.ones(LEARNT_S),
-        usual(rng, BEGIN_S, LEARNT_S, noise=0.05, period_s=64.0),
+        usual(rng, BEGIN_S, LEARNT_S, noise=0.05, period_s=16.0),
         ramp + 0.01 * rng.normal(size=LEARNT_S),
     )
     spread = (0.5, 0.5, 0.0, 0.5, 0.5)
@@ -77,15 +75,15 @@ def series(learnt: Lasting) -> Series:
 
 
 def test_hours_of_the_usual_say_nothing(series: Series) -> None:
-    """As in `learnt`, where two series and a constant are judged for an hour and a half."""
-    assert series.feed(series.usual(1800)) == []
+    """As in `learnt`, where two series and a constant are judged for half an hour."""
+    assert series.feed(series.usual(500)) == []
 
 
 def test_another_level_is_told_within_five_seconds_and_over_when_it_is_back(series: Series) -> None:
     found = series.feed([value + 15.0 for value in series.usual(60)])
     assert found[0][0] <= 4
     assert found[0][1:] in {("level", True), ("step", True)}
-    assert any(kind == "level" and not opened for _, kind, opened in series.told(series.usual(2000)))
+    assert any(kind == "level" and not opened for _, kind, opened in series.told(series.usual(500)))
 
 
 def test_a_spike_of_a_second_or_two_is_not_told(series: Series) -> None:
@@ -117,7 +115,7 @@ def test_another_frequency_is_told(learnt: Lasting) -> None:
 
 
 def test_a_jump_within_the_range_that_stays_is_a_step(learnt: Lasting) -> None:
-    last = 10.0 * np.sin((LEARNT_S - 1) / 2000.0)
+    last = 10.0 * np.sin((LEARNT_S - 1) / 500.0)
     assert Series(learnt, RAMP).feed([float(last) - 4.0] * 10)[0] == (3, "step", True)
 
 
@@ -129,7 +127,7 @@ def test_gaps_and_clock_jumps_say_nothing(series: Series) -> None:
 
 def test_a_snapshot_goes_on_bit_by_bit(series: Series) -> None:
     other = Series(series.lasting, USUAL)
-    values = [value + 15.0 for value in series.usual(600)]
+    values = [value + 15.0 for value in series.usual(200)]
     assert other.feed(values) == series.feed(values)
     for name, array in series.lasting.dump()["lasting"].items():
         assert np.array_equal(array, other.lasting.dump()["lasting"][name], equal_nan=True)

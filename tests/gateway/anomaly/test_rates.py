@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from gateway.anomaly.checks import CheckTable
 from gateway.anomaly.defaults import DEFAULT_CHECKS
@@ -13,14 +15,21 @@ from gateway.anomaly.rates import Rates
 ROW = np.array([0])
 
 
-def learned(rates: Rates, hz: float = 10.0) -> Rates:
-    """It has seen ten minutes of that rate."""
+@pytest.fixture(scope="module")
+def ten_minutes() -> Rates:
+    """It has seen ten minutes of ten a second."""
+    rates = Rates()
     rates.columns.grow(1)
     rates.low.columns.grow(1)
     rates.high.columns.grow(1)
     for n in range(600):
-        rates.feed(ROW, np.array([hz]), float(n))
+        rates.feed(ROW, np.array([10.0]), float(n))
     return rates
+
+
+@pytest.fixture
+def rates(ten_minutes: Rates) -> Rates:
+    return deepcopy(ten_minutes)
 
 
 def edges(rates: Rates, hz: float, seconds: int, *, start_s: float = 600.0) -> list[tuple[float, str, bool]]:
@@ -36,23 +45,18 @@ def table(**changes: float | None) -> CheckTable:
     return CheckTable(replace(check, **changes) if check.id == "rate_low" else check for check in DEFAULT_CHECKS)
 
 
-def test_half_the_usual_rate_is_too_slow_and_over_when_it_is_back() -> None:
-    rates = learned(Rates())
+def test_half_the_usual_rate_is_too_slow_and_over_when_it_is_back(rates: Rates) -> None:
     assert [word for _, word, opened in edges(rates, 3.0, 20) if opened] == ["low"]
     assert [word for _, word, opened in edges(rates, 10.0, 30, start_s=620.0) if not opened] == ["low"]
 
 
-def test_twice_the_usual_rate_is_too_fast() -> None:
-    assert [word for _, word, _ in edges(learned(Rates()), 30.0, 20)] == ["high"]
+def test_twice_the_usual_rate_is_too_fast(rates: Rates) -> None:
+    assert [word for _, word, _ in edges(rates, 30.0, 20)] == ["high"]
 
 
-def test_the_table_of_checks_says_what_is_too_slow_and_for_how_long() -> None:
-    rates = learned(Rates())
-    rates.obey(table(low=0.2))
-    assert edges(rates, 3.0, 20) == []
-    rates = learned(Rates())
-    rates.obey(table(for_s=60.0))
-    assert edges(rates, 3.0, 40) == []
-    rates = learned(Rates())
-    rates.obey(table(low=None))
-    assert edges(rates, 3.0, 40) == []
+@pytest.mark.parametrize(("changes", "seconds"), [({"low": 0.2}, 20), ({"for_s": 60.0}, 40), ({"low": None}, 40)])
+def test_the_table_of_checks_says_what_is_too_slow_and_for_how_long(
+    rates: Rates, changes: dict[str, float | None], seconds: int
+) -> None:
+    rates.obey(table(**changes))
+    assert edges(rates, 3.0, seconds) == []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 
@@ -35,11 +37,16 @@ class Robot:
         return found
 
 
-@pytest.fixture
-def robot() -> Robot:
+@pytest.fixture(scope="module")
+def learnt() -> Robot:
     made = Robot()
     assert made.run(1500) == []
     return made
+
+
+@pytest.fixture
+def robot(learnt: Robot) -> Robot:
+    return deepcopy(learnt)
 
 
 def test_a_broken_correlation_is_told_and_the_metrics_of_it_are_blamed(robot: Robot) -> None:
@@ -67,7 +74,7 @@ def test_a_missing_metric_counts_as_its_mean(robot: Robot) -> None:
 def test_nothing_is_told_while_it_learns_and_constants_are_no_trouble() -> None:
     vectors = Vectors(CONFIG)
     vectors.columns.grow(1)
-    for n in range(600):
+    for n in range(400):
         vectors.put(np.zeros(2, np.int64), np.arange(2), np.array((1.0, 2.0)), 5.0 * n)
         verdict = vectors.judge(np.array([0]), 5.0 * n)
         assert verdict is None or not len(verdict.robots)
