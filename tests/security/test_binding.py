@@ -21,10 +21,11 @@ from gateway.names import machine_names, outward_address
 from gateway.settings import Settings
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.errors import ConfigError
-from tests.gateway.harness import client, running_gateway
+from tests.gateway.harness import TRUSTS_NOBODY, client, running_gateway
 from tests.support.command_line import ask_metaros, call_metaros
 from tests.support.postgres import PostgresServer
 from tests.support.processes import started
+from tests.support.quick_passwords import quick_passwords  # noqa: F401 - a fixture
 from tests.support.waiting import wait_until
 
 HERE = outward_address()
@@ -125,7 +126,8 @@ async def test_a_token_made_over_loopback_names_an_address_that_robots_reach(tmp
 @reachable
 async def test_without_tls_others_than_the_proxy_get_nothing_but_the_probes(tmp_path: Path) -> None:
     options: dict[str, Any] = {"host": "0.0.0.0", "tls": "off", "trusted_proxies": ("127.0.0.1",)}
-    async with running_gateway(tmp_path, **options) as ready, httpx.AsyncClient(trust_env=False) as http:
+    plain = httpx.AsyncClient(verify=TRUSTS_NOBODY, trust_env=False)
+    async with running_gateway(tmp_path, **options) as ready, plain as http:
         direct = f"http://{HERE}:{ready.http_port}"
         for path in ("/", "/api/v1/robots", "/api/v1/auth/me"):
             answer = await http.get(direct + path, headers={"X-Forwarded-For": "127.0.0.1"})
@@ -146,19 +148,19 @@ async def test_on_loopback_a_trusted_proxys_people_are_no_anonymous_viewers(tmp_
             assert (await http.get("/api/v1/robots", headers=headers)).status_code == 401
 
 
+@pytest.mark.usefixtures("quick_passwords")
 async def test_the_lock_out_and_the_log_know_the_client_behind_the_proxy(tmp_path: Path) -> None:
     async with running_gateway(tmp_path, trusted_proxies=("127.0.0.1",)) as ready:
         admin = (ready.data_dir / "local.key").read_text().strip()
         async with client(ready, key="", origin=ready.url) as http:
-            http.timeout = httpx.Timeout(60)  # a password is compared slowly, by intent
             wrong = {"name": "ada", "password": "wrong wrong wrong"}
             seen = {"X-Forwarded-For": "6.6.6.6, 198.51.100.7", "X-Forwarded-Proto": "https"}
             assert (await http.post("/api/v1/auth/login", json=wrong, headers=seen)).status_code == 401
 
         def addresses() -> set[str]:
             url, headers = f"{ready.url}/api/v1/audit?action=sessions.open", {"Authorization": f"Bearer {admin}"}
-            rows = httpx.get(url, headers=headers, trust_env=False, timeout=60).json()["rows"]
-            return {row["address"] for row in rows}
+            answer = httpx.get(url, headers=headers, verify=TRUSTS_NOBODY, trust_env=False, timeout=60)
+            return {row["address"] for row in answer.json()["rows"]}
 
         await asyncio.to_thread(wait_until, addresses)
         assert await asyncio.to_thread(addresses) == {"198.51.100.7"}

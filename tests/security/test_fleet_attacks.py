@@ -10,7 +10,7 @@ import asyncio
 import contextlib
 import json
 from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,8 @@ from metaros.cdr import codec
 from metaros.interfaces.rcl_interfaces.srv import GetParameters, ListParameters
 from metaros.twin import digest
 from tests.gateway.harness import CONTROL, RING, ScriptedAgent, client, hear, open_socket, running_gateway, say
+from tests.support.key_ring import bearer
+from tests.support.plain_http import PlainHttp, plain_http
 
 VIEWER = RING.add(role=Role.VIEWER, name="viewer")
 ADMIN = RING.add(role=Role.ADMIN, name="admin")
@@ -118,6 +120,17 @@ async def lying_robot(ready: Ready, answers: Iterator[bytes]) -> AsyncIterator[S
                 await task
 
 
+def asking(ready: Ready) -> AbstractAsyncContextManager[PlainHttp]:
+    """A client for hundreds of questions."""
+    return plain_http(ready.http_port, bearer(ADMIN))
+
+
+async def wish_for_a_lidar(ready: Ready) -> None:
+    """A node that the robot's answers may be about."""
+    async with client(ready, key=ADMIN) as http:
+        assert (await http.patch("/api/v1/robots/sim_1/twin", json=LIDAR)).status_code == 200
+
+
 DEEP: Any = "x"
 for _ in range(200):
     DEEP = [DEEP]
@@ -140,8 +153,8 @@ def lies() -> Iterator[dict[str, Any]]:
 
 async def test_no_report_of_a_robot_breaks_what_people_read(tmp_path: Path) -> None:
     paths = ["/robots/sim_1/nodes", "/robots/sim_1/nodes/lidar", "/robots/sim_1/twin", "/nodes", "/twins", "/robots"]
-    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent, client(ready, key=ADMIN) as http:
-        assert (await http.patch("/api/v1/robots/sim_1/twin", json=LIDAR)).status_code == 200
+    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent, asking(ready) as http:
+        await wish_for_a_lidar(ready)
         for lie in lies():
             reported = json.dumps(lie).encode()
             report = link_pb2.TwinReport(
@@ -150,12 +163,12 @@ async def test_no_report_of_a_robot_breaks_what_people_read(tmp_path: Path) -> N
             await agent.send(CONTROL, twin=report)
             async with asyncio.timeout(60):
                 while True:
-                    said = (await http.get("/api/v1/robots/sim_1/twin")).json()["reported"]
+                    said = json.loads((await http.request("GET", "/api/v1/robots/sim_1/twin"))[1])["reported"]
                     if said is not None and said["values"] == json.loads(reported):
                         break
             for path in paths:
-                answer = await http.get(f"/api/v1{path}")
-                assert answer.status_code == 200, (path, reported[:300], answer.text)
+                status, text = await http.request("GET", f"/api/v1{path}")
+                assert status == 200, (path, reported[:300], text)
 
 
 def payloads() -> list[bytes]:
@@ -189,12 +202,13 @@ async def test_no_answer_of_a_robot_breaks_what_people_read(tmp_path: Path, path
         while True:
             yield turn[0]
 
-    async with running_gateway(tmp_path) as ready, lying_robot(ready, same()), client(ready, key=ADMIN) as http:
-        assert (await http.patch("/api/v1/robots/sim_1/twin", json=LIDAR)).status_code == 200
+    place, change = f"/api/v1/robots/sim_1/nodes/lidar/{path}", b'{"parameters": {"a": 1}}'
+    async with running_gateway(tmp_path) as ready, lying_robot(ready, same()), asking(ready) as http:
+        await wish_for_a_lidar(ready)
         for payload in given:
             turn[0] = payload
-            answer = await http.get(f"/api/v1/robots/sim_1/nodes/lidar/{path}")
-            assert answer.status_code in (200, 400, 409, 502), (payload[:200], answer.text)
+            status, text = await http.request("GET", place)
+            assert status in (200, 400, 409, 502), (payload[:200], text)
             if path == "parameters":
-                answer = await http.patch(f"/api/v1/robots/sim_1/nodes/lidar/{path}", json={"parameters": {"a": 1}})
-                assert answer.status_code in (200, 400, 409, 502), (payload[:200], answer.text)
+                status, text = await http.request("PATCH", place, change, {"Content-Type": "application/json"})
+                assert status in (200, 400, 409, 502), (payload[:200], text)

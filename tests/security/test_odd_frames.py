@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +41,22 @@ def frames(*plain: dict[str, Any]) -> list[str]:
     return made
 
 
+@asynccontextmanager
+async def granting(agent: ScriptedAgent) -> AsyncIterator[None]:
+    """A robot that does what it is told: whoever takes it, drives it."""
+
+    async def obey() -> None:
+        while True:
+            await agent.answer((await agent.next("command", timeout_s=3600)).command)
+
+    task = asyncio.create_task(obey())
+    try:
+        yield
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
 @pytest.mark.parametrize(
     ("path", "plain"), [("/api/v1/stream", STREAM), ("/api/v1/robots/sim_1/teleop", DRIVE)], ids=["stream", "teleop"]
 )
@@ -45,7 +64,7 @@ async def test_an_odd_frame_ends_nothing_but_itself(
     tmp_path: Path, path: str, plain: tuple[Any, ...], caplog: Any
 ) -> None:
     odd = frames(*plain)
-    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready):
+    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent, granting(agent):
         for first in range(0, len(odd), TOGETHER):
             async with open_socket(ready, path) as socket:
                 for number, frame in enumerate(odd[first : first + TOGETHER], 1000):
@@ -66,7 +85,11 @@ async def test_a_socket_that_drives_a_robot_out_of_scope_is_not_there(tmp_path: 
     ring = KeyRing()
     key = ring.add(role=Role.OPERATOR, robots=("lab_*",))
     async with running_gateway(tmp_path, door=ring) as ready:
-        async with ScriptedAgent(ready, "hall_1") as hidden, ScriptedAgent(ready, "lab_1", session=b"l" * 16):
+        async with (
+            ScriptedAgent(ready, "hall_1") as hidden,
+            ScriptedAgent(ready, "lab_1", session=b"l" * 16) as seen,
+            granting(seen),
+        ):
             for robot in ("hall_1", "hall_2"):
                 with pytest.raises(Exception, match="404"):
                     await open_socket(ready, f"/api/v1/robots/{robot}/teleop", key=key)

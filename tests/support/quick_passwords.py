@@ -1,0 +1,21 @@
+"""Passwords of running gateways hashed in no time: what a real hash costs is a matter of its own tests."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import pytest
+from argon2 import PasswordHasher
+
+import gateway.identity.accounts
+from gateway.identity.passwords import Passwords
+
+__all__ = ["quick_passwords"]
+
+QUICK = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
+
+
+@pytest.fixture
+def quick_passwords(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For the gateways that the test starts."""
+    monkeypatch.setattr(gateway.identity.accounts, "Passwords", partial(Passwords, hasher=QUICK))
