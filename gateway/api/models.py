@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, Field
 
+from gateway.api.model_base import Exact
 from metaros.limits import LIMITS
 
 __all__ = [
@@ -35,11 +36,7 @@ def whole(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Problem(_Model):
+class Problem(Exact):
     """An error, RFC 9457; `code` is stable and listed in docs/reference/errors.md.
 
     `holder` is who drives, with the code lease_taken; `retry_after_s` comes with the status 429,
@@ -56,13 +53,13 @@ class Problem(_Model):
     path: str | None = None
 
 
-class Health(_Model):
+class Health(Exact):
     """The process answers."""
 
     status: Literal["ok"]
 
 
-class Ready(_Model):
+class Ready(Exact):
     """Whether the gateway can do its work, check by check: "ok" or what is wrong."""
 
     status: Literal["ready", "not ready"]
@@ -70,7 +67,7 @@ class Ready(_Model):
     notes: dict[str, str]  # what fails without harm to who connects
 
 
-class ClassDepth(_Model):
+class ClassDepth(Exact):
     """How much of a class waits on the robot: accepted while the link was up (fresh) or down (backfill)."""
 
     name: str
@@ -82,7 +79,7 @@ class ClassDepth(_Model):
     quota_bytes: int
 
 
-class BlackBox(_Model):
+class BlackBox(Exact):
     """What the robot still has of its last minutes, by its clock; `lost` messages did not reach its disk."""
 
     from_: str | None = Field(alias="from")
@@ -92,7 +89,7 @@ class BlackBox(_Model):
     lost: int
 
 
-class Link(_Model):
+class Link(Exact):
     """The agent's connection. From `transport` on it is what the agent said last."""
 
     session: int
@@ -113,7 +110,7 @@ class Link(_Model):
     black_box: BlackBox | None
 
 
-class Counts(_Model):
+class Counts(Exact):
     """What arrived since this gateway started; `lost` samples were declared by gaps.
 
     Of a robot that sends more than its quota `over_quota` live samples were dropped; `put_off`: how often it was told
@@ -129,21 +126,21 @@ class Counts(_Model):
     put_off: int
 
 
-class LeaseState(_Model):
+class LeaseState(Exact):
     """Who drives."""
 
     holder: str
     expires_in_s: float
 
 
-class Value(_Model):
+class Value(Exact):
     """A series' newest row."""
 
     stamp_ms: float
     value: float | None
 
 
-class RobotAlerts(_Model):
+class RobotAlerts(Exact):
     """A robot's alerts that are not resolved and not quiet; `error` and `warning` are some of the `open` ones."""
 
     open: int
@@ -151,7 +148,7 @@ class RobotAlerts(_Model):
     warning: int
 
 
-class Robot(_Model):
+class Robot(Exact):
     """One robot; `latest` holds at most 64 series."""
 
     id: str
@@ -170,14 +167,14 @@ class Robot(_Model):
     alerts: RobotAlerts
 
 
-class RobotList(_Model):
+class RobotList(Exact):
     """A page of the robots that ever connected; `next` is the `after` of the page behind it."""
 
     robots: list[Robot]
     next: str | None
 
 
-class Topic(_Model):
+class Topic(Exact):
     """One topic; rates, messages, dropped, publishers and subscribers are the agent's, the rest the gateway's."""
 
     channel: int
@@ -203,14 +200,14 @@ class Topic(_Model):
     history_hz: float
 
 
-class TopicList(_Model):
+class TopicList(Exact):
     """What the robot announced."""
 
     topics: list[Topic]
     next: str | None
 
 
-class SeriesState(_Model):
+class SeriesState(Exact):
     """One stored series."""
 
     name: str
@@ -220,14 +217,14 @@ class SeriesState(_Model):
     latest: Value | None
 
 
-class SeriesList(_Model):
+class SeriesList(Exact):
     """The robot's series by name."""
 
     series: list[SeriesState]
     next: str | None
 
 
-class SeriesPiece(_Model):
+class SeriesPiece(Exact):
     """Columns; rows as they are have count 1, buckets more."""
 
     name: str
@@ -238,7 +235,7 @@ class SeriesPiece(_Model):
     count: list[int]
 
 
-class MetricRange(_Model):
+class MetricRange(Exact):
     """The asked pieces in the asked order, and what is missing of the robot's metric rows in this time.
 
     A gap is [from_ms, to_ms, how many rows, reason].
@@ -248,7 +245,7 @@ class MetricRange(_Model):
     gaps: list[tuple[float, float, int, str]]
 
 
-class DeclaredGap(_Model):
+class DeclaredGap(Exact):
     """A declared loss: the numbers `from` to `to` of a stream were accepted, or given, and are stored nowhere."""
 
     topic: str | None
@@ -265,26 +262,26 @@ class DeclaredGap(_Model):
     declared: str
 
 
-class GapList(_Model):
+class GapList(Exact):
     """The newest declared losses, newest first."""
 
     gaps: list[DeclaredGap]
 
 
-class Uplink(_Model):
+class Uplink(Exact):
     """What may leave the robot and what does; `bytes_per_s` null is no limit."""
 
     bytes_per_s: int | None
     sent_bytes_per_s: float
 
 
-class UplinkRequest(_Model):
+class UplinkRequest(Exact):
     """Another limit; null is none."""
 
     bytes_per_s: Annotated[int | None, BeforeValidator(whole)] = Field(ge=LIMITS.uplink_least_bytes_per_s, le=1 << 40)
 
 
-class PublishRequest(_Model):
+class PublishRequest(Exact):
     """Publish once. `type` may be left out when the robot announces the topic."""
 
     topic: str
@@ -294,7 +291,7 @@ class PublishRequest(_Model):
     sent_ns: int = Field(default=0, ge=0, lt=2**63)  # the client's wall clock; 0 = now
 
 
-class CallRequest(_Model):
+class CallRequest(Exact):
     """Call a service."""
 
     service: str
@@ -305,13 +302,13 @@ class CallRequest(_Model):
     sent_ns: int = Field(default=0, ge=0, lt=2**63)
 
 
-class Ok(_Model):
+class Ok(Exact):
     """Done."""
 
     ok: Literal[True]
 
 
-class CallResult(_Model):
+class CallResult(Exact):
     """The service's response."""
 
     response: dict[str, Any]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from gateway.api.model_base import Exact
 
 __all__ = [
     "Alert",
@@ -32,11 +34,7 @@ MAX_SILENCE_S = 365 * 86_400.0
 Pattern = Annotated[str, Field(min_length=1, max_length=128)]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Alert(_Model):
+class Alert(Exact):
     """What is wrong with a robot; one is not resolved for each robot and `cause`. Robot "" is the fleet itself.
 
     `reason`, `series`, `detector`, `score` (0 to 1), `value` and the expected band `low` to `high` are of its worst
@@ -78,7 +76,7 @@ class Alert(_Model):
     path: str
 
 
-class AlertFinding(_Model):
+class AlertFinding(Exact):
     """One thing that is wrong at one place; `series` is a metric, topic, node or stream, "" the whole robot."""
 
     detector: str
@@ -93,7 +91,7 @@ class AlertFinding(_Model):
     active: bool
 
 
-class AlertRemark(_Model):
+class AlertRemark(Exact):
     """What somebody said or did; `by` is empty where the gateway did it."""
 
     number: int
@@ -110,14 +108,14 @@ class AlertDetail(Alert):
     remarks: list[AlertRemark]
 
 
-class AlertList(_Model):
+class AlertList(Exact):
     """The newest first; `next` is the `before` of the next page, null at the end."""
 
     alerts: list[Alert]
     next: str | None
 
 
-class AlertCounts(_Model):
+class AlertCounts(Exact):
     """Alerts that are not resolved, of robots in one's scope; `quiet` ones, of which nobody is told, count beside."""
 
     open: int
@@ -128,39 +126,39 @@ class AlertCounts(_Model):
     quiet: int
 
 
-class AlertText(_Model):
+class AlertText(Exact):
     """What somebody says with it."""
 
     text: str = Field(default="", max_length=MAX_TEXT)
 
 
-class AlertComment(_Model):
+class AlertComment(Exact):
     """A comment."""
 
     text: str = Field(min_length=1, max_length=MAX_TEXT)
 
 
-class AlertAssign(_Model):
+class AlertAssign(Exact):
     """Who sees to it; "" is nobody."""
 
     assignee: str = Field(max_length=128)
 
 
-class AlertSilence(_Model):
+class AlertSilence(Exact):
     """For how long nobody is told of this robot's alerts of this cause."""
 
     for_s: float = Field(default=3600.0, ge=1.0, le=MAX_SILENCE_S, allow_inf_nan=False)
     reason: str = Field(default="", max_length=MAX_REASON)
 
 
-class AlertNormal(_Model):
+class AlertNormal(Exact):
     """The alert, and what was taught."""
 
     alert: Alert
     taught: list[str]
 
 
-class Silence(_Model):
+class Silence(Exact):
     """Nobody is told of alerts that match; empty `robots` and `causes` (patterns) match all.
 
     `up_to` is the highest severity that it silences: "warning" lets errors through.
@@ -176,14 +174,14 @@ class Silence(_Model):
     reason: str
 
 
-class SilenceList(_Model):
+class SilenceList(Exact):
     """Those that are not over, the newest first."""
 
     silences: list[Silence]
     next: str | None
 
 
-class SilenceRequest(_Model):
+class SilenceRequest(Exact):
     """A silence from now on, for `for_s`; `robots` empty is the whole fleet, which an admin may."""
 
     robots: list[Pattern] = Field(max_length=MAX_GLOBS)

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict
+from gateway.api.model_base import Exact
 
 __all__ = ["AuditPage", "AuditProof", "AuditRow"]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class AuditRow(_Model):
+class AuditRow(Exact):
     """A row of the log; `hash` proves it and all before it."""
 
     number: int
@@ -33,14 +29,14 @@ class AuditRow(_Model):
     hash: str
 
 
-class AuditPage(_Model):
+class AuditPage(Exact):
     """Rows, the newest first; `next` is `before` of the page after this one, null at the end."""
 
     rows: list[AuditRow]
     next: int | None
 
 
-class AuditFault(_Model):
+class AuditFault(Exact):
     """What does not hold, at which row."""
 
     number: int
@@ -48,7 +44,7 @@ class AuditFault(_Model):
     detail: str
 
 
-class AuditProof(_Model):
+class AuditProof(Exact):
     """Whether every row follows from the one before, and the exported heads are those of this chain.
 
     At most 100 faults. `heads` were compared; `heads_sealed` of them were sealed with this gateway's master key.

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from gateway.api.model_base import Exact
 from metaros.limits import LIMITS
 
 __all__ = ["Command", "CommandList", "CommandRequest", "FleetCommandRequest", "FleetCommands"]
@@ -13,11 +14,7 @@ __all__ = ["Command", "CommandList", "CommandRequest", "FleetCommandRequest", "F
 State = Literal["issued", "delivered", "running", "done", "failed", "expired", "cancelled"]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class CommandRequest(_Model):
+class CommandRequest(Exact):
     """What a robot is to do. `durable`: it may come later, and is delivered until it expires.
 
     `sent_ns` is the wall clock of who made it, for what moves the robot; 0 is now.
@@ -38,7 +35,7 @@ class FleetCommandRequest(CommandRequest):
     dry_run: bool = False
 
 
-class Command(_Model):
+class Command(Exact):
     """A command and how far it is. Times are null until they came."""
 
     id: str
@@ -60,14 +57,14 @@ class Command(_Model):
     result: Any
 
 
-class CommandList(_Model):
+class CommandList(Exact):
     """A page, newest first; `next` is the `before` of the page after it."""
 
     commands: list[Command]
     next: str | None
 
 
-class FleetCommands(_Model):
+class FleetCommands(Exact):
     """One command for each robot that was named, or why that robot got none."""
 
     commands: list[Command]

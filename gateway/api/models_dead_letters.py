@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from gateway.api.model_base import Exact
 
 __all__ = ["DeadLetter", "DeadLetterList", "Dropped", "Redrive", "Redriven", "Replay", "ReplayList", "ReplayRequest"]
 
 Id = Annotated[str, Field(min_length=1, max_length=64)]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class DeadLetter(_Model):
+class DeadLetter(Exact):
     """What could not be delivered. `payload` is what its target would have got, as text, cut at 16 KiB."""
 
     id: str
@@ -34,7 +32,7 @@ class DeadLetter(_Model):
     truncated: bool
 
 
-class DeadLetterList(_Model):
+class DeadLetterList(Exact):
     """The newest first; `next` is the `before` of the next page, null at the end. `total` is of all that there are."""
 
     dead_letters: list[DeadLetter]
@@ -42,7 +40,7 @@ class DeadLetterList(_Model):
     next: str | None
 
 
-class Redrive(_Model):
+class Redrive(Exact):
     """Which dead letters: some by their ids, or all of a kind or target, or with `all` every one."""
 
     ids: list[Id] = Field(default_factory=list, max_length=1000)
@@ -51,19 +49,19 @@ class Redrive(_Model):
     all: bool = False
 
 
-class Redriven(_Model):
+class Redriven(Exact):
     """How many are delivered again."""
 
     redriven: int
 
 
-class Dropped(_Model):
+class Dropped(Exact):
     """How many are gone for good."""
 
     dropped: int
 
 
-class ReplayRequest(_Model):
+class ReplayRequest(Exact):
     """What happened in a span is given to a function once more: what fits the `pattern`, of these types and robots."""
 
     start: str = Field(alias="from", min_length=1, max_length=64)
@@ -73,7 +71,7 @@ class ReplayRequest(_Model):
     qualifier: str = Field(default="", max_length=128)
 
 
-class Replay(_Model):
+class Replay(Exact):
     """How far a replay is: `seen` happenings were looked at, and `put` of them given to the function."""
 
     id: str
@@ -86,7 +84,7 @@ class Replay(_Model):
     message: str
 
 
-class ReplayList(_Model):
+class ReplayList(Exact):
     """Those under way first, then the newest."""
 
     replays: list[Replay]

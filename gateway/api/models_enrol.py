@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from gateway.api.model_base import Exact
 
 __all__ = [
     "ChallengeRequest",
@@ -26,11 +28,7 @@ __all__ = [
 PEM_CHARS = 16 * 1024
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class FleetRoots(_Model):
+class FleetRoots(Exact):
     """By what a robot recognises its fleet: `roots` in PEM, and the pins that enrolment tokens carry."""
 
     fleet: str
@@ -38,7 +36,7 @@ class FleetRoots(_Model):
     pins: list[str]
 
 
-class EnrolRequest(_Model):
+class EnrolRequest(Exact):
     """A token, the robot's name and its request for a certificate (PKCS #10, PEM)."""
 
     token: str = Field(max_length=256)
@@ -46,13 +44,13 @@ class EnrolRequest(_Model):
     csr: str = Field(max_length=PEM_CHARS)
 
 
-class ChallengeRequest(_Model):
+class ChallengeRequest(Exact):
     """Which robot wants to renew."""
 
     robot: str = Field(max_length=64)
 
 
-class EnrolChallenge(_Model):
+class EnrolChallenge(Exact):
     """32 bytes to sign, base64url; whom the signature is for, and for how long."""
 
     nonce: str
@@ -60,7 +58,7 @@ class EnrolChallenge(_Model):
     valid_s: float
 
 
-class RenewRequest(_Model):
+class RenewRequest(Exact):
     """The old certificate, the request for the next with a new key, and the old key's signature (base64url)."""
 
     robot: str = Field(max_length=64)
@@ -70,7 +68,7 @@ class RenewRequest(_Model):
     proof: str = Field(max_length=512)
 
 
-class Enrolment(_Model):
+class Enrolment(Exact):
     """A robot's certificate with what goes above it, in PEM, and where it connects; `grpc_port` 0: over HTTP alone.
 
     `vouchers` are certificates by which earlier roots confirm those that follow them; mostly there are none.
@@ -88,14 +86,14 @@ class Enrolment(_Model):
     grpc_tls: bool
 
 
-class TokenOrder(_Model):
+class TokenOrder(Exact):
     """For which robot ("": any that has no identity), and for how long."""
 
     robot: str = Field(default="", max_length=64)
     ttl_s: float = Field(default=3600.0, ge=60.0, le=86_400.0)
 
 
-class EnrolmentToken(_Model):
+class EnrolmentToken(Exact):
     """A token without its secret."""
 
     id: str
@@ -114,14 +112,14 @@ class NewEnrolmentToken(EnrolmentToken):
     command: str
 
 
-class EnrolmentTokenList(_Model):
+class EnrolmentTokenList(Exact):
     """The newest first."""
 
     tokens: list[EnrolmentToken]
     next: str | None
 
 
-class RobotCertificate(_Model):
+class RobotCertificate(Exact):
     """One certificate of a robot."""
 
     serial: str
@@ -131,7 +129,7 @@ class RobotCertificate(_Model):
     revoked: str | None
 
 
-class RobotIdentity(_Model):
+class RobotIdentity(Exact):
     """A robot's identity; `alarm` says what looks like a copy of the robot."""
 
     robot: str
@@ -144,14 +142,14 @@ class RobotIdentity(_Model):
     certificates: list[RobotCertificate]
 
 
-class IdentityList(_Model):
+class IdentityList(Exact):
     """By robot."""
 
     identities: list[RobotIdentity]
     next: str | None
 
 
-class RevokeRequest(_Model):
+class RevokeRequest(Exact):
     """Why, for whoever looks later."""
 
     reason: str = Field(max_length=200)

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict
+from gateway.api.model_base import Exact
 
 __all__ = ["CloudEvent", "EventList"]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class CloudEvent(_Model):
+class CloudEvent(Exact):
     """One event, CloudEvents 1.0. `id` is its place in the journal: the cursor behind which to go on."""
 
     specversion: Literal["1.0"]
@@ -27,7 +23,7 @@ class CloudEvent(_Model):
     data: dict[str, Any]
 
 
-class EventList(_Model):
+class EventList(Exact):
     """A page of events. `lost` is how many behind the cursor are not kept any more.
 
     Behind `after` the oldest come first, and `next` is always there: ask again with it. Else the newest come first,

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from gateway.api.model_base import Exact
 from gateway.api.models import Value
 from gateway.api.models_history import MessageError
 
 __all__ = ["Group", "GroupList", "NewestMessage", "Snapshot"]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Group(_Model):
+class Group(Exact):
     """The robots that have a label of this value; `selector` names them wherever one may be given."""
 
     label: str
@@ -26,14 +23,14 @@ class Group(_Model):
     online: int
 
 
-class GroupList(_Model):
+class GroupList(Exact):
     """Every value of every label of robots in scope, by label and value."""
 
     groups: list[Group]
     next: str | None
 
 
-class NewestMessage(_Model):
+class NewestMessage(Exact):
     """A topic's newest message: heard just now, or stored. `error` says why there is no message to show."""
 
     topic: str
@@ -46,7 +43,7 @@ class NewestMessage(_Model):
     error: MessageError | None = None
 
 
-class Snapshot(_Model):
+class Snapshot(Exact):
     """What a robot says: `missing` topics were announced, and of them nothing came and nothing is stored."""
 
     robot: str

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from gateway.api.model_base import Exact
 
 __all__ = [
     "Alias",
@@ -34,11 +36,7 @@ Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Version = Annotated[str, Field(min_length=1, max_length=128)]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class FunctionMinute(_Model):
+class FunctionMinute(Exact):
     """One minute of a function."""
 
     at: str
@@ -48,7 +46,7 @@ class FunctionMinute(_Model):
     p95_ms: float | None
 
 
-class Stats(_Model):
+class Stats(Exact):
     """A function over a window, as this gateway saw it; `running`, `iterator_age_s`, `waiting` and `dead_letters` are
     of now. `iterator_age_s` is how long the oldest message of its event source mappings has been waiting.
     """
@@ -68,7 +66,7 @@ class Stats(_Model):
     series: list[FunctionMinute]
 
 
-class Canary(_Model):
+class Canary(Exact):
     """A new version that an alias leads to now and then: see `PUT …/canary`. Counts are of its present step."""
 
     version: str
@@ -86,7 +84,7 @@ class Canary(_Model):
     errors: int
 
 
-class Alias(_Model):
+class Alias(Exact):
     """A name for a version; `weights` are the shares of other versions."""
 
     name: str
@@ -96,7 +94,7 @@ class Alias(_Model):
     canary: Canary | None
 
 
-class Trigger(_Model):
+class Trigger(Exact):
     """What calls a function; `title` says it in words."""
 
     kind: Literal["rule", "schedule", "mapping"]
@@ -105,14 +103,14 @@ class Trigger(_Model):
     enabled: bool
 
 
-class Concurrency(_Model):
+class Concurrency(Exact):
     """`reserved`: at most so many calls run at a time, null: no bound of its own. `warm`: workers that are kept."""
 
     reserved: int | None
     warm: int
 
 
-class Function(_Model):
+class Function(Exact):
     """A function, as `$LATEST` is. `runtime` is what was asked for, `interpreter` what it runs on here."""
 
     name: str
@@ -136,7 +134,7 @@ class Function(_Model):
     stats: Stats
 
 
-class PublishedVersion(_Model):
+class PublishedVersion(Exact):
     """One that never changes."""
 
     version: str
@@ -145,7 +143,7 @@ class PublishedVersion(_Model):
     modified: str
 
 
-class EventSettings(_Model):
+class EventSettings(Exact):
     """How events for it are tried; the last three are ARNs, or empty."""
 
     most_retries: int
@@ -155,7 +153,7 @@ class EventSettings(_Model):
     dead_letter: str
 
 
-class EventSource(_Model):
+class EventSource(Exact):
     """An event source mapping: topics of robots that call it in batches."""
 
     uuid: str
@@ -183,14 +181,14 @@ class FunctionDetail(Function):
     mappings: list[EventSource]
 
 
-class FunctionList(_Model):
+class FunctionList(Exact):
     """By name; `next` is the `after` of the next page, null at the end."""
 
     functions: list[Function]
     next: str | None
 
 
-class EventRequest(_Model):
+class EventRequest(Exact):
     """How events are to be tried, and who is told of their end, by ARN: "" is nobody. What is left out stays."""
 
     most_retries: int | None = Field(default=None, ge=0, le=2)
@@ -200,7 +198,7 @@ class EventRequest(_Model):
     dead_letter: str | None = Field(default=None, max_length=350)
 
 
-class Deploy(_Model):
+class Deploy(Exact):
     """What a function is to be: what is left out stays as it is, or is the usual of a new one.
 
     `zip` is base64, of up to 11 MiB; a larger one goes to `PUT …/code`. `publish` makes a version of it, and `alias`
@@ -223,13 +221,13 @@ class Deploy(_Model):
     alias: str = Field(default="", max_length=128)
 
 
-class Publish(_Model):
+class Publish(Exact):
     """A version of what `$LATEST` is now."""
 
     description: str = Field(default="", max_length=256)
 
 
-class AliasRequest(_Model):
+class AliasRequest(Exact):
     """What an alias is to lead to."""
 
     version: Version
@@ -237,7 +235,7 @@ class AliasRequest(_Model):
     weights: dict[str, Share] = Field(default_factory=dict, max_length=1)
 
 
-class CanaryRequest(_Model):
+class CanaryRequest(Exact):
     """`version` gets `weight` of the alias' calls, and is rolled back as soon as more than `error_rate` of them failed,
     of at least `least_invocations`. After `for_s` it gets `step` more, and again; with `step` 0 all calls at once.
     """
@@ -250,7 +248,7 @@ class CanaryRequest(_Model):
     step: float = Field(default=0.0, ge=0.0, le=1.0)
 
 
-class Invoked(_Model):
+class Invoked(Exact):
     """What came of a call. `payload` is JSON where it is some, else text. An event has its `request_id` alone."""
 
     request_id: str
@@ -264,7 +262,7 @@ class Invoked(_Model):
     log: str = ""
 
 
-class Invocation(_Model):
+class Invocation(Exact):
     """A call that is over; `log` is its last 4 KiB, where one may see them."""
 
     id: str
@@ -284,14 +282,14 @@ class Invocation(_Model):
     log: str
 
 
-class InvocationList(_Model):
+class InvocationList(Exact):
     """The newest first; `next` is the `before` of the next page, null at the end."""
 
     invocations: list[Invocation]
     next: str | None
 
 
-class FunctionLogLine(_Model):
+class FunctionLogLine(Exact):
     """One line; `request_id` is empty for what was written between two calls."""
 
     cursor: int
@@ -301,21 +299,21 @@ class FunctionLogLine(_Model):
     text: str
 
 
-class FunctionLogPage(_Model):
+class FunctionLogPage(Exact):
     """Lines that the gateway has in memory, the oldest first; `next` is the `before` of the page before it."""
 
     lines: list[FunctionLogLine]
     next: int | None
 
 
-class CodeFile(_Model):
+class CodeFile(Exact):
     """A file of the code."""
 
     path: str
     size_bytes: int
 
 
-class Code(_Model):
+class Code(Exact):
     """The files of a version's code, by path; of very many the first."""
 
     version: str
@@ -323,7 +321,7 @@ class Code(_Model):
     truncated: bool
 
 
-class CodeText(_Model):
+class CodeText(Exact):
     """A file's text; what is no text is shown as far as it is one."""
 
     path: str
@@ -331,7 +329,7 @@ class CodeText(_Model):
     truncated: bool
 
 
-class Pool(_Model):
+class Pool(Exact):
     """The workers of one version."""
 
     function: str
@@ -348,7 +346,7 @@ class Pool(_Model):
     init_error: str
 
 
-class Runtime(_Model):
+class Runtime(Exact):
     """Where functions run here. `level` is the sandbox, `reasons` say of each level "ok" or why it is not to be had;
     both are found out at the first call. `trouble` is why no function runs.
     """

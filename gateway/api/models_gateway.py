@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from gateway.api.model_base import Exact
 
 __all__ = ["GatewayState"]
 
 
-class GatewayState(BaseModel):
+class GatewayState(Exact):
     """Which gateway this is, and its gRPC ports: where robots connect, and where programs do."""
-
-    model_config = ConfigDict(extra="forbid")
 
     gateway: str = Field(examples=["4f1c6a0e2b7d4c55"])
     version: str = Field(examples=["2.0.0"])

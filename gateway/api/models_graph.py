@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from gateway.api.model_base import Exact
 from metaros.limits import LIMITS
 
 __all__ = [
@@ -26,11 +27,7 @@ __all__ = [
 Status = Literal["accepted", "executing", "canceling", "succeeded", "canceled", "aborted", "rejected", "lost"]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Endpoint(_Model):
+class Endpoint(Exact):
     """A publisher, a subscription, a service's server or client."""
 
     node: str = Field(examples=["/sim_1/base"], description="full name; empty: a node outside the robot's namespace")
@@ -39,7 +36,7 @@ class Endpoint(_Model):
     qos: str = Field(examples=["::,10:,:,:,,"], description="as rmw_zenoh writes it")
 
 
-class GraphTopic(_Model):
+class GraphTopic(Exact):
     """A topic, and who uses it."""
 
     topic: str = Field(examples=["/sim_1/odom"])
@@ -48,7 +45,7 @@ class GraphTopic(_Model):
     subscribers: list[Endpoint]
 
 
-class GraphService(_Model):
+class GraphService(Exact):
     """A service, and who serves and calls it."""
 
     service: str = Field(examples=["/sim_1/reset"])
@@ -59,7 +56,7 @@ class GraphService(_Model):
     clients: list[Endpoint]
 
 
-class GraphAction(_Model):
+class GraphAction(Exact):
     """An action, and the nodes that serve and use it."""
 
     action: str = Field(examples=["/sim_1/dock"])
@@ -68,7 +65,7 @@ class GraphAction(_Model):
     clients: list[str] = Field(examples=[[]])
 
 
-class RobotGraph(_Model):
+class RobotGraph(Exact):
     """A robot's part of the ROS graph, as its agent told it last; revision 0: nothing was told yet."""
 
     robot: str = Field(examples=["sim_1"])
@@ -80,28 +77,28 @@ class RobotGraph(_Model):
     left_out: int = Field(examples=[0], description="nodes and endpoints beyond what a robot may tell")
 
 
-class GraphList(_Model):
+class GraphList(Exact):
     """The graphs of robots."""
 
     robots: list[RobotGraph]
     next: str | None
 
 
-class ServiceList(_Model):
+class ServiceList(Exact):
     """The services of a robot, by name."""
 
     services: list[GraphService]
     next: str | None
 
 
-class ActionList(_Model):
+class ActionList(Exact):
     """The actions of a robot, by name."""
 
     actions: list[GraphAction]
     next: str | None
 
 
-class ServiceRequest(_Model):
+class ServiceRequest(Exact):
     """Call a service."""
 
     type: str = Field(default="", examples=["std_srvs/srv/Trigger"], description="empty: as the robot's graph says")
@@ -111,7 +108,7 @@ class ServiceRequest(_Model):
     sent_ns: int = Field(default=0, ge=0, lt=2**63)
 
 
-class GoalRequest(_Model):
+class GoalRequest(Exact):
     """Begin a goal of an action."""
 
     type: str = Field(
@@ -125,7 +122,7 @@ class GoalRequest(_Model):
     sent_ns: int = Field(default=0, ge=0, lt=2**63)
 
 
-class Goal(_Model):
+class Goal(Exact):
     """A goal and how it stands."""
 
     goal: str = Field(examples=["0f8fad5bd9cb469fa16570867728950e"])
@@ -143,14 +140,14 @@ class Goal(_Model):
     skipped: int = Field(examples=[0], description="messages of feedback that a newer one replaced on the robot")
 
 
-class GoalList(_Model):
+class GoalList(Exact):
     """The goals of a robot, the newest first."""
 
     goals: list[Goal]
     next: str | None
 
 
-class Cancelled(_Model):
+class Cancelled(Exact):
     """Whether the server will stop the goal; its end is told like any other."""
 
     canceling: bool = Field(examples=[True])

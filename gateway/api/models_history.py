@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from gateway.api.model_base import Exact
 
 __all__ = ["History", "InstantMessages", "MessagePage", "Timeline"]
 
 Class = Literal["event", "metric", "bulk", "live"]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Loss(_Model):
+class Loss(Exact):
     """Samples that are not stored; `topic` null: metric rows, or not known."""
 
     from_ms: float
@@ -25,7 +23,7 @@ class Loss(_Model):
     topic: str | None
 
 
-class StoredTopicState(_Model):
+class StoredTopicState(Exact):
     """What is stored of one topic under one type and class; `bytes` are those of the messages."""
 
     topic: str
@@ -37,7 +35,7 @@ class StoredTopicState(_Model):
     last: str
 
 
-class History(_Model):
+class History(Exact):
     """What is stored of a robot; `first` and `last` are over all topics, null without any."""
 
     topics: list[StoredTopicState]
@@ -46,7 +44,7 @@ class History(_Model):
     last: str | None
 
 
-class Timeline(_Model):
+class Timeline(Exact):
     """Messages and metric rows by bucket of `width_ms`."""
 
     start_ms: float
@@ -57,14 +55,14 @@ class Timeline(_Model):
     gaps: list[Loss]
 
 
-class MessageError(_Model):
+class MessageError(Exact):
     """Why a message is not shown as JSON."""
 
     code: str
     message: str
 
 
-class StoredMessage(_Model):
+class StoredMessage(Exact):
     """One message: `message` or, as it was published, `cdr` in base64."""
 
     topic: str
@@ -79,7 +77,7 @@ class StoredMessage(_Model):
     cdr: str | None = None
 
 
-class MessagePage(_Model):
+class MessagePage(Exact):
     """Messages in order of their stamps; `next` is the cursor of the page after, null at the end."""
 
     messages: list[StoredMessage]
@@ -87,7 +85,7 @@ class MessagePage(_Model):
     next: str | None
 
 
-class MissingTopic(_Model):
+class MissingTopic(Exact):
     """A topic without a message to show."""
 
     topic: str
@@ -95,7 +93,7 @@ class MissingTopic(_Model):
     nearest_ms: float | None
 
 
-class InstantMessages(_Model):
+class InstantMessages(Exact):
     """The newest message of each topic at an instant."""
 
     t_ms: float

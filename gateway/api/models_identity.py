@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from gateway.api.model_base import Exact
 from metaros.limits import LIMITS
 
 __all__ = [
@@ -29,41 +30,37 @@ __all__ = [
 RoleWord = Literal["viewer", "operator", "admin"]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Nothing(_Model):
+class Nothing(Exact):
     """An empty object."""
 
 
-class LoginRequest(_Model):
+class LoginRequest(Exact):
     """A name and its password."""
 
     name: str = Field(max_length=64)
     password: str = Field(max_length=LIMITS.password_chars)
 
 
-class TokenRequest(_Model):
+class TokenRequest(Exact):
     """What stands behind the # of a sign-in link."""
 
     token: str = Field(max_length=128)
 
 
-class LinkRequest(_Model):
+class LinkRequest(Exact):
     """For whom; "" is the first administrator, who is made where there is none."""
 
     name: str = Field(default="", max_length=64)
 
 
-class PasswordRequest(_Model):
+class PasswordRequest(Exact):
     """`old` is "" for who has no password yet."""
 
     old: str = Field(default="", max_length=LIMITS.password_chars)
     new: str = Field(max_length=LIMITS.password_chars)
 
 
-class Account(_Model):
+class Account(Exact):
     """Who asks, and what they may do. `csrf` goes into X-CSRF-Token; "" where no cookie is used.
 
     `has_password`: whether they can sign in by a password; one who cannot may set the first without an old one.
@@ -80,7 +77,7 @@ class Account(_Model):
     permissions: list[str]
 
 
-class SignInLink(_Model):
+class SignInLink(Exact):
     """A link that signs `user` in once; nobody can look it up again."""
 
     user: str
@@ -89,7 +86,7 @@ class SignInLink(_Model):
     expires: str
 
 
-class UserRequest(_Model):
+class UserRequest(Exact):
     """A new user; without a password they sign in by a link."""
 
     name: str = Field(max_length=64)
@@ -98,7 +95,7 @@ class UserRequest(_Model):
     password: str = Field(default="", max_length=LIMITS.password_chars)
 
 
-class UserChange(_Model):
+class UserChange(Exact):
     """What is to change; what is left out stays."""
 
     role: RoleWord | None = None
@@ -107,7 +104,7 @@ class UserChange(_Model):
     password: str | None = Field(default=None, max_length=LIMITS.password_chars)
 
 
-class User(_Model):
+class User(Exact):
     """A user; `external`: they sign in elsewhere."""
 
     id: str
@@ -121,14 +118,14 @@ class User(_Model):
     signed_in: str | None
 
 
-class UserList(_Model):
+class UserList(Exact):
     """Everybody, by name."""
 
     users: list[User]
     next: str | None
 
 
-class ApiKeyRequest(_Model):
+class ApiKeyRequest(Exact):
     """A new key; `expires_s` null: it never expires."""
 
     name: str = Field(max_length=64)
@@ -138,7 +135,7 @@ class ApiKeyRequest(_Model):
     expires_s: float | None = Field(default=None, ge=1, le=LIMITS.key_life_s)
 
 
-class ApiKey(_Model):
+class ApiKey(Exact):
     """A key without its secret; `user` is "" for a key of nobody's. `used` is exact to five minutes."""
 
     id: str
@@ -159,7 +156,7 @@ class NewApiKey(ApiKey):
     key: str
 
 
-class ApiKeyList(_Model):
+class ApiKeyList(Exact):
     """The newest first."""
 
     keys: list[ApiKey]

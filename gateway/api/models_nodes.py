@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
+from gateway.api.model_base import Exact, Model
 from gateway.api.models_twin import Change
 
 __all__ = [
@@ -29,7 +30,7 @@ __all__ = [
 Outcome = Literal["done", "pending", "failed"]
 
 
-class Difference(BaseModel):
+class Difference(Model):
     """One thing that is not as desired: state, version, nice, absent, extra; and why, in words."""
 
     what: str
@@ -38,7 +39,7 @@ class Difference(BaseModel):
     why: str
 
 
-class NodeUpdate(BaseModel):
+class NodeUpdate(Model):
     """How the update of a node's bundle stands."""
 
     state: str
@@ -47,7 +48,7 @@ class NodeUpdate(BaseModel):
     message: str
 
 
-class ReportedNode(BaseModel):
+class ReportedNode(Model):
     """What the robot says of a node. `safe_stop`: of a critical one that died, how the robot's stop went."""
 
     state: str
@@ -66,7 +67,7 @@ class ReportedNode(BaseModel):
     update: NodeUpdate | None
 
 
-class Node(BaseModel):
+class Node(Model):
     """One node of one robot: desired and reported. `state` is the reported one; `holder` has a migratable one's lease.
 
     `wanted` is running, stopped, standby (another robot runs it) or absent (the twin does not name it).
@@ -87,7 +88,7 @@ class Node(BaseModel):
     holder: str | None
 
 
-class RobotNodes(BaseModel):
+class RobotNodes(Model):
     """One robot's nodes, and how the robot stands to its twin."""
 
     robot: str
@@ -99,17 +100,15 @@ class RobotNodes(BaseModel):
     nodes: list[Node]
 
 
-class NodeList(BaseModel):
+class NodeList(Model):
     """Nodes of many robots; `more`: there are further ones than are listed."""
 
     nodes: list[Node]
     more: bool
 
 
-class VerbForOne(BaseModel):
+class VerbForOne(Exact):
     """What a verb needs: `signal` its number, the others nothing."""
-
-    model_config = ConfigDict(extra="forbid")
 
     signal: int = Field(default=0, ge=0, le=64, strict=True)
 
@@ -121,7 +120,7 @@ class VerbForMany(VerbForOne):
     node: str = Field(min_length=1, max_length=64)
 
 
-class NodeResult(BaseModel):
+class NodeResult(Model):
     """What became of a verb at one robot.
 
     pending: the twin has it, the robot does it when it gets it; `told`: the robot itself has done it.
@@ -140,7 +139,7 @@ class NodeResult(BaseModel):
     message: str
 
 
-class NodeResults(BaseModel):
+class NodeResults(Model):
     """The same, robot by robot."""
 
     verb: str
@@ -151,7 +150,7 @@ class NodeResults(BaseModel):
     results: list[NodeResult]
 
 
-class LogLine(BaseModel):
+class LogLine(Model):
     """One line; `at_ns` is text, as no browser counts so far."""
 
     at: str | None
@@ -159,7 +158,7 @@ class LogLine(BaseModel):
     text: str
 
 
-class LogPage(BaseModel):
+class LogPage(Model):
     """Lines, oldest first, and the cursor to go on with in the same direction."""
 
     lines: list[LogLine]
@@ -167,7 +166,7 @@ class LogPage(BaseModel):
     more: bool
 
 
-class Crash(BaseModel):
+class Crash(Model):
     """How a node ended, with its last words."""
 
     at: str | None
@@ -180,13 +179,13 @@ class Crash(BaseModel):
     lines: list[str]
 
 
-class Crashes(BaseModel):
+class Crashes(Model):
     """The newest first."""
 
     crashes: list[Crash]
 
 
-class Bounds(BaseModel):
+class Bounds(Model):
     """Both ends included; a step of 0: any value between them."""
 
     model_config = ConfigDict(populate_by_name=True)
@@ -196,7 +195,7 @@ class Bounds(BaseModel):
     step: float
 
 
-class Parameter(BaseModel):
+class Parameter(Model):
     """One parameter. `desired` is there where the twin names it. Whole numbers beyond 2^53 are text."""
 
     name: str
@@ -211,7 +210,7 @@ class Parameter(BaseModel):
     floating_point_range: Bounds | None
 
 
-class Parameters(BaseModel):
+class Parameters(Model):
     """A node's parameters, by name; `node` is its full ROS name."""
 
     robot: str
@@ -219,16 +218,14 @@ class Parameters(BaseModel):
     parameters: list[Parameter]
 
 
-class ParametersChange(BaseModel):
+class ParametersChange(Exact):
     """Values by name, null to take one away; `keep`: the twin has them too from then on."""
-
-    model_config = ConfigDict(extra="forbid")
 
     parameters: dict[str, Any] = Field(min_length=1, max_length=256)
     keep: bool = Field(default=False, strict=True)
 
 
-class ParameterResult(BaseModel):
+class ParameterResult(Model):
     """What became of one value."""
 
     name: str
@@ -236,7 +233,7 @@ class ParameterResult(BaseModel):
     reason: str
 
 
-class ParametersChanged(BaseModel):
+class ParametersChanged(Model):
     """What became of each; `revision` is the twin's where that has changed."""
 
     robot: str
@@ -246,7 +243,7 @@ class ParametersChanged(BaseModel):
     revision: int | None
 
 
-class Lifecycle(BaseModel):
+class Lifecycle(Model):
     """A managed node's state, what the twin wants of it, and where it may go from there."""
 
     robot: str
@@ -257,10 +254,8 @@ class Lifecycle(BaseModel):
     transitions: list[str]
 
 
-class LifecycleChange(BaseModel):
+class LifecycleChange(Exact):
     """A transition; `keep`: the twin names the new state from then on."""
-
-    model_config = ConfigDict(extra="forbid")
 
     transition: Literal["configure", "activate", "deactivate", "cleanup", "shutdown"]
     keep: bool = Field(default=False, strict=True)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, ConfigDict
+from gateway.api.model_base import Exact
 
 __all__ = ["Provider"]
 
 
-class Provider(BaseModel):
+class Provider(Exact):
     """What the sign-in page offers; nulls where there is no provider."""
-
-    model_config = ConfigDict(extra="forbid")
 
     name: str | None
     url: str | None

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from pydantic import BaseModel, Field
+from pydantic import Field
+
+from gateway.api.model_base import Model
 
 __all__ = ["Debug", "Span", "Trace", "Traces"]
 
 
-class Span(BaseModel):
+class Span(Model):
     """A stage, in nanoseconds of the gateway's wall clock since the epoch."""
 
     name: str = Field(examples=["link"], description="bus, tap, outbox, uplink, link, ingest, fanout, store")
@@ -17,7 +19,7 @@ class Span(BaseModel):
     end_ns: int = Field(examples=[1789000000000850000])
 
 
-class Trace(BaseModel):
+class Trace(Model):
     """One followed sample; its stages touch, so their durations add up."""
 
     trace_id: str = Field(examples=["4bf92f3577b34da6a3ce929d0e0e4736"], description="as in W3C Trace Context")
@@ -34,13 +36,13 @@ class Trace(BaseModel):
     delivery: str = Field(alias="class", examples=["bulk"])
 
 
-class Traces(BaseModel):
+class Traces(Model):
     """The newest first."""
 
     traces: list[Trace]
 
 
-class Debug(BaseModel):
+class Debug(Model):
     """A report for people; its parts may change."""
 
     gateway: str = Field(examples=["8a1f0c"])

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from gateway.api.model_base import Exact
 
 __all__ = ["Recording", "RecordingList", "RecordingRequest"]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class RecordingRequest(_Model):
+class RecordingRequest(Exact):
     """The last seconds, or from `start` to `end` by the robot's clock; without `topics` all of them."""
 
     last_s: float | None = Field(default=None, gt=0, le=86_400)
@@ -22,7 +20,7 @@ class RecordingRequest(_Model):
     topics: list[str] = Field(default_factory=list, max_length=64)
 
 
-class Recording(_Model):
+class Recording(Exact):
     """A clip of a robot's black box. `start` to `end` was asked, `first` to `last` is what the robot had of it."""
 
     id: str
@@ -43,7 +41,7 @@ class Recording(_Model):
     url: str | None
 
 
-class RecordingList(_Model):
+class RecordingList(Exact):
     """The newest first; `next` is the `before` of the next page, null at the end."""
 
     recordings: list[Recording]

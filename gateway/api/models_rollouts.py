@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from gateway.api.model_base import Exact
 
 __all__ = ["Resume", "Rollout", "RolloutDetail", "RolloutList", "RolloutRequest", "Why"]
 
@@ -13,11 +15,7 @@ MemberState = Literal["waiting", "starting", "updating", "done", "failed", "unre
 DAY_S = 86_400.0
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class RolloutRequest(_Model):
+class RolloutRequest(Exact):
     """A version for the robots that the selector names. `node`: the node's name in the twin, where it is a node's.
 
     `bundle`: the node's bundle, by default its own name. Waves are numbers of robots, or percentages of all.
@@ -36,19 +34,19 @@ class RolloutRequest(_Model):
     dry_run: bool = False
 
 
-class Why(_Model):
+class Why(Exact):
     """Why, for whoever looks later."""
 
     reason: str = Field(default="", max_length=500)
 
 
-class Resume(_Model):
+class Resume(Exact):
     """Go on; with another version from the first wave."""
 
     version: str = Field(default="", max_length=40)
 
 
-class Wave(_Model):
+class Wave(Exact):
     """One wave and how far it is."""
 
     wave: int
@@ -58,7 +56,7 @@ class Wave(_Model):
     failed: int
 
 
-class Rollout(_Model):
+class Rollout(Exact):
     """A rollout; `counts` are robots by state."""
 
     id: str
@@ -84,7 +82,7 @@ class Rollout(_Model):
     dry_run: bool
 
 
-class RolloutRobot(_Model):
+class RolloutRobot(Exact):
     """One robot of it; `wave` is 0 before its turn."""
 
     robot: str
@@ -100,7 +98,7 @@ class RolloutDetail(Rollout):
     members: list[RolloutRobot]
 
 
-class RolloutList(_Model):
+class RolloutList(Exact):
     """The newest rollouts, newest first."""
 
     rollouts: list[Rollout]

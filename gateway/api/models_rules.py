@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
 
+from gateway.api.model_base import Exact, Model
 from metaros.limits import LIMITS
 
 __all__ = [
@@ -39,11 +40,7 @@ Misfire = Literal["skip", "once", "all"]
 Auth = Literal["signature", "bearer"]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class RuleDocument(_Model):
+class RuleDocument(Exact):
     """What a rule is made of; docs/reference/rules.md says what each field may hold.
 
     It has a `pattern`, or one of `topic`, `metric` and `schedule`, the first two of which a pattern narrows further.
@@ -62,19 +59,19 @@ class RuleDocument(_Model):
     targets: list[Object] = Field(default_factory=list, max_length=LIMITS.rule_targets)
 
 
-class RulePatch(BaseModel):
+class RulePatch(Model):
     """Fields of a rule's document that are to be other ones; null takes one away (JSON Merge Patch, RFC 7396)."""
 
     model_config = ConfigDict(extra="allow")
 
 
-class Anything(BaseModel):
+class Anything(Model):
     """Any JSON object."""
 
     model_config = ConfigDict(extra="allow")
 
 
-class RuleMaker(_Model):
+class RuleMaker(Exact):
     """Who made it, with the role and robots of that time: more the rule may not do, or know."""
 
     name: str
@@ -82,7 +79,7 @@ class RuleMaker(_Model):
     robots: list[str]
 
 
-class RuleStats(_Model):
+class RuleStats(Exact):
     """What it did since it was made, at all gateways. `groups` are those that it remembers something of."""
 
     matched: int
@@ -104,14 +101,14 @@ class Rule(RuleDocument):
     next_fire: str | None
 
 
-class RuleList(_Model):
+class RuleList(Exact):
     """By name; `next` is the `after` of the next page, null at the end."""
 
     rules: list[Rule]
     next: str | None
 
 
-class RuleChange(_Model):
+class RuleChange(Exact):
     """One change; `what` is created, changed, enabled, disabled or deleted."""
 
     revision: int
@@ -121,28 +118,28 @@ class RuleChange(_Model):
     document: Object
 
 
-class RuleHistory(_Model):
+class RuleHistory(Exact):
     """The newest first; `next` is the `before` of the next page, null at the end."""
 
     entries: list[RuleChange]
     next: int | None
 
 
-class RuleFault(_Model):
+class RuleFault(Exact):
     """What is wrong, and where, like "targets[0].url"."""
 
     path: str
     message: str
 
 
-class RuleChecked(_Model):
+class RuleChecked(Exact):
     """Whether a document can be a rule."""
 
     ok: bool
     faults: list[RuleFault]
 
 
-class DryRunRequest(_Model):
+class DryRunRequest(Exact):
     """A stored rule by `name`, or a `rule`'s document, and a time: RFC 3339, relative like -2h, or now."""
 
     name: str = Field(default="", max_length=63)
@@ -152,7 +149,7 @@ class DryRunRequest(_Model):
     limit: int = Field(default=100, ge=1, le=LIMITS.rule_dry_firings)
 
 
-class DryPayload(_Model):
+class DryPayload(Exact):
     """What a target would have got."""
 
     id: str
@@ -160,7 +157,7 @@ class DryPayload(_Model):
     payload: Any
 
 
-class DryFiring(_Model):
+class DryFiring(Exact):
     """The rule would have fired."""
 
     at: str
@@ -171,7 +168,7 @@ class DryFiring(_Model):
     targets: list[DryPayload]
 
 
-class DryRunResult(_Model):
+class DryRunResult(Exact):
     """`truncated`: there was more to look at, or to tell, than a dry run may; counts are then of what was looked at."""
 
     scanned: int
@@ -183,13 +180,13 @@ class DryRunResult(_Model):
     firings: list[DryFiring]
 
 
-class HookSecret(_Model):
+class HookSecret(Exact):
     """A secret, shown this once."""
 
     secret: str
 
 
-class Schedule(_Model):
+class Schedule(Exact):
     """When a rule fires by itself."""
 
     rule: str
@@ -201,14 +198,14 @@ class Schedule(_Model):
     last: str | None
 
 
-class ScheduleList(_Model):
+class ScheduleList(Exact):
     """By rule; `next` is the `after` of the next page, null at the end."""
 
     schedules: list[Schedule]
     next: str | None
 
 
-class SchedulePreview(_Model):
+class SchedulePreview(Exact):
     """A schedule that somebody thinks of."""
 
     expression: str = Field(min_length=1, max_length=256)
@@ -216,13 +213,13 @@ class SchedulePreview(_Model):
     count: int = Field(default=5, ge=1, le=50)
 
 
-class ScheduleTimes(_Model):
+class ScheduleTimes(Exact):
     """Its next times."""
 
     times: list[str]
 
 
-class HookRequest(_Model):
+class HookRequest(Exact):
     """A door for webhooks. `signature`: by Standard Webhooks; `bearer`: the secret itself in Authorization."""
 
     name: str = Field(min_length=1, max_length=63)
@@ -231,7 +228,7 @@ class HookRequest(_Model):
     robot: str = Field(default="", max_length=64, description="whom what comes in is about; empty: nobody")
 
 
-class Hook(_Model):
+class Hook(Exact):
     """A hook without its secret; `path` is where its webhooks go, `source` and `type` are those of its happenings."""
 
     name: str
@@ -254,21 +251,21 @@ class HookMade(Hook):
     secret: str
 
 
-class HookList(_Model):
+class HookList(Exact):
     """By name; `next` is the `after` of the next page, null at the end."""
 
     hooks: list[Hook]
     next: str | None
 
 
-class Received(_Model):
+class Received(Exact):
     """It is stored; `duplicate`: it had come before, and does nothing again."""
 
     id: str
     duplicate: bool
 
 
-class PutHappening(_Model):
+class PutHappening(Exact):
     """Something that happened. Its `id` makes it once only within its `source`; `time` is RFC 3339, now by default.
 
     `type` is of one's own: none that begins with "metaros.".
@@ -282,20 +279,20 @@ class PutHappening(_Model):
     detail: Object = Field(default_factory=dict)
 
 
-class PutHappenings(_Model):
+class PutHappenings(Exact):
     """Happenings that are stored, and judged by the rules, all or none."""
 
     entries: list[PutHappening] = Field(min_length=1, max_length=LIMITS.happening_entries)
 
 
-class Taken(_Model):
+class Taken(Exact):
     """They are stored; those of known ids, `duplicates`, were before."""
 
     ids: list[str]
     duplicates: int
 
 
-class Happening(_Model):
+class Happening(Exact):
     """A CloudEvents 1.0 document."""
 
     specversion: str
@@ -308,7 +305,7 @@ class Happening(_Model):
     data: Any
 
 
-class HappeningList(_Model):
+class HappeningList(Exact):
     """The oldest first; `next` is the `after` of the next page, null at the end."""
 
     happenings: list[Happening]

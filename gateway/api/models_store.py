@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from gateway.api.model_base import Exact
 
 __all__ = ["RetentionPlan", "StoreAccount"]
 
 ClassName = Literal["metric", "bulk", "event", "recording"]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class ClassAccount(_Model):
+class ClassAccount(Exact):
     """One class, and its own bounds."""
 
     class_: ClassName = Field(alias="class")
@@ -25,14 +23,14 @@ class ClassAccount(_Model):
     keep_bytes: int | None
 
 
-class RobotAccount(_Model):
+class RobotAccount(Exact):
     """What one robot takes."""
 
     robot: str
     bytes: int
 
 
-class TableAccount(_Model):
+class TableAccount(Exact):
     """One table of the database."""
 
     table: str
@@ -40,7 +38,7 @@ class TableAccount(_Model):
     bytes: int
 
 
-class ObjectsAccount(_Model):
+class ObjectsAccount(Exact):
     """The object store by the states of the ledger; `bytes` of the stored ones."""
 
     where: str
@@ -50,7 +48,7 @@ class ObjectsAccount(_Model):
     doomed: int
 
 
-class DamageAccount(_Model):
+class DamageAccount(Exact):
     """One finding of the last check."""
 
     object: str | None
@@ -61,7 +59,7 @@ class DamageAccount(_Model):
     what: str
 
 
-class StoreAccount(_Model):
+class StoreAccount(Exact):
     """What is stored, how fast it grows, and what is damaged."""
 
     total_bytes: int
@@ -78,7 +76,7 @@ class StoreAccount(_Model):
     checked: str | None
 
 
-class PlanItem(_Model):
+class PlanItem(Exact):
     """What goes of a class for one reason."""
 
     class_: ClassName = Field(alias="class")
@@ -89,7 +87,7 @@ class PlanItem(_Model):
     newest: str
 
 
-class RetentionPlan(_Model):
+class RetentionPlan(Exact):
     """What the next purge would delete."""
 
     items: list[PlanItem]

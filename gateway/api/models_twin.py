@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from gateway.api.model_base import Exact, Model
 
 __all__ = [
     "LabelsChange",
@@ -24,7 +26,7 @@ __all__ = [
 Document = dict[str, Any]
 
 
-class Change(BaseModel):
+class Change(Model):
     """One difference; `path` is a JSON pointer. `old` or `new` is left out where the key is not there."""
 
     path: str
@@ -33,7 +35,7 @@ class Change(BaseModel):
     new: Any = None
 
 
-class ReportedTwin(BaseModel):
+class ReportedTwin(Model):
     """What the robot said last. `applied` is the revision that it lives by, 0 its own settings."""
 
     at: str
@@ -45,7 +47,7 @@ class ReportedTwin(BaseModel):
     values: Document
 
 
-class TwinBrief(BaseModel):
+class TwinBrief(Model):
     """One robot's twin in one line. `in_step`: it lives by what is desired."""
 
     robot: str
@@ -61,7 +63,7 @@ class TwinBrief(BaseModel):
     problem: str
 
 
-class Twin(BaseModel):
+class Twin(Model):
     """One robot's twin. `own` on top of the templates makes `desired`; `behind`: from what it lives by to that."""
 
     robot: str
@@ -82,14 +84,14 @@ class Twin(BaseModel):
     behind: list[Change]
 
 
-class TwinList(BaseModel):
+class TwinList(Model):
     """Twins by robot."""
 
     twins: list[TwinBrief]
     next: str | None
 
 
-class TwinChange(BaseModel):
+class TwinChange(Model):
     """What an edit did, or would do: to the robot's own document and to the whole that it gets."""
 
     robot: str
@@ -103,7 +105,7 @@ class TwinChange(BaseModel):
     more: int = Field(description="changes beyond those that are listed")
 
 
-class TwinsChange(BaseModel):
+class TwinsChange(Model):
     """The same of many robots."""
 
     dry_run: bool
@@ -112,7 +114,7 @@ class TwinsChange(BaseModel):
     results: list[TwinChange]
 
 
-class TwinEntry(BaseModel):
+class TwinEntry(Model):
     """One change of a robot's desired state; `changes` are those against the entry before."""
 
     revision: int
@@ -125,40 +127,34 @@ class TwinEntry(BaseModel):
     desired: Document
 
 
-class TwinHistory(BaseModel):
+class TwinHistory(Model):
     """The newest first; `more` older ones had no room in this answer."""
 
     entries: list[TwinEntry]
     more: int
 
 
-class Revert(BaseModel):
+class Revert(Exact):
     """Which revision to go back to: of a robot's own document, where 0 is an empty one, or of a template."""
-
-    model_config = ConfigDict(extra="forbid")
 
     revision: int = Field(ge=0, le=1 << 53)
 
 
-class LabelsChange(BaseModel):
+class LabelsChange(Exact):
     """Labels to give; null takes one away."""
-
-    model_config = ConfigDict(extra="forbid")
 
     labels: dict[str, str | None] = Field(max_length=64)
 
 
-class TemplateRequest(BaseModel):
+class TemplateRequest(Exact):
     """A template: a part of a twin's document for all robots that the selector names."""
-
-    model_config = ConfigDict(extra="forbid")
 
     selector: str = Field(max_length=4096)
     document: Document
     priority: int = Field(default=0, ge=-1000, le=1000)
 
 
-class Template(BaseModel):
+class Template(Model):
     """A template as it is stored."""
 
     name: str
@@ -178,21 +174,21 @@ class TemplateEntry(Template):
     changes: list[Change]
 
 
-class TemplateHistory(BaseModel):
+class TemplateHistory(Model):
     """The newest first; `more` older ones had no room in this answer."""
 
     entries: list[TemplateEntry]
     more: int
 
 
-class TemplateList(BaseModel):
+class TemplateList(Model):
     """In the order in which they are laid over each other."""
 
     templates: list[Template]
     next: str | None
 
 
-class TemplateChange(BaseModel):
+class TemplateChange(Model):
     """What a change of a template did, or would do, to the robots that it reaches."""
 
     dry_run: bool

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from gateway.api.model_base import Exact
 
 __all__ = ["TypeShape"]
 
 Plain = bool | int | float | str
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class TypeField(_Model):
+class TypeField(Exact):
     """One field; `capacity` is the n of `T[n]` and `T[<=n]`, `string_bound` that of `string<=n`, else 0."""
 
     name: str
@@ -26,7 +24,7 @@ class TypeField(_Model):
     default: Plain | list[Plain | None] | None = Field(description="null: zero, empty text, an empty list")
 
 
-class TypeConstant(_Model):
+class TypeConstant(Exact):
     """A named value; it is not on the wire."""
 
     name: str
@@ -34,14 +32,14 @@ class TypeConstant(_Model):
     value: Plain | None
 
 
-class TypeDefinition(_Model):
+class TypeDefinition(Exact):
     """A message's fields, in their order, and its constants."""
 
     fields: list[TypeField]
     constants: list[TypeConstant]
 
 
-class TypeShape(_Model):
+class TypeShape(Exact):
     """A type: what is encoded of it (`parts`), and every message that those are made of."""
 
     type: str

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from gateway.api.model_base import Exact
 
 __all__ = ["Bundle", "OnlineKeys", "OnlineKeysRequest", "Published", "SignedUpload", "UpdateList", "WithdrawRequest"]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class Bundle(_Model):
+class Bundle(Exact):
     """An uploaded bundle; robots can have it once it is `signed`, and until it is `withdrawn`."""
 
     path: str
@@ -32,7 +30,7 @@ class Bundle(_Model):
     reason: str
 
 
-class SignedRole(_Model):
+class SignedRole(Exact):
     """The newest signed document of a role."""
 
     role: str
@@ -41,7 +39,7 @@ class SignedRole(_Model):
     online: bool
 
 
-class UpdateList(_Model):
+class UpdateList(Exact):
     """What robots can be given; `trouble`: why this gateway cannot sign again what ends soon, "" if it can."""
 
     roles: list[SignedRole]
@@ -49,19 +47,19 @@ class UpdateList(_Model):
     trouble: str
 
 
-class OnlineKeysRequest(_Model):
+class OnlineKeysRequest(Exact):
     """`fresh`: make new ones, for the next root."""
 
     fresh: bool = False
 
 
-class OnlineKeys(_Model):
+class OnlineKeys(Exact):
     """The public keys of the gateway's roles, as an offline folder takes them."""
 
     keys: dict[str, dict[str, object]]
 
 
-class SignedUpload(_Model):
+class SignedUpload(Exact):
     """Signed documents as they were written, to be published together."""
 
     roots: list[str] = Field(default_factory=list, max_length=64)
@@ -69,13 +67,13 @@ class SignedUpload(_Model):
     groups: dict[str, str] = Field(default_factory=dict, max_length=31)
 
 
-class Published(_Model):
+class Published(Exact):
     """The newest version of each role."""
 
     roles: dict[str, int]
 
 
-class WithdrawRequest(_Model):
+class WithdrawRequest(Exact):
     """Hand this version out no more."""
 
     path: str = Field(max_length=255)

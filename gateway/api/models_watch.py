@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
+from gateway.api.model_base import Exact
 from gateway.api.models_alerts import Severity
 
 __all__ = [
@@ -32,11 +33,7 @@ Point = tuple[float, float | None, float | None, float | None, float]
 Seconds = Annotated[float | None, Field(ge=0.0, le=30 * DAY_S, allow_inf_nan=False)]
 
 
-class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class AlertCheck(_Model):
+class AlertCheck(Exact):
     """A check as it is now; `low` and `high` are null where it has no such bound.
 
     `changed` names the fields that are not as they come, `changed_by` who made the last change.
@@ -56,14 +53,14 @@ class AlertCheck(_Model):
     changed_at: str | None
 
 
-class AlertCheckList(_Model):
+class AlertCheckList(Exact):
     """The table of checks, in its order."""
 
     checks: list[AlertCheck]
     next: str | None
 
 
-class AlertCheckChange(_Model):
+class AlertCheckChange(Exact):
     """What is to be another; what is left out stays. `low` or `high` null: it has no such bound."""
 
     enabled: bool | None = None
@@ -79,7 +76,7 @@ class AlertCheckChange(_Model):
         return {name: value for name, value in given.items() if value is not None or name in ("low", "high")}
 
 
-class AlertRoute(_Model):
+class AlertRoute(Exact):
     """Where notices go: `target` is a URL or HOST:PORT without what is secret; `last_error` of the newest failure."""
 
     name: str
@@ -95,14 +92,14 @@ class AlertRoute(_Model):
     last_error: str
 
 
-class AlertRouteList(_Model):
+class AlertRouteList(Exact):
     """The routes of `--notify`, in the file's order."""
 
     routes: list[AlertRoute]
     next: str | None
 
 
-class AlertRouteTest(_Model):
+class AlertRouteTest(Exact):
     """Whether the notice came; `status` is the answer's of a webhook, 0 where there was none, `error` what failed."""
 
     ok: bool
@@ -111,7 +108,7 @@ class AlertRouteTest(_Model):
     took_s: float
 
 
-class SeriesWatch(_Model):
+class SeriesWatch(Exact):
     """A series: it is learned while `seen` is below `of` samples; the newest score, and what is expected now."""
 
     series: str
@@ -122,14 +119,14 @@ class SeriesWatch(_Model):
     high: float | None
 
 
-class Watch(_Model):
+class Watch(Exact):
     """What is watched of a robot, by name of the series."""
 
     series: list[SeriesWatch]
     next: str | None
 
 
-class Band(_Model):
+class Band(Exact):
     """A series as far as the gateway remembers what it expected: [stamp_ms, value, low, high, score], oldest first."""
 
     robot: str
@@ -137,7 +134,7 @@ class Band(_Model):
     points: list[Point]
 
 
-class BacktestRequest(_Model):
+class BacktestRequest(Exact):
     """What is judged again: stored rows of a robot's series (all without `series`) in a span.
 
     `checks` are changes of the table by the checks' ids, for this alone; `detectors` (all without) those that run.
@@ -151,7 +148,7 @@ class BacktestRequest(_Model):
     detectors: list[Detector] = Field(default_factory=list, max_length=MAX_DETECTORS)
 
 
-class BacktestFinding(_Model):
+class BacktestFinding(Exact):
     """What would have been found, from `at` to `until` (null: at the end still)."""
 
     detector: str
@@ -167,7 +164,7 @@ class BacktestFinding(_Model):
     until: str | None
 
 
-class BacktestAlert(_Model):
+class BacktestAlert(Exact):
     """What would have been told."""
 
     cause: str
@@ -179,7 +176,7 @@ class BacktestAlert(_Model):
     findings: int
 
 
-class BacktestSeries(_Model):
+class BacktestSeries(Exact):
     """How many samples it has, and so many points of it as a plot needs, each as a band's."""
 
     series: str
@@ -187,14 +184,14 @@ class BacktestSeries(_Model):
     points: list[Point]
 
 
-class BacktestSpan(_Model):
+class BacktestSpan(Exact):
     """From when to when."""
 
     from_: str = Field(alias="from")
     to: str
 
 
-class Backtest(_Model):
+class Backtest(Exact):
     """What would have fired. `cut`: there were more rows than are judged at once; this is of the first of them."""
 
     robot: str

@@ -7,7 +7,7 @@ Examples are added last: of each request, answer and parameter.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from fastapi import APIRouter, FastAPI
@@ -17,6 +17,7 @@ from gateway.api.allow import SAFE_METHODS, declared
 from gateway.api.authenticate import COOKIE
 from gateway.api.examples import add_examples
 from gateway.api.problem import PROBLEM_TYPE
+from gateway.api.rest.bodies import PROBLEM_REF, spelled_out
 from gateway.identity.permissions import Permission
 
 __all__ = ["describe_permissions"]
@@ -25,7 +26,6 @@ SCHEMES: dict[str, Any] = {
     "key": {"type": "http", "scheme": "bearer", "description": "an API key, mrk_…"},
     "session": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "with X-CSRF-Token to change things"},
 }
-PROBLEM_REF = {"$ref": "#/components/schemas/Problem"}
 WALLS = {
     "400": "The request does not fit",
     "403": "Not allowed: host, origin, token or role",
@@ -53,22 +53,29 @@ def describe_permissions(app: FastAPI, routers: Iterable[APIRouter]) -> None:
         if app.openapi_schema is None:
             app.openapi_schema = _MADE.get(key)
         if app.openapi_schema is None:
+            for route in _described(served):
+                route.openapi_extra = spelled_out(route.openapi_extra or {})
             described = plain()
             components = described.setdefault("components", {})
             components["securitySchemes"] = SCHEMES
             for name in NEVER:
                 components.get("schemas", {}).pop(name, None)
-            for router in served:
-                for route in router.routes:
-                    if isinstance(route, APIRoute) and route.include_in_schema:
-                        for method in route.methods or ():
-                            operation = described["paths"][route.path_format][method.lower()]
-                            _describe(operation, route.path_format, method, declared(route))
+            for route in _described(served):
+                for method in route.methods or ():
+                    operation = described["paths"][route.path_format][method.lower()]
+                    _describe(operation, route.path_format, method, declared(route))
             add_examples(described)
             app.openapi_schema = _MADE[key] = described
         return app.openapi_schema
 
     app.openapi = document  # type: ignore[method-assign]
+
+
+def _described(routers: Iterable[APIRouter]) -> Iterator[APIRoute]:
+    for router in routers:
+        for route in router.routes:
+            if isinstance(route, APIRoute) and route.include_in_schema:
+                yield route
 
 
 def _describe(operation: dict[str, Any], path: str, method: str, rows: list[Permission]) -> None:

@@ -11,13 +11,10 @@ import hashlib
 import hmac
 import secrets
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import quote, urlencode
 
 import orjson
-from joserfc import jwt
-from joserfc.errors import JoseError
-from joserfc.jwk import KeySet
 
 from gateway.domain.principal import Role
 from gateway.errors import DamagedError
@@ -26,6 +23,13 @@ from gateway.identity.master import MasterKey
 from gateway.identity.oidc_http import Reach, fetch
 from gateway.identity.oidc_settings import OidcSettings
 from metaros.clock import Clock
+from metaros.later import Later
+
+if TYPE_CHECKING:
+    from joserfc import errors as jose
+    from joserfc import jwk, jwt
+else:  # most gateways have no provider
+    jose, jwk, jwt = Later("joserfc.errors"), Later("joserfc.jwk"), Later("joserfc.jwt")
 
 __all__ = ["Begun", "OidcClient", "Person"]
 
@@ -58,7 +62,7 @@ class _Provider:
 
     authorize: str
     token: str
-    keys: KeySet
+    keys: jwk.KeySet
     read_s: float
 
 
@@ -146,11 +150,11 @@ class OidcClient:
         provider = await self._known()
         try:
             found = jwt.decode(token, provider.keys, algorithms=list(ALGORITHMS))
-        except (JoseError, ValueError):
+        except (jose.JoseError, ValueError):
             provider = await self._known(again=True)
             try:
                 found = jwt.decode(token, provider.keys, algorithms=list(ALGORITHMS))
-            except (JoseError, ValueError) as error:
+            except (jose.JoseError, ValueError) as error:
                 raise OidcRefusedError("oidc_token", "the provider's token is not signed by its keys") from error
         rules = jwt.JWTClaimsRegistry(
             now=self._clock.wall_ns() // 10**9,
@@ -164,7 +168,7 @@ class OidcClient:
         )
         try:
             rules.validate(found.claims)
-        except (JoseError, ValueError, TypeError) as error:
+        except (jose.JoseError, ValueError, TypeError) as error:
             raise OidcRefusedError(
                 "oidc_token", f"the provider's token is not for this sign-in: {error}"[:300]
             ) from error
@@ -203,8 +207,8 @@ class OidcClient:
         try:
             if not usable:
                 raise ValueError("there are none")
-            return _Provider(authorize, token, KeySet.import_key_set({"keys": usable}), now_s)
-        except (JoseError, ValueError, TypeError, KeyError) as error:
+            return _Provider(authorize, token, jwk.KeySet.import_key_set({"keys": usable}), now_s)
+        except (jose.JoseError, ValueError, TypeError, KeyError) as error:
             raise ProviderError("the provider's keys cannot be read") from error
 
     async def _get(self, url: str) -> dict[str, Any]:

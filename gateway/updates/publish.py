@@ -10,10 +10,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC
-from typing import Any
-
-from securesystemslib.signer import CryptoSigner
-from tuf.api.metadata import Delegations, Metadata, MetaFile, Root, Snapshot, TargetFile, Targets, Timestamp
+from typing import TYPE_CHECKING, Any
 
 from gateway.errors import DamagedError
 from gateway.store.engine import StoreEngine
@@ -34,6 +31,10 @@ from gateway.updates.roles import (
     GROUPS,
     ONLINE,
     ROLES,
+    ROOT,
+    SNAPSHOT,
+    TARGETS,
+    TIMESTAMP,
     Seal,
     encode,
     expiry,
@@ -45,6 +46,13 @@ from gateway.updates.roles import (
 )
 from metaros.bundle import target_path
 from metaros.errors import MetarosError
+from metaros.later import Later
+
+if TYPE_CHECKING:
+    from securesystemslib.signer import CryptoSigner
+    from tuf.api import metadata as tuf
+else:
+    tuf = Later("tuf.api.metadata")
 
 __all__ = ["PURPOSE", "Upload", "due", "publish", "renew"]
 
@@ -81,13 +89,13 @@ def renew(engine: StoreEngine, seal: Seal, *, now_ns: int) -> bool:
     """Sign again what would end soon; whether anything was. UpdateRefusedError when this gateway cannot sign."""
     lock_updates(engine)
     found = newest_documents(engine)
-    if Root.type not in found or Targets.type not in found:
+    if ROOT not in found or TARGETS not in found:
         return False
-    root = read_metadata(found[Root.type].document, Root, role=Root.type)
-    if due(found.get(Snapshot.type), Snapshot.type, now_ns):
+    root = read_metadata(found[ROOT].document, tuf.Root, role=ROOT)
+    if due(found.get(SNAPSHOT), SNAPSHOT, now_ns):
         _sign_snapshot(engine, root, seal, now_ns=now_ns)
         return True
-    if due(found.get(Timestamp.type), Timestamp.type, now_ns):
+    if due(found.get(TIMESTAMP), TIMESTAMP, now_ns):
         _sign_timestamp(engine, root, seal, now_ns=now_ns)
         return True
     return False
@@ -99,26 +107,26 @@ def due(document: StoredDocument | None, role: str, now_ns: int) -> bool:
     return document is None or document.expires_ns - now_ns < left_ns
 
 
-def _take_roots(engine: StoreEngine, texts: Sequence[bytes], *, now_ns: int) -> Metadata[Root]:
-    stored = read_document(engine, Root.type)
-    root = read_metadata(stored.document, Root, role=Root.type) if stored is not None else None
+def _take_roots(engine: StoreEngine, texts: Sequence[bytes], *, now_ns: int) -> tuf.Metadata[tuf.Root]:
+    stored = read_document(engine, ROOT)
+    root = read_metadata(stored.document, tuf.Root, role=ROOT) if stored is not None else None
     for text in texts:
-        new = read_metadata(text, Root, role=Root.type)
+        new = read_metadata(text, tuf.Root, role=ROOT)
         if root is not None and new.signed.version <= root.signed.version:
-            _same(engine, Root.type, new.signed.version, text)
+            _same(engine, ROOT, new.signed.version, text)
             continue
         if root is None and new.signed.version != 1:
             raise UpdateRefusedError("root: the first one that is published here is version 1")
         verify_root(root, new, now_ns=now_ns)
         _check_online(engine, new.signed)
-        _keep(engine, Root.type, new, text, now_ns=now_ns)
+        _keep(engine, ROOT, new, text, now_ns=now_ns)
         root = new
     if root is None:
         raise NoRootError("no root was published here yet: metaros update init-root, then metaros update publish")
     return root
 
 
-def _check_online(engine: StoreEngine, root: Root) -> None:
+def _check_online(engine: StoreEngine, root: tuf.Root) -> None:
     """The gateway has to be able to sign for it, or nothing could ever be published under it."""
     held = {key.keyid: key.role for key in list_keys(engine)}
     if not root.consistent_snapshot:
@@ -127,34 +135,34 @@ def _check_online(engine: StoreEngine, root: Root) -> None:
         row = root.roles[role]
         if row.threshold != 1 or not any(held.get(key_id) == role for key_id in row.keyids):
             raise UpdateRefusedError(f"root: {role} has none of this store's keys; metaros update online-keys has them")
-    offline = {key_id for role in (Root.type, Targets.type) for key_id in root.roles[role].keyids}
+    offline = {key_id for role in (ROOT, TARGETS) for key_id in root.roles[role].keyids}
     if offline & held.keys():
         raise UpdateRefusedError("root: a key of the gateway's may sign neither root nor targets")
 
 
 def _take_targets(
-    engine: StoreEngine, root: Metadata[Root], text: bytes | None, *, now_ns: int
-) -> Metadata[Targets] | None:
-    stored = read_document(engine, Targets.type)
-    current = read_metadata(stored.document, Targets, role=Targets.type) if stored is not None else None
+    engine: StoreEngine, root: tuf.Metadata[tuf.Root], text: bytes | None, *, now_ns: int
+) -> tuf.Metadata[tuf.Targets] | None:
+    stored = read_document(engine, TARGETS)
+    current = read_metadata(stored.document, tuf.Targets, role=TARGETS) if stored is not None else None
     if text is not None:
-        new = read_metadata(text, Targets, role=Targets.type)
+        new = read_metadata(text, tuf.Targets, role=TARGETS)
         if current is not None and new.signed.version == current.signed.version:
-            _same(engine, Targets.type, new.signed.version, text)
+            _same(engine, TARGETS, new.signed.version, text)
         else:
-            _follows(Targets.type, new, current)
-            verify_signed(root.signed, Targets.type, new, now_ns=now_ns)
+            _follows(TARGETS, new, current)
+            verify_signed(root.signed, TARGETS, new, now_ns=now_ns)
             _check_delegations(new.signed.delegations)
-            _check_targets(engine, Targets.type, new.signed)
-            _keep(engine, Targets.type, new, text, now_ns=now_ns)
+            _check_targets(engine, TARGETS, new.signed)
+            _keep(engine, TARGETS, new, text, now_ns=now_ns)
             return new
     if current is not None:  # a root with other keys must not leave robots with targets that count no more
-        verify_signed(root.signed, Targets.type, current, now_ns=0)
+        verify_signed(root.signed, TARGETS, current, now_ns=0)
     return current
 
 
 def _take_groups(
-    engine: StoreEngine, targets: Metadata[Targets] | None, texts: Mapping[str, bytes], *, now_ns: int
+    engine: StoreEngine, targets: tuf.Metadata[tuf.Targets] | None, texts: Mapping[str, bytes], *, now_ns: int
 ) -> None:
     delegated = _delegated(targets)
     unknown = sorted(set(texts) - set(delegated))
@@ -163,9 +171,9 @@ def _take_groups(
     for role in delegated:
         assert targets is not None
         stored = read_document(engine, role)
-        current = read_metadata(stored.document, Targets, role=role) if stored is not None else None
+        current = read_metadata(stored.document, tuf.Targets, role=role) if stored is not None else None
         text = texts.get(role)
-        new = read_metadata(text, Targets, role=role) if text is not None else None
+        new = read_metadata(text, tuf.Targets, role=role) if text is not None else None
         if new is not None and (current is None or new.signed.version != current.signed.version):
             _follows(role, new, current)
             verify_signed(targets.signed, role, new, now_ns=now_ns)
@@ -181,13 +189,13 @@ def _take_groups(
             raise UpdateRefusedError(f"{role}: targets delegates to it, and it was never signed")
 
 
-def _delegated(targets: Metadata[Targets] | None) -> list[str]:
+def _delegated(targets: tuf.Metadata[tuf.Targets] | None) -> list[str]:
     if targets is None or targets.signed.delegations is None:
         return []
     return sorted(targets.signed.delegations.roles or {})
 
 
-def _check_delegations(delegations: Delegations | None) -> None:
+def _check_delegations(delegations: tuf.Delegations | None) -> None:
     if delegations is None:
         return
     if delegations.succinct_roles is not None or not delegations.roles or len(delegations.roles) > GROUPS:
@@ -203,7 +211,7 @@ def _check_delegations(delegations: Delegations | None) -> None:
             raise UpdateRefusedError(f"targets: the role {name[:80]} is to be robots/GROUP, with paths below its name")
 
 
-def _check_targets(engine: StoreEngine, role: str, targets: Targets) -> None:
+def _check_targets(engine: StoreEngine, role: str, targets: tuf.Targets) -> None:
     """Every target is a bundle that is here, with the very bytes and the very words that are signed."""
     group = role.removeprefix(GROUP_PREFIX) if role.startswith(GROUP_PREFIX) else ""
     for path, target in targets.targets.items():
@@ -218,7 +226,7 @@ def _check_targets(engine: StoreEngine, role: str, targets: Targets) -> None:
         _check_bundle(engine, role, path, target)
 
 
-def _check_bundle(engine: StoreEngine, role: str, path: str, target: TargetFile) -> None:
+def _check_bundle(engine: StoreEngine, role: str, path: str, target: tuf.TargetFile) -> None:
     stored = bundle_at(engine, path)
     if stored is None:
         raise UpdateRefusedError(f"{role}: the bundle of {path} is not here: upload it first")
@@ -228,7 +236,7 @@ def _check_bundle(engine: StoreEngine, role: str, path: str, target: TargetFile)
         raise UpdateRefusedError(f"{role}: {path} says something else of itself than what is signed")
 
 
-def _follows(role: str, new: Metadata[Any], current: Metadata[Any] | None) -> None:
+def _follows(role: str, new: tuf.Metadata[Any], current: tuf.Metadata[Any] | None) -> None:
     if current is not None and new.signed.version < current.signed.version:
         raise UpdateRefusedError(f"{role}: version {new.signed.version} is older than {current.signed.version}, here")
 
@@ -240,48 +248,54 @@ def _same(engine: StoreEngine, role: str, version: int, text: bytes) -> None:
         raise UpdateRefusedError(f"{role}: there is another version {version} here")
 
 
-def _keep(engine: StoreEngine, role: str, metadata: Metadata[Any], text: bytes, *, now_ns: int) -> None:
+def _keep(engine: StoreEngine, role: str, metadata: tuf.Metadata[Any], text: bytes, *, now_ns: int) -> None:
     ends_ns = round(metadata.signed.expires.replace(tzinfo=metadata.signed.expires.tzinfo or UTC).timestamp()) * 10**9
     one = StoredDocument(role=role, version=metadata.signed.version, document=text, expires_ns=ends_ns)
     add_document(engine, one, now_ns=now_ns)
-    if role != Root.type:
+    if role != ROOT:
         trim_documents(engine, role, keep=KEPT_VERSIONS)
 
 
-def _sign_snapshot(engine: StoreEngine, root: Metadata[Root], seal: Seal, *, now_ns: int) -> None:
+def _sign_snapshot(engine: StoreEngine, root: tuf.Metadata[tuf.Root], seal: Seal, *, now_ns: int) -> None:
     """Name the newest targets and groups; a role that was named once stays named, or robots would refuse it."""
     found = newest_documents(engine)
     meta = {
         f"{role}.json": _meta_file(one)
         for role, one in found.items()
-        if role == Targets.type or role.startswith(GROUP_PREFIX)
+        if role == TARGETS or role.startswith(GROUP_PREFIX)
     }
-    version = next_version(engine, found.get(Snapshot.type))
-    snapshot = Snapshot(version=version, expires=expiry(Snapshot.type, now_ns), meta=meta)
-    _sign(engine, root, Snapshot.type, Metadata(snapshot), seal, now_ns=now_ns)
+    version = next_version(engine, found.get(SNAPSHOT))
+    snapshot = tuf.Snapshot(version=version, expires=expiry(SNAPSHOT, now_ns), meta=meta)
+    _sign(engine, root, SNAPSHOT, tuf.Metadata(snapshot), seal, now_ns=now_ns)
     _sign_timestamp(engine, root, seal, now_ns=now_ns)
 
 
-def _sign_timestamp(engine: StoreEngine, root: Metadata[Root], seal: Seal, *, now_ns: int) -> None:
+def _sign_timestamp(engine: StoreEngine, root: tuf.Metadata[tuf.Root], seal: Seal, *, now_ns: int) -> None:
     found = newest_documents(engine)
-    version = next_version(engine, found.get(Timestamp.type))
-    ends = expiry(Timestamp.type, now_ns)
-    timestamp = Timestamp(version=version, expires=ends, snapshot_meta=_meta_file(found[Snapshot.type]))
-    _sign(engine, root, Timestamp.type, Metadata(timestamp), seal, now_ns=now_ns)
+    version = next_version(engine, found.get(TIMESTAMP))
+    ends = expiry(TIMESTAMP, now_ns)
+    timestamp = tuf.Timestamp(version=version, expires=ends, snapshot_meta=_meta_file(found[SNAPSHOT]))
+    _sign(engine, root, TIMESTAMP, tuf.Metadata(timestamp), seal, now_ns=now_ns)
 
 
-def _meta_file(one: StoredDocument) -> MetaFile:
-    return MetaFile(one.version, len(one.document), {"sha256": hashlib.sha256(one.document).hexdigest()})
+def _meta_file(one: StoredDocument) -> tuf.MetaFile:
+    return tuf.MetaFile(one.version, len(one.document), {"sha256": hashlib.sha256(one.document).hexdigest()})
 
 
 def _sign(
-    engine: StoreEngine, root: Metadata[Root], role: str, metadata: Metadata[Any], seal: Seal, *, now_ns: int
+    engine: StoreEngine,
+    root: tuf.Metadata[tuf.Root],
+    role: str,
+    metadata: tuf.Metadata[Any],
+    seal: Seal,
+    *,
+    now_ns: int,
 ) -> None:
     metadata.sign(_signer(engine, root.signed, role, seal))
     _keep(engine, role, metadata, encode(metadata), now_ns=now_ns)
 
 
-def _signer(engine: StoreEngine, root: Root, role: str, seal: Seal) -> CryptoSigner:
+def _signer(engine: StoreEngine, root: tuf.Root, role: str, seal: Seal) -> CryptoSigner:
     """The key of that role that the root names and this gateway can open."""
     for key in list_keys(engine):
         if key.role == role and key.keyid in root.roles[role].keyids:

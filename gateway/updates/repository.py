@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import orjson
-from securesystemslib.signer import CryptoSigner
 
 from gateway.errors import StoreError, TooManyError
 from gateway.objects import ObjectStore, chunks
@@ -38,7 +37,7 @@ from gateway.store.updates import (
 )
 from gateway.updates.errors import UnknownUpdateError, UpdateRefusedError, WithdrawnError
 from gateway.updates.publish import PURPOSE, Upload, publish, renew
-from gateway.updates.roles import ONLINE, Seal
+from gateway.updates.roles import ONLINE, Seal, new_signer
 from gateway.updates.uploads import BundleShelf
 from metaros.clock import Clock
 from metaros.errors import MetarosError
@@ -109,9 +108,9 @@ class Repository:
 
     async def online_keys(self, *, fresh: bool = False) -> dict[str, Any]:
         """The public keys of the gateway's two roles, made at first use; `fresh`: a new pair, for the next root."""
-        made = {role: CryptoSigner.generate_ed25519() for role in ONLINE}
 
         def job(engine: StoreEngine) -> dict[str, Any]:
+            made = {role: new_signer() for role in ONLINE}
             lock_updates(engine)
             newest = {key.role: key for key in reversed(list_keys(engine))}
             for role, signer in made.items():

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_watch
 from gateway.api.allow import allow, principal_of, require_all
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
@@ -22,7 +22,7 @@ __all__ = ["router"]
 
 ANSWERS: dict[int | str, dict[str, Any]] = {200: {"model": models_watch.AlertCheck}, **PROBLEMS}
 
-router = APIRouter(prefix="/api/v1/alert-checks", tags=["alerts"], default_response_class=JsonResponse)
+router = api_router("/api/v1/alert-checks", tags=["alerts"])
 
 
 @router.get("", dependencies=[allow("alerts.read")], responses={200: {"model": models_watch.AlertCheckList}})

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_identity, models_watch
 from gateway.api.allow import allow, principal_of, require_all
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
@@ -18,7 +18,7 @@ from gateway.api.views_notices import delivery_view, route_view
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/v1/alert-routes", tags=["alerts"], default_response_class=JsonResponse)
+router = api_router("/api/v1/alert-routes", tags=["alerts"])
 
 
 @router.get("", dependencies=[allow("alerts.read")], responses={200: {"model": models_watch.AlertRouteList}})

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from pydantic import Field
 from starlette.requests import Request
 from starlette.responses import Response
@@ -15,6 +15,7 @@ from gateway.alerts.errors import UnknownAlertError
 from gateway.api import models, models_alerts, models_identity
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.listing import FieldsText, read_fields
 from gateway.api.models_recordings import Recording
 from gateway.api.problem import JsonResponse
@@ -48,7 +49,7 @@ Quiet = Annotated[bool | None, Query(description="only those that nobody is told
 Before = Annotated[str, Query(max_length=64, description="the `next` of the page before")]
 ANSWERS: dict[int | str, dict[str, Any]] = {200: {"model": models_alerts.Alert}, **PROBLEMS}
 
-router = APIRouter(prefix="/api/v1/alerts", tags=["alerts"], default_response_class=JsonResponse)
+router = api_router("/api/v1/alerts", tags=["alerts"])
 
 
 @router.get("", dependencies=[allow("alerts.read")], responses={200: {"model": models_alerts.AlertList}})

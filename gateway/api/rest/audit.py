@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models, models_audit
 from gateway.api.allow import allow
+from gateway.api.later_route import api_router
 from gateway.api.listing import FieldsText, read_fields
 from gateway.api.problem import JsonResponse
 from gateway.api.services import services_of
@@ -24,7 +25,7 @@ MAX_NUMBER = (1 << 63) - 1
 Before = Annotated[int | None, Query(ge=1, le=MAX_NUMBER)]
 Exact = Annotated[str, Query(max_length=128)]
 
-router = APIRouter(prefix="/api/v1/audit", tags=["audit"], default_response_class=JsonResponse)
+router = api_router("/api/v1/audit", tags=["audit"])
 
 
 @router.get(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models, models_identity
 from gateway.api.allow import REFUSAL_KEY, allow, principal_of
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.services import services_of
@@ -27,7 +27,7 @@ REFUSALS: dict[int | str, dict[str, Any]] = {
     **{status: {"model": models.Problem} for status in (401, 403, 429)},
 }
 
-router = APIRouter(prefix="/api/v1/auth", tags=["accounts"], default_response_class=JsonResponse)
+router = api_router("/api/v1/auth", tags=["accounts"])
 
 
 @router.post(

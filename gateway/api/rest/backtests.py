@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_watch
 from gateway.api.allow import allow, require_seen
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.ranges import parse_range
@@ -20,7 +20,7 @@ from gateway.backtest import BacktestRequest
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/v1/backtests", tags=["alerts"], default_response_class=JsonResponse)
+router = api_router("/api/v1/backtests", tags=["alerts"])
 
 
 @router.post(

@@ -7,19 +7,38 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from starlette.requests import Request
 
-from gateway.api import models
+from gateway.api.problem import PROBLEM_TYPE
 from gateway.errors import InvalidRequestError
 
-__all__ = ["PROBLEMS", "body_document", "query_document", "read_body", "read_query"]
+__all__ = [
+    "PROBLEMS",
+    "PROBLEM_REF",
+    "body_document",
+    "query_document",
+    "read_body",
+    "read_query",
+    "spelled_out",
+]
 
 Body = TypeVar("Body", bound=BaseModel)
+PROBLEM_REF = {"$ref": "#/components/schemas/Problem"}
+# By reference: as models they would be a thousand that FastAPI makes at each start.
 PROBLEMS: dict[int | str, dict[str, Any]] = {
-    status: {"model": models.Problem} for status in (400, 404, 409, 413, 415, 502, 503, 504)
+    status: {"content": {PROBLEM_TYPE: {"schema": PROBLEM_REF}}} for status in (400, 404, 409, 413, 415, 502, 503, 504)
 }
+_BODY = "x-body"
 
 
 def body_document(model: type[BaseModel], *, cdr: bool = False) -> dict[str, Any]:
-    """The OpenAPI text of a body that the handler reads by itself."""
+    """For OpenAPI: a body that the handler reads by itself. Its schema is made by `spelled_out`, if ever."""
+    return {_BODY: (model, cdr)}
+
+
+def spelled_out(extra: dict[str, Any]) -> dict[str, Any]:
+    """The OpenAPI text of an operation, with the schema of its body."""
+    if _BODY not in extra:
+        return extra
+    model, cdr = extra[_BODY]
     whole = model.model_json_schema()
     content: dict[str, Any] = {"application/json": {"schema": _inlined(whole, whole.pop("$defs", {}))}}
     if cdr:

@@ -7,12 +7,13 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 import orjson
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models
 from gateway.api.allow import allow, principal_of
+from gateway.api.later_route import api_router
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.once import carried_once, key_of
@@ -23,7 +24,7 @@ from metaros.limits import LIMITS
 
 __all__ = ["called", "router"]
 
-router = APIRouter(prefix="/api/v1/robots", tags=["commands"], default_response_class=JsonResponse)
+router = api_router("/api/v1/robots", tags=["commands"])
 
 
 @router.post(

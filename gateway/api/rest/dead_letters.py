@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_dead_letters as m
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.services import services_of
@@ -28,7 +29,7 @@ Target = Annotated[str, Query(max_length=256, description="only for this target:
 Before = Annotated[str, Query(max_length=64, description="the `next` of the page before")]
 Ids = Annotated[list[Annotated[str, Query(max_length=64)]] | None, Query(max_length=1000, alias="id")]
 
-router = APIRouter(prefix="/api/v1/dead-letters", tags=["dead letters"], default_response_class=JsonResponse)
+router = api_router("/api/v1/dead-letters", tags=["dead letters"])
 
 
 @router.get("", dependencies=[allow("dead_letters.read")], responses={200: {"model": m.DeadLetterList}, **PROBLEMS})

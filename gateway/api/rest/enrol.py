@@ -6,7 +6,6 @@ import base64
 import binascii
 from typing import Any
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -14,6 +13,7 @@ from gateway.api import models, models_enrol
 from gateway.api.address import PROXIED_KEY
 from gateway.api.allow import allow, principal_of, require_seen
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.auth import REFUSALS
@@ -28,7 +28,7 @@ from gateway.settings import is_loopback
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/v1", tags=["identity"], default_response_class=JsonResponse)
+router = api_router("/api/v1", tags=["identity"])
 
 
 @router.get(

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_events
 from gateway.api.allow import allow, principal_of
+from gateway.api.later_route import api_router
 from gateway.api.listing import FieldsText, read_fields
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS
@@ -30,7 +31,7 @@ Cursor = Annotated[int | None, Query(ge=0, le=MAX_NUMBER)]
 Kind = Annotated[str, Query(max_length=1000, description="globs over types, with commas: robot.*,node.crashed")]
 Robots = Annotated[str, Query(max_length=4096, description="only these robots', with commas")]
 
-router = APIRouter(prefix="/api/v1/events", tags=["events"], default_response_class=JsonResponse)
+router = api_router("/api/v1/events", tags=["events"])
 
 
 @router.get(

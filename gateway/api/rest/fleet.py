@@ -6,13 +6,14 @@ import asyncio
 from collections import Counter
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_fleet, models_twin
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
@@ -30,7 +31,7 @@ __all__ = ["router"]
 MAX_WAIT_S = 10.0
 LOOKED_AT_ONCE = 500  # robots that are counted before others get to do something
 
-router = APIRouter(prefix="/api/v1", tags=["robots"], default_response_class=JsonResponse)
+router = api_router("/api/v1", tags=["robots"])
 
 
 @router.get("/groups", dependencies=[allow("robots.read")], responses={200: {"model": models_fleet.GroupList}})

@@ -9,13 +9,14 @@ from dataclasses import asdict
 from typing import Annotated, Literal
 
 import orjson
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_functions as m
 from gateway.api.allow import allow, principal_of, require_all
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS
 from gateway.api.rest.downloads import DownloadResponse
@@ -41,7 +42,7 @@ Kind = Annotated[
 ]
 Before = Annotated[str, Query(max_length=64, description="the `next` of the page before")]
 
-router = APIRouter(prefix="/api/v1", tags=["functions"], default_response_class=JsonResponse)
+router = api_router("/api/v1", tags=["functions"])
 
 
 @router.post(

@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 
@@ -16,6 +16,7 @@ from gateway.api.allow import allow, require_all
 from gateway.api.audited import note
 from gateway.api.function_book import detail
 from gateway.api.guard import UPLOAD_TYPE
+from gateway.api.later_route import api_router
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS
 from gateway.api.rest.functions import deploy
@@ -31,7 +32,7 @@ ZIP: dict[str, Any] = {
     "requestBody": {"required": True, "content": {UPLOAD_TYPE: {"schema": {"type": "string", "format": "binary"}}}}
 }
 
-router = APIRouter(prefix="/api/v1/functions/{name}/code", tags=["functions"], default_response_class=JsonResponse)
+router = api_router("/api/v1/functions/{name}/code", tags=["functions"])
 
 
 @router.get("", dependencies=[allow("functions.read")], responses={200: {"model": m.Code}, **PROBLEMS})

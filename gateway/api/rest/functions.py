@@ -8,7 +8,7 @@ import binascii
 import contextlib
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from pydantic import ValidationError
 from starlette.requests import Request
 from starlette.responses import Response
@@ -17,6 +17,7 @@ from gateway.api import models_functions as m
 from gateway.api.allow import allow, principal_of, require_all
 from gateway.api.audited import note
 from gateway.api.function_book import describe, detail
+from gateway.api.later_route import api_router
 from gateway.api.listing import After, ListLimit
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
@@ -35,7 +36,7 @@ Window = Annotated[float, Query(ge=60.0, le=10_800.0, description="over how long
 Search = Annotated[str, Query(max_length=64, description="part of the name")]
 ANSWERS: dict[int | str, dict[str, Any]] = {200: {"model": m.FunctionDetail}, **PROBLEMS}
 
-router = APIRouter(prefix="/api/v1/functions", tags=["functions"], default_response_class=JsonResponse)
+router = api_router("/api/v1/functions", tags=["functions"])
 
 
 @router.get("", dependencies=[allow("functions.read")], responses={200: {"model": m.FunctionList}})

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from importlib.metadata import version
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api.allow import allow
+from gateway.api.later_route import api_router
 from gateway.api.models_gateway import GatewayState
 from gateway.api.problem import JsonResponse
 from gateway.api.services import services_of
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/v1/gateway", tags=["gateway"], default_response_class=JsonResponse)
+router = api_router("/api/v1/gateway", tags=["gateway"])
 
 
 @router.get("", dependencies=[allow("self.read")], responses={200: {"model": GatewayState}})

@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncGenerator
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_graph as models
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.listing import Paged, listing
 from gateway.api.models_identity import Nothing
 from gateway.api.problem import JsonResponse
@@ -26,7 +26,7 @@ from gateway.fleet.ros_errors import GoalRejectedError
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/v1/robots/{robot_id}", tags=["goals"], default_response_class=JsonResponse)
+router = api_router("/api/v1/robots/{robot_id}", tags=["goals"])
 FINISHED = {"code": "goal_over", "message": "nothing more comes of this goal"}
 
 

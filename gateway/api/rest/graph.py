@@ -6,12 +6,12 @@ import asyncio
 from operator import itemgetter
 from typing import Any
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_graph as models
 from gateway.api.allow import allow, principal_of
+from gateway.api.later_route import api_router
 from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS
@@ -22,7 +22,7 @@ from gateway.domain.selector import Selector
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/v1", tags=["graph"], default_response_class=JsonResponse)
+router = api_router("/api/v1", tags=["graph"])
 
 
 @router.get("/graph", dependencies=[allow("robots.read")], responses={200: {"model": models.GraphList}, **PROBLEMS})

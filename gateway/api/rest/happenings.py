@@ -7,13 +7,14 @@ from functools import partial
 from typing import Annotated
 
 import orjson
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_rules as models
 from gateway.api.allow import allow, principal_of, require_seen
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.ranges import End, Start, parse_range
@@ -35,7 +36,7 @@ Types = Annotated[list[str] | None, Query(alias="type", max_length=64, descripti
 Count = Annotated[int, Query(ge=1, le=PAGE)]
 After = Annotated[str, Query(max_length=80, description="the `next` of the page before")]
 
-router = APIRouter(prefix="/api/v1/happenings", tags=["rules"], default_response_class=JsonResponse)
+router = api_router("/api/v1/happenings", tags=["rules"])
 
 
 @router.post(

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models, models_history
 from gateway.api.allow import allow
+from gateway.api.later_route import api_router
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.ranges import End, Start, Topics, chosen_topics, full_pattern, parse_age, parse_range
 from gateway.api.rest.times import parse_time
@@ -25,7 +26,7 @@ RECORDS_TYPE = "application/x-metaros-records"
 MAX_BUCKETS = 2000
 MAX_MESSAGES = 1000
 
-router = APIRouter(prefix="/api/v1/robots/{robot_id}", tags=["history"], default_response_class=JsonResponse)
+router = api_router("/api/v1/robots/{robot_id}", tags=["history"])
 
 UNKNOWN: dict[int | str, dict[str, Any]] = {status: {"model": models.Problem} for status in (400, 404, 429, 503)}
 

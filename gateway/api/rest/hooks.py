@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_rules as models
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.listing import Paged, listing
 from gateway.api.models import Problem
 from gateway.api.models_identity import Nothing
@@ -20,7 +20,7 @@ from gateway.api.views_rules import hook_view
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/v1/hooks", tags=["rules"], default_response_class=JsonResponse)
+router = api_router("/api/v1/hooks", tags=["rules"])
 NO_STORE = {"Cache-Control": "no-store"}
 
 

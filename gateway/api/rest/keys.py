@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models, models_identity
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note, reach
+from gateway.api.later_route import api_router
 from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.auth import REFUSALS
@@ -21,7 +21,7 @@ from gateway.identity.users import checked_robots
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/v1/keys", tags=["accounts"], default_response_class=JsonResponse)
+router = api_router("/api/v1/keys", tags=["accounts"])
 
 
 @router.get(

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models
 from gateway.api.allow import allow
+from gateway.api.later_route import api_router
 from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.times import parse_time
@@ -25,7 +26,7 @@ MAX_POINTS = 10_000
 MAX_GAPS = 1000
 EARLIEST_NS = -(2**61)  # 1896
 
-router = APIRouter(prefix="/api/v1/robots/{robot_id}/metrics", tags=["robots"], default_response_class=JsonResponse)
+router = api_router("/api/v1/robots/{robot_id}/metrics", tags=["robots"])
 
 
 @router.get(

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_nodes as models
 from gateway.api.allow import allow
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.nodes import actor_of
@@ -27,7 +28,7 @@ RosName = Annotated[
 ]
 NAME_CHARS = 256
 
-router = APIRouter(prefix="/api/v1/robots/{robot_id}/nodes/{node}", tags=["nodes"], default_response_class=JsonResponse)
+router = api_router("/api/v1/robots/{robot_id}/nodes/{node}", tags=["nodes"])
 
 
 @router.get(

@@ -10,13 +10,14 @@ from itertools import islice
 from typing import Annotated, Any, Literal
 
 import orjson
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_nodes as models
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.models_twin import TwinChange, TwinsChange
 from gateway.api.problem import JsonResponse, error_code
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
@@ -54,7 +55,7 @@ PageBytes = Annotated[int, Query(ge=256, le=LIMITS.result_bytes)]
 Limit = Annotated[int, Query(ge=1, le=LIMITS.nodes_listed)]
 EVENTS = "text/event-stream"
 
-router = APIRouter(prefix="/api/v1", tags=["nodes"], default_response_class=JsonResponse)
+router = api_router("/api/v1", tags=["nodes"])
 
 
 @router.get("/nodes", dependencies=[allow("nodes.read")], responses={200: {"model": models.NodeList}, **PROBLEMS})

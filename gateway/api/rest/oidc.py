@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
@@ -12,6 +12,7 @@ from starlette.responses import RedirectResponse, Response
 from gateway.api import models, models_oidc
 from gateway.api.allow import allow
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.problem import JsonResponse
 from gateway.api.refused_sign_in import refused_because
 from gateway.api.services import services_of
@@ -27,7 +28,7 @@ PATH = "/api/v1/auth/oidc"
 Text = Annotated[str, Query(max_length=4096)]
 REFUSALS: dict[int | str, dict[str, Any]] = {status: {"model": models.Problem} for status in (401, 404, 503)}
 
-router = APIRouter(prefix=PATH, tags=["accounts"], default_response_class=JsonResponse)
+router = api_router(PATH, tags=["accounts"])
 
 
 @router.get("", dependencies=[allow("page.read")], responses={200: {"model": models_oidc.Provider}})

@@ -6,13 +6,14 @@ import asyncio
 from typing import Annotated, Any
 
 import orjson
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.listing import FieldsText, read_fields
 from gateway.api.models_commands import Command, CommandList, CommandRequest, FleetCommandRequest, FleetCommands, State
 from gateway.api.problem import JsonResponse, error_code
@@ -37,7 +38,7 @@ MAX_LOOKS = 8  # at the store, for one page: of a history of which somebody may 
 MAX_FLEET = 10_000
 Wait = Annotated[float, Query(ge=0, le=LIMITS.command_wait_s, description="for the command's end")]
 
-router = APIRouter(prefix="/api/v1", tags=["commands"], default_response_class=JsonResponse)
+router = api_router("/api/v1", tags=["commands"])
 
 
 @router.post(

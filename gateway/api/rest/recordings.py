@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import orjson
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 
 from gateway.api import models
 from gateway.api.allow import allow, principal_of
+from gateway.api.later_route import api_router
 from gateway.api.listing import FieldsText, read_fields
 from gateway.api.models_recordings import Recording, RecordingList, RecordingRequest
 from gateway.api.problem import JsonResponse
@@ -31,7 +32,7 @@ __all__ = ["router"]
 MAX_LISTED = 1000
 MEDIA_TYPE = "application/mcap"
 
-router = APIRouter(prefix="/api/v1", tags=["recordings"], default_response_class=JsonResponse)
+router = api_router("/api/v1", tags=["recordings"])
 
 
 @router.post(

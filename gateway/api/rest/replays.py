@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_dead_letters as m
 from gateway.api.allow import allow, require_all
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.times import parse_time
@@ -25,7 +25,7 @@ from metaros.rules.errors import PatternError
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/v1", tags=["functions"], default_response_class=JsonResponse)
+router = api_router("/api/v1", tags=["functions"])
 
 
 @router.post(

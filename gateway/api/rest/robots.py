@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter
 from fastapi.routing import APIRoute
-from pydantic import BaseModel, Field
+from pydantic import Field
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models
 from gateway.api.allow import allow, principal_of
+from gateway.api.later_route import api_router
 from gateway.api.listing import FIELDS, Paged, listing, read_fields
+from gateway.api.model_base import Model
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, query_document, read_query
 from gateway.api.rest.twin import SELECTOR
@@ -26,10 +27,10 @@ from metaros.limits import LIMITS
 
 __all__ = ["EXPRESS", "router"]
 
-router = APIRouter(prefix="/api/v1/robots", tags=["robots"], default_response_class=JsonResponse)
+router = api_router("/api/v1/robots", tags=["robots"])
 
 
-class RobotsAsked(BaseModel):
+class RobotsAsked(Model):
     """The query of the list of robots. Read in one go: a fleet's page is asked for more often than all else."""
 
     selector: Annotated[str, Field(max_length=4096, description=SELECTOR)] = ""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any, get_args
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models, models_rollouts
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
@@ -25,7 +25,7 @@ __all__ = ["rollout_view", "router"]
 
 ANSWERS: dict[int | str, dict[str, Any]] = {200: {"model": models_rollouts.Rollout}, **PROBLEMS}
 
-router = APIRouter(prefix="/api/v1/rollouts", tags=["updates"], default_response_class=JsonResponse)
+router = api_router("/api/v1/rollouts", tags=["updates"])
 
 
 @router.get("", dependencies=[allow("updates.read")], responses={200: {"model": models_rollouts.RolloutList}})

@@ -6,13 +6,14 @@ import asyncio
 import re
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_rules as models
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.listing import Paged, listing
 from gateway.api.models_identity import Nothing
 from gateway.api.problem import JsonResponse
@@ -40,7 +41,7 @@ Text = Annotated[str, Query(max_length=128, description="only rules with this in
 Count = Annotated[int, Query(ge=1, le=100)]
 Before = Annotated[int | None, Query(ge=0, description="the `next` of the page before")]
 
-router = APIRouter(prefix="/api/v1", tags=["rules"], default_response_class=JsonResponse)
+router = api_router("/api/v1", tags=["rules"])
 
 
 @router.get("/rules", dependencies=[allow("rules.read")], responses={200: {"model": models.RuleList}})

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models
 from gateway.api import models_graph as graph_models
 from gateway.api.allow import allow, principal_of
+from gateway.api.later_route import api_router
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.commands import called
@@ -20,7 +21,7 @@ from metaros.limits import LIMITS
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/v1/robots", tags=["commands"], default_response_class=JsonResponse)
+router = api_router("/api/v1/robots", tags=["commands"])
 CDR = "application/cdr"
 
 

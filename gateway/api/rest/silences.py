@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
@@ -10,6 +9,7 @@ from gateway.alerts.errors import UnknownSilenceError
 from gateway.api import models_alerts
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
@@ -20,7 +20,7 @@ from gateway.api.views_alerts import silence_view
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/v1/silences", tags=["alerts"], default_response_class=JsonResponse)
+router = api_router("/api/v1/silences", tags=["alerts"])
 
 
 @router.get("", dependencies=[allow("alerts.read")], responses={200: {"model": models_alerts.SilenceList}})

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models, models_store
 from gateway.api.allow import allow, principal_of
+from gateway.api.later_route import api_router
 from gateway.api.problem import JsonResponse
 from gateway.api.services import services_of
 
@@ -15,7 +15,7 @@ __all__ = ["router"]
 
 BY_ROBOT = ("robots", "damaged")
 
-router = APIRouter(prefix="/api/v1/store", tags=["store"], default_response_class=JsonResponse)
+router = api_router("/api/v1/store", tags=["store"])
 
 
 @router.get(

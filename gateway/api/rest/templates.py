@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 import re
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_twin as models
 from gateway.api.allow import allow, require_all
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
@@ -27,7 +27,7 @@ __all__ = ["router"]
 
 _ETAG = re.compile(r'(?:W/)?"(\d{1,16})"')
 
-router = APIRouter(prefix="/api/v1/templates", tags=["twins"], default_response_class=JsonResponse)
+router = api_router("/api/v1/templates", tags=["twins"])
 
 
 @router.get("", dependencies=[allow("twin.read")], responses={200: {"model": models.TemplateList}})

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_tickets
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note, reach
+from gateway.api.later_route import api_router
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.auth import REFUSALS
 from gateway.api.rest.bodies import body_document, read_body
@@ -18,7 +18,7 @@ from gateway.domain.principal import Role
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/v1/auth", tags=["accounts"], default_response_class=JsonResponse)
+router = api_router("/api/v1/auth", tags=["accounts"])
 
 
 @router.post(

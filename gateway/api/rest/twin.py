@@ -6,13 +6,14 @@ import asyncio
 import re
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models_twin as models
 from gateway.api.allow import allow, principal_of
 from gateway.api.audited import note
+from gateway.api.later_route import api_router
 from gateway.api.listing import Paged, listing
 from gateway.api.models_identity import Nothing
 from gateway.api.problem import JsonResponse
@@ -57,7 +58,7 @@ Count = Annotated[int, Query(ge=1, le=100)]
 ANY_OBJECT = {"requestBody": {"required": True, "content": {"application/json": {"schema": {"type": "object"}}}}}
 PRECONDITIONS: dict[int | str, dict[str, Any]] = {**PROBLEMS, 412: PROBLEMS[409]}
 
-router = APIRouter(prefix="/api/v1", tags=["twins"], default_response_class=JsonResponse)
+router = api_router("/api/v1", tags=["twins"])
 
 
 @router.get("/twin/schema", dependencies=[allow("twin.read")], response_model=None)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import asyncio
 
-from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models
 from gateway.api.allow import allow
+from gateway.api.later_route import api_router
 from gateway.api.models_types import TypeShape
 from gateway.api.problem import JsonResponse
 from gateway.api.services import services_of
@@ -17,7 +17,7 @@ from gateway.fleet.types import TypeBook
 
 __all__ = ["router"]
 
-router = APIRouter(prefix="/api/v1/robots", tags=["robots"], default_response_class=JsonResponse)
+router = api_router("/api/v1/robots", tags=["robots"])
 
 
 @router.get(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import AsyncIterator
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response, StreamingResponse
 
@@ -13,6 +13,7 @@ from gateway.api import models, models_updates
 from gateway.api.allow import allow, principal_of, require_all
 from gateway.api.audited import note
 from gateway.api.guard import UPLOAD_TYPE
+from gateway.api.later_route import api_router
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
 from gateway.api.rest.downloads import DownloadResponse
@@ -29,7 +30,7 @@ __all__ = ["bundle_view", "router"]
 
 MISSING: dict[int | str, dict[str, Any]] = {404: {"model": models.Problem}, 410: {"model": models.Problem}}
 
-router = APIRouter(prefix="/api/v1/updates", tags=["updates"], default_response_class=JsonResponse)
+router = api_router("/api/v1/updates", tags=["updates"])
 
 
 @router.get("", dependencies=[allow("updates.read")], responses={200: {"model": models_updates.UpdateList}})

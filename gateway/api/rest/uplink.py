@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models
 from gateway.api.allow import allow
 from gateway.api.conditional import matches
+from gateway.api.later_route import api_router
 from gateway.api.listing import FieldsText, read_fields
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS, body_document, read_body
@@ -24,7 +25,7 @@ __all__ = ["router"]
 
 MAX_GAPS = 1000
 
-router = APIRouter(prefix="/api/v1/robots", tags=["link"], default_response_class=JsonResponse)
+router = api_router("/api/v1/robots", tags=["link"])
 
 
 @router.get(

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import Query
 from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.api import models, models_watch
 from gateway.api.allow import allow
+from gateway.api.later_route import api_router
 from gateway.api.listing import Paged, listing
 from gateway.api.problem import JsonResponse
 from gateway.api.rest.bodies import PROBLEMS
@@ -22,7 +23,7 @@ __all__ = ["router"]
 From = Annotated[str, Query(alias="from", max_length=64, description="RFC 3339, or relative like -15m")]
 To = Annotated[str, Query(max_length=64, description="RFC 3339, relative, or now")]
 
-router = APIRouter(prefix="/api/v1/robots/{robot_id}/watch", tags=["alerts"], default_response_class=JsonResponse)
+router = api_router("/api/v1/robots/{robot_id}/watch", tags=["alerts"])
 
 
 @router.get(

@@ -12,8 +12,6 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, TypeGuard
 
-from PIL import Image
-
 from gateway.api.rosbridge.outward import json_bytes
 from gateway.errors import BodyTooLargeError, InvalidRequestError
 from metaros.limits import LIMITS, Limits
@@ -37,6 +35,8 @@ def fragments(text: str, *, size: int, name: str) -> list[bytes]:
 
 def png_message(text: bytes) -> bytes:
     """The `png` op of a JSON text: a picture whose pixels' bytes are the text, filled up with line feeds."""
+    from PIL import Image  # few clients ask for pictures
+
     pixels = -(-len(text) // 3)
     width = max(1, math.isqrt(pixels))
     height = max(1, -(-pixels // width))
