@@ -44,6 +44,7 @@ from gateway.identity.local import Doors, LocalKey
 from gateway.identity.master import MasterKey
 from gateway.identity.oidc import OidcClient
 from gateway.identity.oidc_settings import OidcSettings
+from gateway.identity.passwords import Passwords
 from gateway.identity.shared_key import check_master
 from gateway.identity.store_door import StoreDoor
 from gateway.identity.tickets import Tickets
@@ -82,7 +83,9 @@ TICK_S = 0.25
 class Gateway:
     """Everything but the listening sockets: start, run beside the servers, stop."""
 
-    def __init__(self, settings: Settings, *, clock: Clock, door: Door | None = None) -> None:
+    def __init__(
+        self, settings: Settings, *, clock: Clock, door: Door | None = None, passwords: Passwords | None = None
+    ) -> None:
         self.settings = settings
         self.clock = clock
         retention = retention_of(settings)
@@ -112,7 +115,7 @@ class Gateway:
         self._make_robots(limits)
         self.local_key = LocalKey(settings.data_dir)
         stored = StoreDoor(self.store, clock=clock)
-        self.accounts = Accounts(self.store, stored, master, clock=clock)
+        self.accounts = Accounts(self.store, stored, master, clock=clock, passwords=passwords)
         self.audit = AuditLog(self.store, self.objects, clock=clock, seal=master)
         provider = OidcSettings.load(settings.oidc) if settings.oidc is not None else None
         self.oidc = OidcClient(provider, master, clock=clock) if provider is not None else None

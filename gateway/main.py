@@ -28,6 +28,7 @@ from gateway.grpc_server import ServerTls, make_server, tls_credentials
 from gateway.heap import settle_heap
 from gateway.http_server import protocols
 from gateway.identity.door import Door
+from gateway.identity.passwords import Passwords
 from gateway.ingest.link_service import add_links
 from gateway.ops.logs import set_up_logs
 from gateway.ports import Listeners, PortChoice, listen, listen_all, port_of
@@ -128,11 +129,14 @@ async def serve(
     *,
     clock: Clock | None = None,
     door: Door | None = None,
+    passwords: Passwords | None = None,
     on_ready: Callable[[Ready], None] = lambda ready: None,
 ) -> None:
-    """Run a gateway in this event loop until `stop` is set; `door` knows credentials beside its own."""
+    """Run a gateway in this event loop until `stop` is set; `door` knows credentials beside its own, `passwords` hashes
+    them otherwise.
+    """
     with listen_all(settings.host, _ports(settings)) as listeners:
-        gateway = Gateway(settings, clock=clock or SystemClock(), door=door)
+        gateway = Gateway(settings, clock=clock or SystemClock(), door=door, passwords=passwords)
         try:
             await gateway.start()
             await _serve(gateway, listeners, stop, on_ready)

@@ -14,10 +14,12 @@ from typing import Any
 
 import grpc
 import httpx
+from argon2 import PasswordHasher
 from websockets.asyncio.client import ClientConnection, connect
 
 from gateway.domain.principal import Role
 from gateway.identity.door import Door
+from gateway.identity.passwords import Passwords
 from gateway.main import Ready, serve
 from gateway.private_dir import make_private
 from gateway.settings import Settings
@@ -33,6 +35,7 @@ CONTROL, DATA, BACKFILL = link_pb2.LANE_CONTROL, link_pb2.LANE_DATA, link_pb2.LA
 EPOCH = 77
 RING = KeyRing()
 TRUSTS_NOBODY = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # plain HTTP needs no roots, whose reading takes 50 ms
+QUICK = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)  # what a real hash costs is for its own tests
 OPERATOR_KEY = RING.add(role=Role.OPERATOR, name="test operator")
 
 
@@ -40,7 +43,9 @@ OPERATOR_KEY = RING.add(role=Role.OPERATOR, name="test operator")
 async def running_gateway(
     folder: Path, *, door: Door | None = None, clock: Clock | None = None, **settings: Any
 ) -> AsyncIterator[Ready]:
-    """A gateway on free ports, stopped at the end as a signal would stop it; it knows the keys of `door`."""
+    """A gateway on free ports, stopped at the end as a signal would stop it; it knows the keys of `door`, and hashes
+    passwords in no time.
+    """
     stop, up = asyncio.Event(), asyncio.get_running_loop().create_future()
     chosen = Settings(
         **{
@@ -55,7 +60,9 @@ async def running_gateway(
     )
     if not chosen.data_dir.exists() and not chosen.store_url:
         (make_private(chosen.data_dir) / DATABASE).write_bytes(_empty_store())
-    task = asyncio.create_task(serve(chosen, stop, clock=clock, on_ready=up.set_result, door=door or RING))
+    passwords = Passwords(hasher=QUICK)
+    serving = serve(chosen, stop, clock=clock, on_ready=up.set_result, door=door or RING, passwords=passwords)
+    task = asyncio.create_task(serving)
     await asyncio.wait({task, up}, return_when=asyncio.FIRST_COMPLETED)
     try:
         yield up.result() if up.done() else task.result()

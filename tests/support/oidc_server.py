@@ -20,7 +20,7 @@ from joserfc.jwk import RSAKey
 
 from metaros.clock import SystemClock
 
-__all__ = ["CLIENT_ID", "CLIENT_SECRET", "OidcServer", "oidc_server"]
+__all__ = ["CLIENT_ID", "CLIENT_SECRET", "OidcServer", "another_key", "oidc_server"]
 
 CLIENT_ID, CLIENT_SECRET = "meta ros/1", "s3cret:with/odd %"
 _BASIC = base64.b64encode(b"meta%20ros%2F1:s3cret%3Awith%2Fodd%20%25").decode()
@@ -55,7 +55,17 @@ class OidcServer:
     def new_key(self) -> None:
         """As providers do now and then."""
         self.kid += "1"
-        self.key = RSAKey.generate_key(2048, {"kid": self.kid})
+        self.key = RSAKey.import_key({**another_key().as_dict(private=True), "kid": self.kid})
+
+    @contextmanager
+    def saying(self, **fields: Any) -> Iterator[None]:
+        """With other fields, until the end of the block."""
+        before = {name: getattr(self, name) for name in fields}
+        vars(self).update(fields)
+        try:
+            yield
+        finally:
+            vars(self).update(before)
 
     def get(self, path: str, query: dict[str, str]) -> tuple[int, bytes, dict[str, str]]:
         """A GET's answer."""
@@ -117,6 +127,12 @@ def oidc_server() -> Iterator[OidcServer]:
 @lru_cache(maxsize=1)
 def _first_key() -> RSAKey:
     """Made once: it takes a while."""
+    return RSAKey.generate_key(2048, {"kid": "k1"})
+
+
+@lru_cache(maxsize=1)
+def another_key() -> RSAKey:
+    """Of whoever else signs with a key that is called the same."""
     return RSAKey.generate_key(2048, {"kid": "k1"})
 
 
