@@ -89,6 +89,7 @@ def test_noise_costs_no_more_than_what_it_hit_and_is_counted(tmp_path: Path, con
     rng = Random(1)
     with PtyDevice(tmp_path) as device, running("gps", {"port": device.path}, context=context) as driver:
         fixes = driver.messages(NavSatFix, "fix")
+        wait_until(lambda: driver.state() == "working")  # what came before it opened the port is gone
         device.write(rng.randbytes(100_000))
         send_until(device, nmea_epoch, lambda: fixes)
         device.write(nmea_epoch(1).replace(b"4807", b"4808"))

@@ -72,6 +72,7 @@ def test_without_an_orientation_the_message_says_so(tmp_path: Path, context: met
 
 def test_noise_is_counted_and_passed_over(tmp_path: Path, context: metaros.Context) -> None:
     with PtyDevice(tmp_path) as device, running("imu", {"port": device.path}, context=context) as driver:
+        wait_until(lambda: driver.state() == "working")  # what came before it opened the port is gone
         device.write(Random(9).randbytes(100_000))
         samples = driver.messages(Imu, "imu")
         send_until(device, wit_round(), lambda: len(samples) > 5 and count(driver, "skipped_bytes") > 90_000)
