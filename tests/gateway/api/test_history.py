@@ -6,12 +6,16 @@ import asyncio
 import io
 import json
 import os
+import socket
+from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
+import pytest_asyncio
 from mcap.reader import make_reader
 
 from gateway.api import models_history
@@ -21,6 +25,7 @@ from gateway.api.rest.ranges import chosen_topics, full_pattern, parse_age
 from gateway.domain.records import split_records
 from gateway.errors import InvalidRequestError
 from gateway.history import desk
+from gateway.main import Ready
 from gateway.objects import open_objects
 from gateway.store.compact import Compaction, CompactPace
 from gateway.store.engines import open_engine
@@ -30,8 +35,19 @@ from metaros.cdr import codec
 from metaros.clock import SystemClock
 from metaros.interfaces.std_msgs.msg import String
 from metaros.limits import LIMITS, Limits
-from tests.gateway.harness import DATA, EPOCH, ScriptedAgent, channel, client, running_gateway
+from tests.gateway.harness import (
+    DATA,
+    EPOCH,
+    OPERATOR_KEY,
+    TRUSTS_NOBODY,
+    ScriptedAgent,
+    bearer,
+    channel,
+    client,
+    running_gateway,
+)
 
+shared = pytest.mark.asyncio(loop_scope="module")
 BASE = "/api/v1/robots/sim_1"
 RANGE = "start=2001-09-09T01:46:40Z&end=2001-09-09T01:46:50Z"
 START_NS = 10**18
@@ -56,6 +72,33 @@ async def fill(agent: ScriptedAgent) -> None:
     await settled(agent, {0: 2, 1: 15, 2: 10})
 
 
+@dataclass(frozen=True)
+class World:
+    """A gateway that has what `fill` sends of sim_1, `make_noise` of noisy, and of fresh nothing."""
+
+    ready: Ready
+    http: httpx.AsyncClient
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def world(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[World]:
+    async with running_gateway(tmp_path_factory.mktemp("gateway")) as ready, client(ready) as http:
+        async with ScriptedAgent(ready) as agent:
+            await fill(agent)
+        async with ScriptedAgent(ready, "noisy", session=b"n" * 16) as noisy:
+            await make_noise(noisy)
+        async with ScriptedAgent(ready, "fresh", session=b"f" * 16):
+            pass
+        yield World(ready, http)
+
+
+def slow_reader(ready: Ready) -> httpx.AsyncClient:
+    """A client whose system takes little that it does not read."""
+    small = [(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)]
+    transport = httpx.AsyncHTTPTransport(verify=TRUSTS_NOBODY, trust_env=False, socket_options=small)
+    return httpx.AsyncClient(base_url=ready.url, headers=bearer(OPERATOR_KEY), transport=transport, timeout=60)
+
+
 async def settled(agent: ScriptedAgent, wanted: dict[int, int]) -> None:
     """Wait until all of it is acknowledged."""
     while wanted:
@@ -70,73 +113,73 @@ async def get(http: httpx.AsyncClient, path: str) -> dict[str, Any]:
     return dict(answer.json())
 
 
-async def test_answers_fit_their_models(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
-        await fill(agent)
-        for path, model in [
-            (f"{BASE}/history", models_history.History),
-            (f"{BASE}/timeline?{RANGE}&buckets=7", models_history.Timeline),
-            (f"{BASE}/messages?{RANGE}", models_history.MessagePage),
-            (f"{BASE}/messages?{RANGE}&format=cdr&order=desc&limit=3", models_history.MessagePage),
-            (f"{BASE}/at?t=2001-09-09T01:46:41Z&topic=chatter&topic=none&format=json", models_history.InstantMessages),
-        ]:
-            model.model_validate_json((await http.get(path)).content)
+@shared
+async def test_answers_fit_their_models(world: World) -> None:
+    http = world.http
+    for path, model in [
+        (f"{BASE}/history", models_history.History),
+        (f"{BASE}/timeline?{RANGE}&buckets=7", models_history.Timeline),
+        (f"{BASE}/messages?{RANGE}", models_history.MessagePage),
+        (f"{BASE}/messages?{RANGE}&format=cdr&order=desc&limit=3", models_history.MessagePage),
+        (f"{BASE}/at?t=2001-09-09T01:46:41Z&topic=chatter&topic=none&format=json", models_history.InstantMessages),
+    ]:
+        model.model_validate_json((await http.get(path)).content)
 
 
-async def test_what_is_stored(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
-        assert await get(http, f"{BASE}/history") == {"topics": [], "series": 0, "first": None, "last": None}
-        await fill(agent)
-        history = await get(http, f"{BASE}/history")
-        assert [(row["topic"], row["samples"], row["class"]) for row in history["topics"]] == [
-            ("/sim_1/chatter", 10, "bulk"),
-            ("/sim_1/lidar/scan", 10, "bulk"),
-        ]
-        assert (history["series"], history["first"]) == (1, "2001-09-09T01:46:40.000Z")
-        line = await get(http, f"{BASE}/timeline?{RANGE}&buckets=10")
-        assert line["messages"] == [20, *[0] * 9]
-        assert line["rows"] == [0, 0, 0, 0, 0, 1, 1, 0, 0, 0]
-        assert line["width_ms"] == 1000
-        (gap,) = line["gaps"]
-        assert (gap["count"], gap["reason"], gap["topic"]) == (5, "outbox_full", "/sim_1/chatter")
+@shared
+async def test_what_is_stored(world: World) -> None:
+    http = world.http
+    assert await get(http, "/api/v1/robots/fresh/history") == {"topics": [], "series": 0, "first": None, "last": None}
+    history = await get(http, f"{BASE}/history")
+    assert [(row["topic"], row["samples"], row["class"]) for row in history["topics"]] == [
+        ("/sim_1/chatter", 10, "bulk"),
+        ("/sim_1/lidar/scan", 10, "bulk"),
+    ]
+    assert (history["series"], history["first"]) == (1, "2001-09-09T01:46:40.000Z")
+    line = await get(http, f"{BASE}/timeline?{RANGE}&buckets=10")
+    assert line["messages"] == [20, *[0] * 9]
+    assert line["rows"] == [0, 0, 0, 0, 0, 1, 1, 0, 0, 0]
+    assert line["width_ms"] == 1000
+    (gap,) = line["gaps"]
+    assert (gap["count"], gap["reason"], gap["topic"]) == (5, "outbox_full", "/sim_1/chatter")
 
 
-async def test_messages_page_by_page_with_their_losses(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
-        await fill(agent)
-        shown, cursor = [], ""
-        for _ in range(9):
-            page = await get(http, f"{BASE}/messages?{RANGE}&topic=chatter&limit=4{cursor}")
-            shown += [message["message"]["data"] for message in page["messages"]]
-            assert [gap["count"] for gap in page["gaps"]] == [5]
-            if page["next"] is None:
-                break
-            cursor = f"&cursor={page['next']}"
-        assert shown == [f"1.{n}" for n in range(10)]
-        other = await get(http, f"{BASE}/messages?{RANGE}&topic=lidar/**&order=desc&limit=1")
-        assert (other["messages"][0]["message"], other["gaps"]) == ({"data": "2.9"}, [])
+@shared
+async def test_messages_page_by_page_with_their_losses(world: World) -> None:
+    http = world.http
+    shown, cursor = [], ""
+    for _ in range(9):
+        page = await get(http, f"{BASE}/messages?{RANGE}&topic=chatter&limit=4{cursor}")
+        shown += [message["message"]["data"] for message in page["messages"]]
+        assert [gap["count"] for gap in page["gaps"]] == [5]
+        if page["next"] is None:
+            break
+        cursor = f"&cursor={page['next']}"
+    assert shown == [f"1.{n}" for n in range(10)]
+    other = await get(http, f"{BASE}/messages?{RANGE}&topic=lidar/**&order=desc&limit=1")
+    assert (other["messages"][0]["message"], other["gaps"]) == ({"data": "2.9"}, [])
 
 
-async def test_an_instant_as_records_and_as_json(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
-        await fill(agent)
-        path = f"{BASE}/at?t=2001-09-09T01:46:41Z&topic=chatter&topic=**/scan&topic=none"
-        answer = await http.get(path)
-        assert answer.headers["content-type"] == RECORDS_TYPE
-        length = int.from_bytes(answer.content[:4], "little")
-        facts = json.loads(answer.content[4 : 4 + length])
-        records = list(split_records(answer.content[4 + length :]))
-        assert [(row["channel"], row["topic"]) for row in facts["channels"]] == [
-            (1, "/sim_1/chatter"),
-            (2, "/sim_1/lidar/scan"),
-        ]
-        assert [(number, record.seq) for _, number, record in records] == [(1, 10), (2, 10)]
-        assert facts["missing"] == [{"topic": "/sim_1/none", "reason": "not_stored", "nearest_ms": None}]
-        assert [gap["count"] for gap in facts["gaps"]] == [5]
-        decoded = await get(http, f"{path}&format=json")
-        assert [message["message"]["data"] for message in decoded["messages"]] == ["1.9", "2.9"]
-        late = await get(http, f"{BASE}/at?t=2001-09-09T02:00:00Z&topic=chatter&format=json&max_age=1m")
-        assert [item["reason"] for item in late["missing"]] == ["too_old"]
+@shared
+async def test_an_instant_as_records_and_as_json(world: World) -> None:
+    http = world.http
+    path = f"{BASE}/at?t=2001-09-09T01:46:41Z&topic=chatter&topic=**/scan&topic=none"
+    answer = await http.get(path)
+    assert answer.headers["content-type"] == RECORDS_TYPE
+    length = int.from_bytes(answer.content[:4], "little")
+    facts = json.loads(answer.content[4 : 4 + length])
+    records = list(split_records(answer.content[4 + length :]))
+    assert [(row["channel"], row["topic"]) for row in facts["channels"]] == [
+        (1, "/sim_1/chatter"),
+        (2, "/sim_1/lidar/scan"),
+    ]
+    assert [(number, record.seq) for _, number, record in records] == [(1, 10), (2, 10)]
+    assert facts["missing"] == [{"topic": "/sim_1/none", "reason": "not_stored", "nearest_ms": None}]
+    assert [gap["count"] for gap in facts["gaps"]] == [5]
+    decoded = await get(http, f"{path}&format=json")
+    assert [message["message"]["data"] for message in decoded["messages"]] == ["1.9", "2.9"]
+    late = await get(http, f"{BASE}/at?t=2001-09-09T02:00:00Z&topic=chatter&format=json&max_age=1m")
+    assert [item["reason"] for item in late["missing"]] == ["too_old"]
 
 
 BAD: list[tuple[str, int, str]] = [
@@ -158,91 +201,91 @@ BAD: list[tuple[str, int, str]] = [
 ]
 
 
-async def test_bad_questions_say_what(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready):
-        for path, status, what in BAD:
-            answer = await http.get(path)
-            assert (answer.status_code, answer.headers["content-type"]) == (status, "application/problem+json"), path
-            assert what in answer.json()["detail"], path
+@shared
+async def test_bad_questions_say_what(world: World) -> None:
+    http = world.http
+    for path, status, what in BAD:
+        answer = await http.get(path)
+        assert (answer.status_code, answer.headers["content-type"]) == (status, "application/problem+json"), path
+        assert what in answer.json()["detail"], path
 
 
-async def test_too_many_questions_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@shared
+async def test_too_many_questions_are_refused(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
     """With room for one, the others of a crowd hear so, and the one that is answered is answered."""
+    http = world.http
     monkeypatch.setattr(desk, "WAITING", 1)
-    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
-        await fill(agent)
-        answers = await asyncio.gather(*(http.get(f"{BASE}/messages?{RANGE}") for _ in range(8)))
-        codes = [answer.status_code for answer in answers]
-        assert set(codes) <= {200, 429}
-        assert 200 in codes
-        assert {answer.json()["code"] for answer in answers if answer.status_code == 429} <= {"too_many"}
-        monkeypatch.setattr(desk, "WAITING", 0)
-        refused = await http.get(f"{BASE}/messages?{RANGE}")
-        assert (refused.status_code, refused.json()["code"]) == (429, "too_many")
+    answers = await asyncio.gather(*(http.get(f"{BASE}/messages?{RANGE}") for _ in range(8)))
+    codes = [answer.status_code for answer in answers]
+    assert set(codes) <= {200, 429}
+    assert 200 in codes
+    assert {answer.json()["code"] for answer in answers if answer.status_code == 429} <= {"too_many"}
+    monkeypatch.setattr(desk, "WAITING", 0)
+    refused = await http.get(f"{BASE}/messages?{RANGE}")
+    assert (refused.status_code, refused.json()["code"]) == (429, "too_many")
 
 
-async def test_an_export_over_http(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
-        await fill(agent)
-        answer = await http.get(f"/api/v1/export.mcap?robot=sim_1&topic=chatter&{RANGE}")
-        assert answer.headers["content-disposition"] == 'attachment; filename="sim_1-20010909T014640Z.mcap"'
-        reader = make_reader(io.BytesIO(answer.content), validate_crcs=True)
-        assert [message.log_time - START_NS - 1 for _, _, message in reader.iter_messages()] == list(range(10))
-        (record,) = reader.iter_metadata()
-        assert [loss["count"] for loss in json.loads(record.metadata["/sim_1/chatter sim_1"])["losses"]] == [5]
+@shared
+async def test_an_export_over_http(world: World) -> None:
+    http = world.http
+    answer = await http.get(f"/api/v1/export.mcap?robot=sim_1&topic=chatter&{RANGE}")
+    assert answer.headers["content-disposition"] == 'attachment; filename="sim_1-20010909T014640Z.mcap"'
+    reader = make_reader(io.BytesIO(answer.content), validate_crcs=True)
+    assert [message.log_time - START_NS - 1 for _, _, message in reader.iter_messages()] == list(range(10))
+    (record,) = reader.iter_metadata()
+    assert [loss["count"] for loss in json.loads(record.metadata["/sim_1/chatter sim_1"])["losses"]] == [5]
+
+
+NOISE_MIB = 16  # more than the systems between the two of them take before it is read
+EXPORT = f"/api/v1/export.mcap?robot=noisy&{RANGE}"
 
 
 async def make_noise(agent: ScriptedAgent) -> None:
-    """32 MiB that no compression makes smaller."""
-    await agent.announce(channel(1, "/sim_1/noise", "std_msgs/msg/String"))
-    for number in range(1, 33):
+    """That no compression makes smaller."""
+    await agent.announce(channel(1, f"/{agent.robot}/noise", "std_msgs/msg/String"))
+    for number in range(1, NOISE_MIB + 1):
         await agent.samples(1, number, [os.urandom(1 << 20)], stamp_ns=START_NS)
-    await settled(agent, {1: 32})
+    await settled(agent, {1: NOISE_MIB})
 
 
-async def test_readers_that_go_give_their_place_back(tmp_path: Path) -> None:
+@shared
+async def test_readers_that_go_give_their_place_back(world: World) -> None:
     """Large exports whose readers read nothing hold all the places; when they go, the next one is served."""
-    path = f"/api/v1/export.mcap?robot=sim_1&{RANGE}"
-    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
-        await make_noise(agent)
+    http = world.http
+    async with slow_reader(world.ready) as slow:
         async with AsyncExitStack() as readers:
             for _ in range(LIMITS.exports):
-                answer = await readers.enter_async_context(http.stream("GET", path))
+                answer = await readers.enter_async_context(slow.stream("GET", EXPORT))
                 assert answer.status_code == 200
-            busy = await http.get(path)
+            busy = await http.get(EXPORT)
             assert (busy.status_code, busy.json()["code"]) == (429, "too_many")
         async with asyncio.timeout(60):
-            while (answer := await http.get(path)).status_code == 429:
+            while (answer := await http.get(EXPORT)).status_code == 429:
                 pass
+    assert answer.status_code == 200
+    assert len(list(make_reader(io.BytesIO(answer.content)).iter_messages())) == NOISE_MIB
+
+
+@shared
+async def test_a_reader_that_takes_nothing_gives_its_place_back(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(desk, "LIMITS", Limits(exports=1))
+    monkeypatch.setattr(downloads, "STALL_S", 0.1)
+    async with slow_reader(world.ready) as slow, slow.stream("GET", EXPORT) as answer, asyncio.timeout(60):
         assert answer.status_code == 200
-        assert len(list(make_reader(io.BytesIO(answer.content)).iter_messages())) == 32
+        while (await world.http.get(f"{EXPORT}&topic=none")).status_code == 429:
+            pass
 
 
 async def test_a_gateway_that_stops_leaves_no_shorter_file(tmp_path: Path) -> None:
     """The connection of an export under way breaks; it does not end as if all was said."""
     async with AsyncExitStack() as after:
-        async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent:
+        async with running_gateway(tmp_path, drain_s=0.1) as ready, ScriptedAgent(ready, "noisy") as agent:
             await make_noise(agent)
-            http = await after.enter_async_context(client(ready))
-            stream = http.stream("GET", f"/api/v1/export.mcap?robot=sim_1&{RANGE}")
-            pieces = (await after.enter_async_context(stream)).aiter_bytes(1 << 16)
+            http = await after.enter_async_context(slow_reader(ready))
+            pieces = (await after.enter_async_context(http.stream("GET", EXPORT))).aiter_bytes(1 << 16)
             assert (await anext(pieces)).startswith(b"\x89MCAP0")
         with pytest.raises(httpx.RemoteProtocolError):
             async for _ in pieces:
-                pass
-
-
-async def test_a_reader_that_takes_nothing_gives_its_place_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(desk, "LIMITS", Limits(exports=1))
-    monkeypatch.setattr(downloads, "STALL_S", 0.1)
-    path = f"/api/v1/export.mcap?robot=sim_1&{RANGE}"
-    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
-        await make_noise(agent)
-        async with http.stream("GET", path) as answer, asyncio.timeout(60):
-            assert answer.status_code == 200
-            while (await http.get(f"{path}&topic=none")).status_code == 429:
                 pass
 
 
