@@ -13,6 +13,7 @@ from edge_agent.scope import Scope
 from edge_agent.uplink.desk import Tell, Told
 from metaros._proto import link_pb2
 from metaros.clock import Clock
+from metaros.limits import LIMITS, Limits
 from metaros.node import Node
 
 if TYPE_CHECKING:
@@ -26,10 +27,10 @@ class RosDesk:
 
     frames = frozenset({"offers", "offer_answer"})
 
-    def __init__(self, node: Node, scope: Scope, clock: Clock) -> None:
-        self._graph = GraphWatch(node, scope)
-        self._goals = GoalRunner(node, scope, clock)
-        self._offers = OfferSide(node, scope)
+    def __init__(self, node: Node, scope: Scope, clock: Clock, *, limits: Limits = LIMITS) -> None:
+        self._graph = GraphWatch(node, scope, limits=limits)
+        self._goals = GoalRunner(node, scope, clock, limits=limits)
+        self._offers = OfferSide(node, scope, limits=limits)
 
     @property
     def actions(self) -> Mapping[str, Action]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from edge_agent.state_dir import locked
 from tests.edge_agent.test_main import start
 from tests.edge_agent.test_report import filled
 from tests.support.ports import free_port
+from tests.support.processes import END_S
 from tests.support.waiting import wait_until
 
 CLASS = {
@@ -112,6 +114,9 @@ def test_a_running_agent_answers(zenoh_router: str, tmp_path: Path) -> None:
         assert f"pid {agent.pid}" in output
         code, output = status("--name", "other", port=port)
         assert code == 1
+        agent.send_signal(signal.SIGTERM)
+        _, errors = agent.communicate(timeout=END_S)
+        assert (agent.returncode, "Traceback" in errors, ready.exists()) == (0, False, False), errors
     code, output = status("--state-dir", str(state), port=port)
     assert (code, "does not run" in output) == (0, True)
 

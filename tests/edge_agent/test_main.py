@@ -10,8 +10,6 @@ import sys
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-import pytest
-
 import metaros
 from edge_agent.config import OutboxSettings, Settings
 from edge_agent.main import run_agent
@@ -21,6 +19,7 @@ from metaros.clock import SystemClock
 from metaros.interfaces.std_msgs.msg import String
 from metaros.link import CHANNEL_MASK
 from tests.edge_agent.conftest import Rig, Robot
+from tests.support.command_line import call_metaros
 from tests.support.fake_gateway import FakeGateway
 from tests.support.ports import free_port
 from tests.support.processes import END_S, started
@@ -36,10 +35,8 @@ def start(*options: str) -> AbstractContextManager[subprocess.Popen[str]]:
     return started([sys.executable, "-c", COMMAND, "agent", *options])
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_it_is_ready_without_a_gateway_and_ends_cleanly(
-    zenoh_router: str, tmp_path: Path, number: signal.Signals
-) -> None:
+def test_it_is_ready_without_a_gateway_and_ends_cleanly(zenoh_router: str, tmp_path: Path) -> None:
+    """By Ctrl-C; by SIGTERM in the test of `metaros agent status`."""
     status = tmp_path / "agent.json"
     gateway, port = f"127.0.0.1:{free_port()}", zenoh_router.rpartition(":")[2]
     options = ("--name", "r1", "--gateway", gateway, "--zenoh-port", port)
@@ -47,7 +44,7 @@ def test_it_is_ready_without_a_gateway_and_ends_cleanly(
     with start(*options, *places) as agent:
         wait_until(lambda: status.exists() or agent.poll() is not None, timeout_s=60)
         assert json.loads(status.read_text()) == {"pid": agent.pid, "ready": True, "name": "r1", "namespace": "/"}
-        agent.send_signal(number)
+        agent.send_signal(signal.SIGINT)
         _, errors = agent.communicate(timeout=END_S)
         assert agent.returncode == 0, errors
         assert "Traceback" not in errors
@@ -55,12 +52,11 @@ def test_it_is_ready_without_a_gateway_and_ends_cleanly(
 
 
 def test_a_wrong_option_is_one_line() -> None:
-    with start("--gateway", "nowhere") as agent:
-        _, errors = agent.communicate(timeout=END_S)
-    assert agent.returncode == 2
-    assert errors.startswith("metaros agent: command line: gateway must be HOST:PORT")
-    assert errors.strip().endswith("not 'nowhere'")
-    assert len(errors.strip().splitlines()) == 1
+    done = call_metaros("agent", "--gateway", "nowhere")
+    assert done.code == 2
+    assert done.err.startswith("metaros agent: command line: gateway must be HOST:PORT")
+    assert done.err.strip().endswith("not 'nowhere'")
+    assert len(done.err.strip().splitlines()) == 1
 
 
 async def test_what_was_gathered_is_flushed_at_the_end(

@@ -57,7 +57,7 @@ async def test_live_leaves_the_robot_only_on_demand(agent: Rig, robot: Robot) ->
         )
     )
     assert not live
-    agent.demand(channel, 5.0)
+    agent.demand(channel, 20.0)
     await wait_until_async(lambda: len(live) >= 5)
     stop.set()
     await talking

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -20,10 +21,12 @@ from gateway.fleet.ros_side import RosSide
 from metaros._proto import link_pb2
 from metaros.clock import SystemClock
 from metaros.errors import MetarosError
+from metaros.limits import LIMITS
 
 __all__ = ["RosPair", "ros_pair"]
 
 ROBOT = "sim_1"
+QUICK = replace(LIMITS, graph_report_s=0.02)  # a graph is told of as soon as it changes
 
 
 class Half:
@@ -55,7 +58,7 @@ class RosPair:
     def __init__(self, context: metaros.Context) -> None:
         self.node = metaros.Node("metaros_agent", namespace=f"/{ROBOT}", context=context, enable_parameters=False)
         self.scope = Scope(f"/{ROBOT}")
-        self.desk = RosDesk(self.node, self.scope, SystemClock())
+        self.desk = RosDesk(self.node, self.scope, SystemClock(), limits=QUICK)
         self.gateway = Half(self)
         self.running = asyncio.create_task(self.desk.run())
         self.frames: list[link_pb2.AgentFrame] = []
@@ -78,7 +81,7 @@ class RosPair:
     async def restart_agent(self) -> None:
         """Its process ends and begins anew; call it while there is no link."""
         await self.close(whole=False)
-        self.desk = RosDesk(self.node, self.scope, SystemClock())
+        self.desk = RosDesk(self.node, self.scope, SystemClock(), limits=QUICK)
         self.running = asyncio.create_task(self.desk.run())
 
     def to_agent(self, half: Half, frame: link_pb2.GatewayFrame) -> None:

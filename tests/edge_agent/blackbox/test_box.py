@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from edge_agent.blackbox import box as box_module
 from edge_agent.blackbox.box import OVERHEAD_BYTES, BlackBox
 from edge_agent.blackbox.reading import records
 from edge_agent.blackbox.ring import Ring
@@ -24,7 +25,9 @@ TIB = 1 << 40
 
 
 @pytest.fixture
-def make_box(tmp_path: Path) -> Iterator[MakeBox]:
+def make_box(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[MakeBox]:
+    monkeypatch.setattr(box_module, "GATHER_S", 0.01)
+    monkeypatch.setattr(box_module, "TICK_S", 0.02)
     before = threads_now()
     made: list[BlackBox] = []
 

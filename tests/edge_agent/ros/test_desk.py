@@ -272,6 +272,7 @@ async def test_a_client_runs_goals_of_the_robots_nodes(robot: Robot) -> None:
 
         async def execute(goal: OfferedGoal) -> tuple[Any, Any]:
             if goal.goal["order"] > 5:
+                begun.append(goal.goal["order"])
                 await goal.cancelled()
                 return "canceled", {"sequence": [9]}
             goal.feedback({"sequence": [1]})
@@ -279,6 +280,7 @@ async def test_a_client_runs_goals_of_the_robots_nodes(robot: Robot) -> None:
             return "succeeded", {"sequence": [1, 1]}
 
         heard: list[Any] = []
+        begun: list[int] = []
         await pair.gateway.ros.offers.action(ROBOT, "fib", "example_interfaces/action/Fibonacci", execute)
         client = robot.node.create_action_client(FIBONACCI, "fib")
         assert await asyncio.to_thread(client.wait_for_server, 60)
@@ -287,6 +289,7 @@ async def test_a_client_runs_goals_of_the_robots_nodes(robot: Robot) -> None:
         assert (done.status.name, list(done.result.sequence)) == ("SUCCEEDED", [1, 1])
         assert list(heard[0].sequence) == [1]
         long = await client.send_goal(FIBONACCI.Goal(order=6), timeout_s=60)
+        await wait_until_async(lambda: begun == [6])  # one that is cancelled before never runs
         assert await long.cancel(60)
         done = await long.result(60)
         assert (done.status.name, list(done.result.sequence)) == ("CANCELED", [9])
