@@ -108,9 +108,8 @@ class NounCommands(MutableMapping[str, Any]):
                 self._add(Noun(point.name, "", PLUGINS, f"from {point.value.split(':')[0]}"), point)
 
     def _add(self, noun: Noun, point: EntryPoint | None) -> None:
-        load = partial(_own_register, noun) if noun.module or point is None else point.load
         self.table[noun.name] = noun
-        self._loaders[noun.name] = partial(_make, noun, load)
+        self._loaders[noun.name] = partial(_make, noun, point)
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._made:
@@ -135,15 +134,14 @@ class NounCommands(MutableMapping[str, Any]):
         return name in self._loaders
 
 
-def _own_register(noun: Noun) -> Any:
-    return importlib.import_module(noun.module).register
-
-
-def _make(noun: Noun, load: Callable[[], Any]) -> Any:
+@cache
+def _make(noun: Noun, point: EntryPoint | None) -> Any:
+    """The command, once a process: a noun of twenty commands takes a tenth of a second."""
     app = typer.Typer(add_completion=False)
     app.callback()(lambda: None)  # so that one command stays a command with a name
     try:
-        load()(app)
+        register = importlib.import_module(noun.module).register if point is None or noun.module else point.load()
+        register(app)
         return typer.main.get_group(app).commands[noun.name]
     except Exception as error:  # any fault of a plug-in is that noun's fault only
         return _broken(noun, error)
