@@ -14,8 +14,8 @@ from tests.support.sim_agent import CLASSES, LIMITS, Ledger, WatchedOutbox
 from tests.support.sim_disk import SimDisk
 from tests.support.sim_gateway import Key, SimStore
 
-FRAMES = 3  # at a segment's end, of which every byte is tried
-RANDOM_FLIPS = 600
+FRAMES = 2  # at a segment's end, of which every byte is tried
+RANDOM_FLIPS = 100
 
 
 class Directory:

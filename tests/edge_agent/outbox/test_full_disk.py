@@ -1,4 +1,4 @@
-"""A real disk that is really full, twenty times: no event is lost, and the outbox goes on as soon as there is space."""
+"""A real disk that is really full, again and again: no event is lost, and the outbox goes on as soon as there is space."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-CYCLES = 20
+CYCLES = 6
 ROOT = Path(__file__).resolve().parents[3]
 
 

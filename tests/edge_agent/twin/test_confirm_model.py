@@ -203,7 +203,7 @@ class Confirming(RuleBasedStateMachine):
 
 
 TestConfirm = Confirming.TestCase
-TestConfirm.settings = settings(max_examples=50, stateful_step_count=40, deadline=None)
+TestConfirm.settings = settings(max_examples=30, stateful_step_count=40, deadline=None)
 
 
 WEIGHTS = {"desire": 8, "send": 16, "arrive": 30, "grant": 14, "guess": 2, "link": 6, "time": 12}

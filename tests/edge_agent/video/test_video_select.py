@@ -171,7 +171,7 @@ def test_other_topics_keep_their_places_when_video_is_cut() -> None:
     assert (rig.live.size_bytes, len(rig.live)) == (0, 0)
 
 
-@settings(deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     st.lists(
         st.one_of(st.tuples(st.just("take"), st.integers(1, 6)), st.tuples(st.just("lose"), st.integers(0, 0))),
