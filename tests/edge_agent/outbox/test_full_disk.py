@@ -1,4 +1,4 @@
-"""A real disk that is really full, again and again: no event is lost, and the outbox goes on as soon as there is space."""
+"""A disk that is really full, again and again: no event is lost, and the outbox goes on as soon as there is space."""
 
 from __future__ import annotations
 
