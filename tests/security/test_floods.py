@@ -27,6 +27,7 @@ from gateway.main import Ready
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.limits import LIMITS
 from tests.gateway.harness import ScriptedAgent, client, hear, open_socket, running_gateway, say
+from tests.support.leaping import LeapingClock
 from tests.support.waiting import wait_until_async
 
 SLOW = 500
@@ -37,7 +38,8 @@ Pair = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Heads and handshakes within a second, so that tests need not wait for longer."""
+    """Heads and handshakes within a second, looked at often, so that tests need not wait for longer."""
+    monkeypatch.setattr(gateway.crowd, "SWEEP_S", 0.1)
     short = replace(LIMITS, head_s=1.0, keep_alive_s=2.0)
     monkeypatch.setattr(gateway.main, "Crowd", partial(gateway.crowd.Crowd, limits=short))
 
@@ -140,16 +142,23 @@ async def test_a_head_that_is_too_large_is_431(tmp_path: Path) -> None:
             writer.close()
 
 
-async def test_a_socket_and_its_viewer_outlive_every_deadline_of_a_head(tmp_path: Path, impatient: None) -> None:
-    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready):
-        async with open_socket(ready, "/api/v1/stream") as stream:
-            await hear(stream, "welcome")
-            for _ in range(2):
-                reader, writer = await connected(ready)
-                assert await ended(reader) == b""  # which takes longer than a head may
-                writer.close()
-            await say(stream, op="nonsense")
-            assert (await hear(stream, "error"))["code"] == "invalid_request"
+async def test_a_socket_and_its_viewer_outlive_every_deadline_of_a_head(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gateway.crowd, "SWEEP_S", 0.02)
+    clock = LeapingClock()
+    async with running_gateway(tmp_path, clock=clock) as ready, open_socket(ready, "/api/v1/stream") as stream:
+        await hear(stream, "welcome")
+        for _ in range(2):
+            reader, writer = await connected(ready)
+            end = asyncio.create_task(ended(reader))
+            while not end.done():  # it may not have been seen yet
+                clock.leap(LIMITS.head_s)
+                await asyncio.wait({end}, timeout=0.05)
+            assert end.result() == b""
+            writer.close()
+        await say(stream, op="nonsense")
+        assert (await hear(stream, "error"))["code"] == "invalid_request"
 
 
 @pytest.mark.integration

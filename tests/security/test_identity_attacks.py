@@ -27,6 +27,7 @@ from tests.gateway.harness import BACKFILL, CONTROL, DATA, client, running_gatew
 from tests.gateway.identity.desks import Held
 from tests.gateway.identity.robot_keys import ask, new_key
 from tests.gateway.test_robot_links import ADMIN, RING, alarm, bare, enrolled, greet, lane, revoke, said, tls_lane
+from tests.support.leaping import LeapingClock
 
 HOUR_NS = 3_600_000_000_000
 KINDS = ("grpc", "websocket")
@@ -74,17 +75,8 @@ async def test_a_certificate_counts_between_its_dates_alone(tmp_path: Path) -> N
                     assert await greet(opened, one.hello(), one) == what, kind
 
 
-class Calendar(SystemClock):
-    """The machine's clocks; the date can be set ahead."""
-
-    ahead_ns = 0
-
-    def wall_ns(self) -> int:  # type: ignore[override]
-        return SystemClock.wall_ns() + self.ahead_ns
-
-
 async def test_a_live_link_ends_with_its_certificate(tmp_path: Path) -> None:
-    clock = Calendar()
+    clock = LeapingClock()
     async with running_gateway(tmp_path, door=RING, clock=clock) as ready, contextlib.AsyncExitStack() as stack:
         lanes = []
         for kind in KINDS:
@@ -92,7 +84,7 @@ async def test_a_live_link_ends_with_its_certificate(tmp_path: Path) -> None:
             brief = dated(ready, held, begins_ns=clock.wall_ns() - HOUR_NS, life_s=7200.0)
             lanes.append(await stack.enter_async_context(lane(ready, kind)))
             assert await greet(lanes[-1], brief.hello(), brief) == "welcome"
-        clock.ahead_ns = HOUR_NS
+        clock.set_calendar(3600.0)
         for opened in lanes:
             assert (await said(opened)).code == "certificate_expired"
 

@@ -24,7 +24,7 @@ from gateway.main import Ready
 from gateway.tls import HttpTls
 from metaros.clock import SystemClock
 from metaros.errors import ConfigError
-from tests.gateway.harness import ScriptedAgent, client, hear, open_socket, running_gateway
+from tests.gateway.harness import TRUSTS_NOBODY, ScriptedAgent, client, hear, open_socket, running_gateway
 
 CLOCK = SystemClock()
 DAY_NS = 86_400 * 10**9
@@ -64,7 +64,7 @@ async def test_nothing_older_than_tls_1_2_and_nothing_plain(tmp_path: Path) -> N
             assert agreed == version.name.replace("_", ".")
         with pytest.warns(DeprecationWarning, match="TLSv1_1"), pytest.raises((ssl.SSLError, ConnectionError)):
             await asyncio.to_thread(shown_at, ready.http_port, maximum_version=ssl.TLSVersion.TLSv1_1)
-        async with httpx.AsyncClient(trust_env=False) as http:
+        async with httpx.AsyncClient(verify=TRUSTS_NOBODY, trust_env=False) as http:
             try:
                 answer = await http.get(ready.url.replace("https", "http") + "/healthz")
             except httpx.TransportError:

@@ -102,7 +102,7 @@ async def test_what_is_out_of_scope_is_in_no_answer_of_any_door(tmp_path: Path) 
                 told = (await http.get("/api/v1/graph", headers=everybody)).text
                 if SECRET in told and "/sim_1/base" in told:
                     break
-                await asyncio.sleep(0.05)
+                await asyncio.sleep(0.01)
         heard = [(await http.get(path)).text for path in LISTS]
         for path in ("/foxglove/", "/rosbridge/", "/foxglove?robot=", "/rosbridge?robot="):
             refusals = []
@@ -143,7 +143,7 @@ async def test_files_that_a_viewer_asks_for_are_in_memory_one_at_a_time(
     def read(_folder: Path | None, uri: str) -> bytes:
         if uri.endswith(("0.stl", "1.stl")):
             try:
-                both.wait(0.5)
+                both.wait(0.2)
                 together.append(uri)
             except threading.BrokenBarrierError:
                 pass

@@ -1,4 +1,4 @@
-"""The machine's clock, which a test sets ahead: what waits for a time-out has waited, and nothing else is hurried."""
+"""The machine's clocks, which a test sets ahead: what waits for a time-out has waited, and nothing else is hurried."""
 
 from __future__ import annotations
 
@@ -8,17 +8,25 @@ __all__ = ["LeapingClock"]
 
 
 class LeapingClock(SystemClock):
-    """Its monotonic seconds are the machine's, and those that were leapt over; the calendar is the machine's."""
+    """The machine's seconds and calendar, and what was leapt over of each."""
 
-    __slots__ = ("_ahead_s",)
+    __slots__ = ("_ahead_s", "_calendar_ns")
 
     def __init__(self) -> None:
-        self._ahead_s = 0.0
+        self._ahead_s, self._calendar_ns = 0.0, 0
+
+    def wall_ns(self) -> int:  # type: ignore[override]
+        """What the calendar says."""
+        return SystemClock.wall_ns() + self._calendar_ns
 
     def monotonic_s(self) -> float:  # type: ignore[override]
         """Seconds, never decreasing."""
         return SystemClock.monotonic_s() + self._ahead_s
 
     def leap(self, seconds: float) -> None:
-        """Be so much later at once."""
+        """Be so much later at once; the calendar stays."""
         self._ahead_s += seconds
+
+    def set_calendar(self, seconds: float) -> None:
+        """Set the calendar so far ahead of the machine's; the seconds stay."""
+        self._calendar_ns = round(seconds * 1e9)
