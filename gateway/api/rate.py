@@ -28,7 +28,7 @@ from metaros.limits import LIMITS
 
 __all__ = ["RATES", "Rate", "RateLimited", "Rates", "address_of"]
 
-PAUSE_S = 0.5
+PAUSE_S = 0.5  # that a refusal takes, which slows down who floods: a connection asks one thing at a time
 POLICY = 1008  # with which http_server.py ends a socket that sends too many frames
 TOO_OFTEN = 4429  # the close code of a socket whose client says too much
 SIGN_INS = ("/api/v1/auth/login", "/api/v1/auth/link")
@@ -121,11 +121,9 @@ class Rates:
 class RateLimited:
     """Refuses who asks too often, and ends sockets whose clients say too much."""
 
-    def __init__(self, app: ASGIApp, rates: Rates, *, pause_s: float = PAUSE_S) -> None:
-        """A refusal takes `pause_s`, which slows down who floods: a connection asks one thing at a time."""
+    def __init__(self, app: ASGIApp, rates: Rates) -> None:
         self._app = app
         self._rates = rates
-        self._pause_s = pause_s
         self._refused = 0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -153,7 +151,7 @@ class RateLimited:
     def _pause(self) -> float:
         """Longer for one and shorter for the next, so that those refused together do not come back together."""
         self._refused += 1
-        return self._pause_s * (1.0 + self._refused % 64 / 16)
+        return PAUSE_S * (1.0 + self._refused % 64 / 16)
 
     def _count(self, scope: Scope) -> str:
         """Take one request; who was counted."""

@@ -110,6 +110,18 @@ async def say(socket: ClientConnection, **request: Any) -> None:
     await socket.send(json.dumps(request))
 
 
+async def flood(socket: ClientConnection, *, at_once: int = 700, **request: Any) -> None:
+    """Say the same until the socket ends: more at once than may be, and twice as much if that was not enough.
+
+    Somebody else has to hear what is answered.
+    """
+    while True:
+        for _ in range(at_once):
+            await say(socket, **request)
+        await (await socket.ping())
+        at_once *= 2
+
+
 async def hear(socket: ClientConnection, op: str, *, timeout_s: float = 60.0) -> dict[str, Any]:
     """The next JSON message with that op."""
     async with asyncio.timeout(timeout_s):

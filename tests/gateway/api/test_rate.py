@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 from typing import Any
 
 import pytest
-from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from gateway.api.authenticate import Authenticate
@@ -15,7 +15,7 @@ from gateway.domain.principal import NOBODY, Principal, Role
 from gateway.errors import TooManyRequestsError
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
-from tests.gateway.harness import ScriptedAgent, client, hear, open_socket, running_gateway, say
+from tests.gateway.harness import ScriptedAgent, client, flood, hear, open_socket, running_gateway, say
 from tests.support.key_ring import KeyRing
 
 ADA = Principal(kind="user", id="u1", name="ada")
@@ -40,7 +40,7 @@ def limited(clock: ManualClock, **per_s: Any) -> RateLimited:
         await send({"type": "http.response.start", "status": 200, "headers": []})
         await send({"type": "http.response.body", "body": b""})
 
-    return RateLimited(app, Rates(clock=clock, **per_s), pause_s=0.0)
+    return RateLimited(app, Rates(clock=clock, **per_s))
 
 
 async def test_each_is_counted_for_themselves_and_may_come_back_when_told() -> None:
@@ -138,17 +138,14 @@ async def test_what_changes_a_robot_is_bounded_for_everybody_together(tmp_path: 
         assert (await http.get("/api/v1/robots")).status_code == 200
 
 
-async def flood(socket: ClientConnection) -> None:
-    """Say much more than anybody has to say."""
-    while True:
-        await say(socket, op="unsubscribe", id=1)
-
-
 async def test_a_client_that_floods_its_socket_is_shown_out_and_a_driver_is_not(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, ScriptedAgent(ready), open_socket(ready, "/api/v1/stream") as socket:
         await hear(socket, "welcome")
+        hearing = asyncio.create_task(hear(socket, "nothing"))
         with pytest.raises(ConnectionClosed) as closed:
-            await flood(socket)
+            await flood(socket, op="unsubscribe", id=1)
+        await asyncio.wait({hearing})
+        assert isinstance(hearing.exception(), ConnectionClosed)
         assert closed.value.rcvd is not None
         assert closed.value.rcvd.code in (1008, 4429)  # whichever of frames and messages was too many first
         async with open_socket(ready, "/api/v1/robots/sim_1/teleop") as wheel:

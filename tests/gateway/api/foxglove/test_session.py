@@ -16,7 +16,7 @@ from gateway.domain.principal import Role
 from metaros.idl import schema_text
 from tests.gateway.api.foxglove.robot import STRING, TRIGGER, Answering, endpoint, made, text
 from tests.gateway.api.foxglove.viewer import Viewer, viewing
-from tests.gateway.harness import RING, channel, client, running_gateway
+from tests.gateway.harness import RING, channel, client, flood, running_gateway
 from tests.support.waiting import wait_until_async
 
 VIEWER_KEY = RING.add(role=Role.VIEWER, name="looker")
@@ -162,19 +162,13 @@ async def test_who_publishes_too_fast_is_told_so_before_the_socket_ends(tmp_path
         assert (await viewer.hear("status"))["message"].endswith("(too_many_requests)")
         hearing = asyncio.create_task(last_status(viewer))
         with pytest.raises(ConnectionClosed) as closed:
-            await flood(viewer)
+            await flood(viewer.socket, op="unsubscribe", subscriptionIds=[])
         assert closed.value.rcvd is not None
         assert (closed.value.rcvd.code, closed.value.rcvd.reason) == (1008, "too_many_requests")
         last = await hearing
         assert last["level"] == 2
         assert "150 frames" in last["message"]
         assert last["message"].endswith("(too_many_requests)")
-
-
-async def flood(viewer: Viewer) -> None:
-    """Say the same until the end."""
-    while True:
-        await viewer.say("unsubscribe", subscriptionIds=[])
 
 
 async def last_status(viewer: Viewer) -> dict[str, Any]:

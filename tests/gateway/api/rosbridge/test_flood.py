@@ -13,7 +13,7 @@ import pytest
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed
 
-from tests.gateway.harness import ScriptedAgent, hear, open_socket, running_gateway, say
+from tests.gateway.harness import ScriptedAgent, flood, hear, open_socket, running_gateway, say
 
 
 @contextlib.asynccontextmanager
@@ -45,16 +45,10 @@ async def test_who_sends_too_many_bytes_is_told_so_too(tmp_path: Path) -> None:
     async with sim_1(tmp_path) as socket:
         hearing = asyncio.create_task(all_of(socket))
         with pytest.raises(ConnectionClosed) as closed:
-            await flood(socket, op="unsubscribe", topic="/sim_1/chat", long=long)
+            await flood(socket, at_once=6, op="unsubscribe", topic="/sim_1/chat", long=long)
         assert closed.value.rcvd is not None
         assert (closed.value.rcvd.code, closed.value.rcvd.reason) == (4429, "too_many_requests")
         assert "1 MiB" in json.loads((await hearing)[-1])["msg"]
-
-
-async def flood(socket: ClientConnection, **request: Any) -> None:
-    """Say the same until the end."""
-    while True:
-        await say(socket, **request)
 
 
 async def all_of(socket: ClientConnection) -> list[Any]:

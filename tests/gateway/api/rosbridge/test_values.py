@@ -72,7 +72,7 @@ def never(text: str) -> None:
     raise AssertionError(f"{text} is no JSON")
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(catalogues(), st.data())
 def test_json_of_any_message_is_json_and_comes_back(catalogue: Catalogue, data: st.DataObject) -> None:
     message = spoil(data.draw(messages("p/msg/M2", catalogue)), data.draw)
@@ -83,7 +83,7 @@ def test_json_of_any_message_is_json_and_comes_back(catalogue: Catalogue, data: 
     assert same(message, back, exactly=False)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(catalogues(), st.data())
 def test_cbor_of_any_message_keeps_every_number(catalogue: Catalogue, data: st.DataObject) -> None:
     def typed(tag: cbor2.CBORTag, _immutable: bool) -> Any:
