@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,6 +14,8 @@ from gateway.objects import DirectoryStore
 from gateway.store.commit import Committer
 from gateway.store.sqlite import SqliteEngine
 from tests.gateway.store.samples import gap_write, run_write
+from tests.support.command_line import Done, call_metaros, program
+from tests.support.processes import END_S, started
 
 
 @pytest.fixture
@@ -29,15 +29,15 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def store(folder: Path, command: str, *options: str) -> tuple[int, str, str]:
-    """Run it; exit code, standard output, standard error."""
-    program = [sys.executable, "-m", "metaros", "gateway", "store", command, "--data-dir", str(folder), *options]
-    done = subprocess.run(program, capture_output=True, text=True, timeout=120)
-    return done.returncode, done.stdout, done.stderr
+def store(folder: Path, command: str, *options: str) -> Done:
+    """Run it."""
+    return call_metaros("gateway", "store", command, "--data-dir", str(folder), *options)
 
 
 def test_compact_then_check_then_damage(folder: Path) -> None:
-    assert store(folder, "compact")[:2] == (0, "2 batches into 2 segments, 0 objects deleted\n")
+    with started(program("gateway", "store", "compact", "--data-dir", str(folder))) as process:
+        assert process.communicate(timeout=END_S) == ("2 batches into 2 segments, 0 objects deleted\n", "")
+    assert process.returncode == 0
     code, out, err = store(folder, "check", "--deep")
     assert (code, err) == (0, "")
     assert "nothing is damaged" in out

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +11,8 @@ import pytest
 from gateway.store.accounts import has_admin, list_users
 from gateway.store.engines import open_engine
 from gateway.store.schema import MIGRATIONS
+from tests.support.command_line import call_metaros
 from tests.support.postgres import PostgresServer
-
-MIGRATE = (sys.executable, "-m", "metaros", "gateway", "store", "migrate")
 
 
 @pytest.fixture(params=["sqlite", "postgres"])
@@ -30,12 +26,10 @@ def url(request: pytest.FixtureRequest) -> str:
 
 def migrate(folder: Path, url: str, *options: str) -> dict[str, Any]:
     """Run it, as the chart does: the URL in the environment."""
-    environ = {name: value for name, value in os.environ.items() if name != "METAROS_STORE"}
-    environ |= {"METAROS_STORE": url} if url else {}
-    command = (*MIGRATE, "--data-dir", str(folder), "-o", "json", *options)
-    done = subprocess.run(command, capture_output=True, text=True, env=environ, timeout=120)
-    assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
+    command = ("gateway", "store", "migrate", "--data-dir", str(folder), "-o", "json", *options)
+    done = call_metaros(*command, METAROS_STORE=url)
+    assert done.code == 0, done.err
+    found: dict[str, Any] = json.loads(done.out)
     return found
 
 
@@ -58,7 +52,7 @@ def test_tables_and_the_first_admin_are_made_once(tmp_path: Path, url: str) -> N
 
 
 def test_a_database_that_is_not_there_is_exit_code_2(tmp_path: Path) -> None:
-    command = (*MIGRATE, "--data-dir", str(tmp_path), "--store", "postgresql://nobody@127.0.0.1:1/nothing")
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 2
-    assert "the store at postgresql://127.0.0.1:1/nothing cannot be used" in done.stderr
+    nowhere = ("--data-dir", str(tmp_path), "--store", "postgresql://nobody@127.0.0.1:1/nothing")
+    done = call_metaros("gateway", "store", "migrate", *nowhere)
+    assert done.code == 2
+    assert "the store at postgresql://127.0.0.1:1/nothing cannot be used" in done.err

@@ -1,14 +1,8 @@
-"""The program: ports, the status file, signals, a second gateway, and being killed."""
+"""The program: settings, ports, a second gateway. Its start as a process, and its end, are in test_systemd.py."""
 
 from __future__ import annotations
 
-import json
-import signal
 import socket
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,56 +13,6 @@ from gateway.ports import listen
 from gateway.settings import Settings
 from metaros.errors import ConfigError
 from tests.gateway.harness import client, running_gateway
-from tests.support.processes import END_S, started
-from tests.support.waiting import wait_until
-
-PROGRAM = """
-import typer
-from gateway.cli import register
-app = typer.Typer()
-app.callback()(lambda: None)
-register(app)
-app()
-"""
-
-
-@contextmanager
-def running(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], dict[str, object]]]:
-    """`metaros gateway` as a process, ready."""
-    status = folder / "status.json"
-    command = [
-        sys.executable,
-        "-c",
-        PROGRAM,
-        "gateway",
-        "--data-dir",
-        str(folder / "data"),
-        "--status-file",
-        str(status),
-    ]
-    with started([*command, *options], stderr=subprocess.STDOUT) as process:
-        wait_until(lambda: status.exists() or process.poll() is not None, timeout_s=60)
-        assert process.poll() is None, process.communicate()[0]
-        yield process, json.loads(status.read_text())
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_cleanly(tmp_path: Path, number: signal.Signals) -> None:
-    with running(tmp_path, "--port", "0", "--grpc-port", "0") as (process, status):
-        assert (status["ready"], status["pid"]) == (True, process.pid)
-        process.send_signal(number)
-        output, _ = process.communicate(timeout=END_S)
-    assert process.returncode == 0
-    assert output.startswith(f"gateway ready: {status['url']}\n  robots 127.0.0.1:{status['grpc_port']}")
-    assert len(output.splitlines()) == 3
-
-
-def test_a_killed_one_leaves_the_directory_usable(tmp_path: Path) -> None:
-    for _ in range(2):
-        with running(tmp_path, "--port", "0", "--grpc-port", "0") as (process, _):
-            process.kill()
-            process.communicate()
-        (tmp_path / "status.json").unlink()
 
 
 def test_settings_refuse_what_cannot_be() -> None:
@@ -115,12 +59,11 @@ async def test_a_second_gateway_gets_its_own_ports_or_says_no(tmp_path: Path) ->
             assert (await http.get("/readyz")).status_code == 200
 
 
-def test_a_taken_robots_port_is_an_error(tmp_path: Path, free_port: int) -> None:
+async def test_a_taken_robots_port_is_an_error(tmp_path: Path, free_port: int) -> None:
     with socket.create_server(("127.0.0.1", free_port)):
-        command = [sys.executable, "-c", PROGRAM, "gateway", "--data-dir", str(tmp_path), "--port", "0"]
-        done = subprocess.run([*command, "--grpc-port", str(free_port)], capture_output=True, text=True, timeout=120)
-        assert done.returncode != 0
-        assert f"port {free_port} cannot be opened" in done.stderr
+        with pytest.raises(ConfigError, match=f"port {free_port} cannot be opened"):
+            async with running_gateway(tmp_path, grpc_port=free_port):
+                pass
 
 
 @pytest.mark.parametrize("flag", ["grpc_port", "api_grpc_port"])

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import signal
 import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from gateway.systemd import BEAT, ENDING, READY, beat, tell_systemd
+from tests.support.command_line import program
 from tests.support.processes import END_S, started
 
+PORTS = [f"--{name}-port=0" for name in ("grpc", "api-grpc")] + [
+    "--port=0",
+    "--foxglove-port=off",
+    "--rosbridge-port=off",
+]
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there is no systemd")
 
 
@@ -58,25 +66,52 @@ async def test_a_watchdog_of_another_process_is_not_fed(hearing: tuple[socket.so
     await asyncio.wait_for(beat(asked), 60)
 
 
-async def test_a_gone_listener_does_not_end_the_beats(hearing: tuple[socket.socket, str], tmp_path: Path) -> None:
-    task = asyncio.create_task(beat({"NOTIFY_SOCKET": str(tmp_path / "none"), "WATCHDOG_USEC": "3000"}))
-    await asyncio.sleep(0.05)
-    assert not task.done()
+async def test_a_gone_listener_does_not_end_the_beats(tmp_path: Path) -> None:
+    address = str(tmp_path / "notify")
+    task = asyncio.create_task(beat({"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "3000"}))
+    await asyncio.sleep(0)  # the first one, which nobody hears
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as ear:
+        ear.bind(address)
+        ear.setblocking(False)
+        async with asyncio.timeout(60):
+            assert await asyncio.get_running_loop().sock_recv(ear, 100) == BEAT.encode()
     task.cancel()
 
 
-def test_a_gateway_is_ready_beats_and_ends(hearing: tuple[socket.socket, str], tmp_path: Path) -> None:
+def heard_until(ear: socket.socket, word: str) -> list[str]:
+    """What is said up to that word."""
+    heard = [ear.recv(100).decode()]
+    while heard[-1] != word:
+        heard.append(ear.recv(100).decode())
+    return heard
+
+
+def test_a_gateway_that_was_killed_is_started_again_is_ready_beats_and_ends(
+    hearing: tuple[socket.socket, str], tmp_path: Path
+) -> None:
     ear, address = hearing
-    ports = ["--port", "0", "--grpc-port", "0", "--api-grpc-port", "0", "--foxglove-port", "off"]
-    command = [sys.executable, "-m", "metaros", "gateway", "--data-dir", str(tmp_path / "data"), *ports]
+    data, status = tmp_path / "data", tmp_path / "status.json"
+    command = program("gateway", "--data-dir", str(data), "--status-file", str(status), *PORTS)
     environment = {**os.environ, "NOTIFY_SOCKET": address, "WATCHDOG_USEC": "300000", "HOME": str(tmp_path)}
-    with started([*command, "--rosbridge-port", "off"], env=environment, stderr=subprocess.STDOUT) as process:
-        heard = [ear.recv(100).decode()]
-        while READY not in heard or heard[-1] != BEAT:
-            heard.append(ear.recv(100).decode())
+    with started(command, env=environment, stderr=subprocess.STDOUT) as killed:
+        heard_until(ear, READY)
+        killed.kill()
+        killed.communicate()
+    status.unlink()
+    ear.setblocking(False)
+    with suppress(BlockingIOError):
+        while ear.recv(100):  # it may have beaten
+            pass
+    ear.settimeout(60)
+    with started(command, env=environment, stderr=subprocess.STDOUT) as process:
+        heard = heard_until(ear, READY) + heard_until(ear, BEAT)
+        said = json.loads(status.read_text())
+        assert (said["ready"], said["pid"]) == (True, process.pid)
         process.send_signal(signal.SIGTERM)
-        while heard[-1] != ENDING:
-            heard.append(ear.recv(100).decode())
-        assert process.wait(END_S) == 0
+        heard += heard_until(ear, ENDING)
+        output, _ = process.communicate(timeout=END_S)
+    assert process.returncode == 0
     assert heard.count(READY) == heard.count(ENDING) == 1
     assert set(heard) == {READY, BEAT, ENDING}
+    assert output.startswith(f"gateway ready: {said['url']}\n  robots 127.0.0.1:{said['grpc_port']}")
+    assert len(output.splitlines()) == 3
