@@ -13,6 +13,7 @@ import logging
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import Any, Final
 
@@ -20,7 +21,7 @@ import zenoh
 
 from gateway.cluster.keys import Process
 
-__all__ = ["Courier", "Live", "Place"]
+__all__ = ["PATIENCE", "Courier", "Live", "Patience", "Place"]
 
 log = logging.getLogger(__name__)
 
@@ -28,14 +29,23 @@ _SETTINGS: Final[Mapping[str, object]] = {
     "mode": "client",
     "scouting/multicast/enabled": False,
     "scouting/gossip/enabled": False,
-    "connect/timeout_ms": 2000,
     "connect/exit_on_failure": True,
     "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2},
-    "transport/link/tx/lease": 3000,  # so that a hung gateway is heard of in seconds
 }
 RETRY_S: Final = 1.0
 CLOSE_S: Final = 2.0  # what was to be sent has so long when the gateway ends
 Job = Callable[[], Iterator[tuple[str, bytes]]]  # keys and frames to put, made on the sending thread
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Patience:
+    """How long routers and gateways are waited for."""
+
+    connect_s: float = 2.0  # for a router, before the others are tried again
+    lease_s: float = 3.0  # so that a hung gateway is heard of in seconds
+
+
+PATIENCE: Final = Patience()
 
 
 class Place:
@@ -80,12 +90,14 @@ class Courier:
         token: str,
         arrived: Callable[[bytes | Live], None],
         most_bytes: int,
+        patience: Patience = PATIENCE,
     ) -> None:
         """`arrived` is called on the receiving thread; what it took is off the queue when `done` has said so."""
         self._endpoints = tuple(endpoints)
         self._inbox, self._tokens, self._token = inbox, tokens, token
         self._arrived = arrived
         self._most_bytes = most_bytes
+        self._patience = patience
         self._lock = threading.Lock()
         self._waiting_bytes = 0
         self.dropped = 0  # frames that came while too much waited
@@ -159,7 +171,11 @@ class Courier:
     def _opened(self) -> Any | None:
         """The session, once a router is there; None: it was closed before."""
         config, said = zenoh.Config(), False
-        for key, value in {**_SETTINGS, "connect/endpoints": list(self._endpoints)}.items():
+        waits = {
+            "connect/timeout_ms": round(self._patience.connect_s * 1000),
+            "transport/link/tx/lease": round(self._patience.lease_s * 1000),
+        }
+        for key, value in {**_SETTINGS, **waits, "connect/endpoints": list(self._endpoints)}.items():
             config.insert_json5(key, json.dumps(value))
         while True:
             try:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from gateway.cluster.courier import Courier, Live, Place
+from gateway.cluster.courier import PATIENCE, Courier, Live, Patience, Place
 from gateway.cluster.errors import PeerBusyError, PeerGoneError, PeerTimeoutError
 from gateway.cluster.keys import BOOT_BYTES, MeshKeys, Process
 from gateway.cluster.peer import Peer
@@ -65,6 +65,7 @@ class ZenohMesh:
         master: MasterKey,
         clock: Clock,
         limits: Limits = LIMITS,
+        patience: Patience = PATIENCE,
     ) -> None:
         if _NAME.fullmatch(gateway_id) is None:
             raise ConfigError(f"the gateway's id {gateway_id[:64]!r} is not of letters, digits, '.', '_' and '-'")
@@ -93,6 +94,7 @@ class ZenohMesh:
             token=place.token(self._own, self._proof),
             arrived=self._arrived,
             most_bytes=limits.cluster_received_bytes,
+            patience=patience,
         )
 
     @property

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Callable, Mapping
 
 from gateway.cluster.mirror_away import Elsewhere, MirrorAway
-from gateway.cluster.mirror_home import MirrorHome
+from gateway.cluster.mirror_home import LOOK_S, MirrorHome
 from gateway.cluster.ports import Mesh
 from gateway.ingest.registry import Registry
 from gateway.live.hub import Hub
@@ -18,8 +18,9 @@ __all__ = ["Mirror"]
 class Mirror:
     """All methods on the event loop; made before the mesh starts."""
 
-    def __init__(self, mesh: Mesh, registry: Registry, hub: Hub, *, clock: Clock) -> None:
-        self._home = MirrorHome(mesh, registry, clock=clock)
+    def __init__(self, mesh: Mesh, registry: Registry, hub: Hub, *, clock: Clock, look_s: float = LOOK_S) -> None:
+        """What changes all the time is told every `look_s`."""
+        self._home = MirrorHome(mesh, registry, clock=clock, look_s=look_s)
         self._away = MirrorAway(mesh, registry, hub, clock=clock)
 
     @property

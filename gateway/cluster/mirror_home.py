@@ -17,7 +17,7 @@ from gateway.ingest.registry import Registry
 from metaros._proto import cluster_pb2
 from metaros.clock import Clock
 
-__all__ = ["MIRROR", "MIRROR_AGAIN", "MIRROR_FAST", "MirrorHome"]
+__all__ = ["LOOK_S", "MIRROR", "MIRROR_AGAIN", "MIRROR_FAST", "MirrorHome"]
 
 log = logging.getLogger(__name__)
 
@@ -38,10 +38,11 @@ FULL_S: Final = 0.05  # until it is tried again to tell somebody who took no mor
 class MirrorHome:
     """All methods on the event loop; `run` it beside the links."""
 
-    def __init__(self, mesh: Mesh, registry: Registry, *, clock: Clock) -> None:
+    def __init__(self, mesh: Mesh, registry: Registry, *, clock: Clock, look_s: float = LOOK_S) -> None:
         self._mesh = mesh
         self._registry = registry
         self._clock = clock
+        self._look_s = look_s
         self._told: dict[str, Told] = {}  # by robot that is linked here
         self._schemas = Schemas()
         self._now: dict[str, None] = {}  # whose link or channels are news
@@ -119,9 +120,9 @@ class MirrorHome:
     async def _tell_in_time(self) -> None:
         looked_s = self._clock.monotonic_s()
         while True:
-            await asyncio.sleep(FAST_S if self._fast else LOOK_S)
+            await asyncio.sleep(FAST_S if self._fast else self._look_s)
             now_s = self._clock.monotonic_s()
-            if now_s - looked_s >= LOOK_S:
+            if now_s - looked_s >= self._look_s:
                 looked_s = now_s
                 await self._tell(list(self._told), announced=False, look=True)
             elif self._values:

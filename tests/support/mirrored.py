@@ -92,7 +92,7 @@ class Replica:
         self.registry = Registry()
         self.hub = Hub(clock=self.clock, tick_s=0.001)
         self.mesh = meshes.join(gateway_id)
-        self.mirror = Mirror(self.mesh, self.registry, self.hub, clock=self.clock)
+        self.mirror = Mirror(self.mesh, self.registry, self.hub, clock=self.clock, look_s=0.05)
         self.live = Live(self.mesh, self.registry, self.hub, clock=self.clock, tick_s=0.001)
         self.mirror.watch(self.live.on_home)
         self.sessions = 0
@@ -145,9 +145,9 @@ class Replica:
 
 
 @asynccontextmanager
-async def replicas(meshes: FakeMeshes, *names: str) -> AsyncIterator[list[Replica]]:
+async def replicas(meshes: FakeMeshes, *names: str, clock: Clock | None = None) -> AsyncIterator[list[Replica]]:
     """So many gateways at work."""
-    made = [Replica(meshes, name) for name in names]
+    made = [Replica(meshes, name, clock=clock) for name in names]
     tasks = [asyncio.create_task(part.run()) for replica in made for part in (replica.mirror, replica.live)]
     try:
         yield made

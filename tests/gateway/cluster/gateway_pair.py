@@ -16,10 +16,10 @@ from typing import Any
 import httpx
 
 from gateway.main import Ready
-from tests.gateway.cluster.meshes import router
 from tests.gateway.harness import ScriptedAgent, channel, client, running_gateway
 from tests.support.ports import free_port
 from tests.support.postgres import PostgresServer
+from tests.support.zenoh_router import inner_router
 
 __all__ = ["Pair", "has", "running_pair", "until"]
 
@@ -73,7 +73,7 @@ async def running_pair(folder: Path, postgres: PostgresServer) -> AsyncIterator[
     }
     (folder / "key").mkdir(mode=0o700)
     folders = (folder / "0", folder / "1")
-    with router(port):
+    with inner_router(port):
         async with AsyncExitStack() as stack:
             one, two = [
                 await stack.enter_async_context(running_gateway(own, **shared, functions=own is not folders[0]))

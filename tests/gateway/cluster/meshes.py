@@ -3,36 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-import socket
-import sys
-from collections.abc import AsyncIterator, Iterator, Sequence
-from contextlib import asynccontextmanager, contextmanager
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
 from typing import Any
 
 from gateway.cluster.mesh import ZenohMesh
 from gateway.identity.master import MasterKey
 from metaros.clock import SystemClock
-from tests.support.processes import started
-from tests.support.waiting import wait_until, wait_until_async
+from tests.support.waiting import wait_until_async
 
 STORE = "store1"
 MASTER = MasterKey(b"m" * 32)
-
-
-@contextmanager
-def router(port: int, *others: int) -> Iterator[Any]:
-    """A router process, one network with others; ended at the end."""
-    joined = [part for other in others for part in ("--connect", f"tcp/127.0.0.1:{other}")]
-    argv = [sys.executable, "-m", "metaros", "router", "--zenoh-port", str(port), *joined]
-    with started(argv) as process:
-        wait_until(lambda: answers(port))
-        yield process
-
-
-def answers(port: int) -> bool:
-    """Whether somebody listens there."""
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 def made(name: str, *ports: int, master: MasterKey = MASTER, store: str = STORE, **options: Any) -> ZenohMesh:

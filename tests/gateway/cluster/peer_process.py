@@ -6,12 +6,13 @@ import asyncio
 import os
 import sys
 
+from gateway.cluster.courier import Patience
 from tests.gateway.cluster.meshes import made, running
 
 
 async def main(port: int) -> None:
     """Until it is killed."""
-    mesh = made("b", port)
+    mesh = made("b", port, patience=Patience(lease_s=1.0))
 
     async def pid(_sender: str, _payload: bytes) -> bytes:
         return str(os.getpid()).encode()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -13,15 +14,18 @@ from pathlib import Path
 
 import pytest
 
+from gateway.cluster.courier import Patience
 from gateway.cluster.errors import PeerBusyError, PeerGoneError, PeerRefusedError, PeerTimeoutError
+from gateway.cluster.mesh import ZenohMesh
 from gateway.cluster.wire import MESSAGE_BYTES
 from gateway.errors import LeaseTakenError
 from metaros.errors import TooLargeError
 from metaros.limits import LIMITS
-from tests.gateway.cluster.meshes import all_met, made, router, running
+from tests.gateway.cluster.meshes import all_met, made, running
 from tests.support.ports import free_port
 from tests.support.processes import started
 from tests.support.waiting import wait_until, wait_until_async
+from tests.support.zenoh_router import inner_router
 
 ROOT = Path(__file__).resolve().parents[3]
 PEER = (sys.executable, "-m", "tests.gateway.cluster.peer_process")
@@ -31,7 +35,7 @@ PEER = (sys.executable, "-m", "tests.gateway.cluster.peer_process")
 def port() -> Iterator[int]:
     """A router's port."""
     port = free_port()
-    with router(port):
+    with inner_router(port):
         yield port
 
 
@@ -128,27 +132,10 @@ async def test_questions(port: int) -> None:
             assert isinstance(result, PeerGoneError)
 
 
-async def test_a_killed_gateway_is_heard_of_and_so_is_its_next_life(port: int) -> None:
+async def test_a_gateway_that_hangs_or_is_killed_is_heard_of_and_so_is_its_return(port: int) -> None:
     a = made("a", port)
-    heard: list[tuple[str, bool]] = []
-    a.on_peer(lambda gateway, there: heard.append((gateway, there)))
-    async with running(a):
-        for life in (1, 2):
-            with started([*PEER, str(port)], cwd=ROOT) as process:
-                await wait_until_async(lambda life=life: heard.count(("b", True)) == life)
-                assert await a.ask("b", "pid", b"", timeout_s=60) == str(process.pid).encode()
-                waiting = asyncio.create_task(a.ask("b", "never", b"", timeout_s=60))
-                await asyncio.sleep(0)
-                os.kill(process.pid, signal.SIGKILL)
-                with pytest.raises(PeerGoneError):
-                    await waiting
-        assert heard == [("b", True), ("b", False)] * 2
-
-
-async def test_a_gateway_that_hangs_goes_and_comes_back(port: int) -> None:
-    a = made("a", port)
-    heard: list[tuple[str, bool]] = []
-    a.on_peer(lambda gateway, there: heard.append((gateway, there)))
+    heard: list[bool] = []
+    a.on_peer(lambda _gateway, there: heard.append(there))
     async with running(a):
         with started([*PEER, str(port)], cwd=ROOT) as process:
             await wait_until_async(lambda: a.peers() == {"b"})
@@ -158,40 +145,54 @@ async def test_a_gateway_that_hangs_goes_and_comes_back(port: int) -> None:
             finally:
                 os.kill(process.pid, signal.SIGCONT)
             await wait_until_async(lambda: a.peers() == {"b"})
-            assert await a.ask("b", "pid", b"", timeout_s=60) == str(process.pid).encode()
-            assert heard == [("b", True), ("b", False), ("b", True)]
+            await killed(a, process)
+            assert heard == [True, False, True, False]
+        with started([*PEER, str(port)], cwd=ROOT) as process:
+            await wait_until_async(lambda: a.peers() == {"b"})
+            await killed(a, process)
+        assert heard == [True, False, True, False, True, False]
 
 
-async def test_gateways_find_each_other_again_when_routers_die() -> None:
+async def killed(mesh: ZenohMesh, process: subprocess.Popen[str]) -> None:
+    """Who asked a gateway that dies hears that at once."""
+    assert await mesh.ask("b", "pid", b"", timeout_s=60) == str(process.pid).encode()
+    waiting = asyncio.create_task(mesh.ask("b", "never", b"", timeout_s=60))
+    await asyncio.sleep(0)
+    os.kill(process.pid, signal.SIGKILL)
+    with pytest.raises(PeerGoneError):
+        await waiting
+
+
+async def test_gateways_find_each_other_again_when_routers_end() -> None:
     first, second = free_port(), free_port()
     a, b = made("a", first, second), made("b", second, first)
     got: list[bytes] = []
     heard: list[bool] = []
     b.on_tell("t", lambda _sender, payload: got.append(payload))
     b.on_peer(lambda _gateway, there: heard.append(there))
-    with ExitStack() as routers:
-        one, two = routers.enter_context(router(first)), routers.enter_context(router(second, first))
+    with ExitStack() as one, ExitStack() as two, ExitStack() as again:
+        one.enter_context(inner_router(first))
+        two.enter_context(inner_router(second, first))
         async with running(a, b):
-            for dying, again in ((one, (first, second)), (two, None)):
+            for ending in (one, two):
                 met = heard.count(True)
-                dying.kill()
-                dying.wait()
+                ending.close()
                 await wait_until_async(lambda met=met: heard.count(True) > met)
                 await all_met([a, b])
                 got.clear()
                 assert a.tell("b", "t", b"through")
                 await wait_until_async(lambda: got == [b"through"])
-                if again is not None:
-                    routers.enter_context(router(*again))
+                if ending is one:
+                    again.enter_context(inner_router(first, second))
             assert heard[:3] == [True, False, True]
 
 
 async def test_no_router_is_no_error(caplog: pytest.LogCaptureFixture) -> None:
-    port = free_port()
-    a, b = made("a", port), made("b", port)
+    port, patience = free_port(), Patience(connect_s=0.1)
+    a, b = made("a", port, patience=patience), made("b", port, patience=patience)
     async with running(a, b, met=False):
         await wait_until_async(lambda: "no router of --cluster answers" in caplog.text)
         assert not a.linked
-        with router(port):
+        with inner_router(port):
             await all_met([a, b])
             assert a.linked

@@ -13,9 +13,10 @@ import zenoh
 
 from gateway.cluster.keys import BOOT_BYTES
 from gateway.identity.master import MasterKey, make_key_file
-from tests.gateway.cluster.meshes import STORE, all_met, made, router, running
+from tests.gateway.cluster.meshes import STORE, all_met, made, running
 from tests.support.ports import free_port
 from tests.support.waiting import wait_until_async
+from tests.support.zenoh_router import inner_router
 
 SECRET = b"where the robot is, and who drives it"
 LIVE = f"metaros/gateways/{STORE}/live"
@@ -25,7 +26,7 @@ LIVE = f"metaros/gateways/{STORE}/live"
 def port() -> Iterator[int]:
     """A router's port."""
     port = free_port()
-    with router(port):
+    with inner_router(port):
         yield port
 
 

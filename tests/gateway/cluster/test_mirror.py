@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from gateway.cluster.mirror_away import ORPHAN_S
+from gateway.cluster.mirror_home import MIRROR
 from gateway.live.feeds import Feeds, MetricSubscription
-from metaros._proto import link_pb2
+from metaros._proto import cluster_pb2, link_pb2
+from metaros.clock import ManualClock
 from metaros.idl.globs import Glob
 from tests.support.fake_mesh import FakeMeshes
 from tests.support.mirrored import Replica, channel, make_run, replicas
@@ -107,8 +110,8 @@ async def test_a_new_process_of_the_agent_has_its_channels_alone() -> None:
 
 
 async def test_a_gateway_that_dies_takes_its_robots_along() -> None:
-    meshes = FakeMeshes()
-    async with replicas(meshes, "a", "b", "c") as (a, b, c):
+    meshes, clock = FakeMeshes(), ManualClock()
+    async with replicas(meshes, "a", "b", "c", clock=clock) as (a, b, c):
         orphans: dict[str, list[str]] = {"b": [], "c": []}
         b.mirror.on_orphan(orphans["b"].append)
         c.mirror.on_orphan(orphans["c"].append)
@@ -120,9 +123,11 @@ async def test_a_gateway_that_dies_takes_its_robots_along() -> None:
         await gone(b, "r1")
         await gone(c, "r2")
         b.link("r2", 2)  # it was quick
+        await shows(c, "r2", "b")
+        assert orphans == {"b": [], "c": []}
+        clock.advance(ORPHAN_S)
         await wait_until_async(lambda: orphans["b"])
         assert orphans == {"b": ["r1"], "c": []}  # one of them speaks
-        await shows(c, "r2", "b")
 
 
 async def test_a_robot_moves_and_its_former_home_is_late() -> None:
@@ -195,14 +200,15 @@ async def test_a_gateway_that_takes_no_more_is_told_all_of_it_later() -> None:
 async def test_schemas_cross_once() -> None:
     meshes = FakeMeshes()
     async with replicas(meshes, "a", "b") as (a, b):
-        sizes = list[int]()
+        told = list[bytes]()
         tell = a.mesh.tell
 
-        def counted(gateway: str, topic: str, payload: bytes) -> bool:
-            sizes.append(len(payload))
+        def noted(gateway: str, topic: str, payload: bytes) -> bool:
+            told.extend([payload] * (topic == MIRROR))
             return tell(gateway, topic, payload)
 
-        a.mesh.tell = counted  # type: ignore[method-assign]
+        a.mesh.tell = noted  # type: ignore[method-assign]
+        await wait_until_async(lambda: any(cluster_pb2.Mirror.FromString(payload).whole for payload in told))
         text = b"int8 x\n" * 10_000
         for number in range(50):
             name = f"r{number}"
@@ -213,7 +219,7 @@ async def test_schemas_cross_once() -> None:
             lambda: all((found := b.registry.find(f"r{number}")) and found.listed() for number in range(50))
         )
         assert b.registry.get("r49").channels[1].channel.schema == text
-        assert sum(sizes) < 2 * len(text)
+        assert sum(map(len, told)) < 2 * len(text)
 
 
 def vars_of(item: object) -> dict[str, object]:

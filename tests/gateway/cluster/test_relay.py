@@ -8,6 +8,7 @@ import pytest
 
 from gateway.cluster.relay_wire import Parcel, join, split
 from gateway.errors import CommandRefusedError, CommandTimeoutError, ProtocolError, RobotOfflineError
+from gateway.fleet import commands
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS
 from tests.support.relay_rig import ROBOT, RelayRig, relay_rig, settle
@@ -87,7 +88,8 @@ async def test_a_home_whose_queue_is_full_is_a_robot_that_cannot_be_reached() ->
             await rig["b"].commands.run(ROBOT, uplink(), timeout_s=1)
 
 
-async def test_results_that_nobody_elsewhere_waits_for_stay_with_the_home() -> None:
+async def test_results_that_nobody_elsewhere_waits_for_stay_with_the_home(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(commands, "TRAVEL_S", 0.0)
     async with relay_rig("abc") as rig:
         kept: list[link_pb2.Command] = []
         rig.answer = lambda command: kept.append(command)

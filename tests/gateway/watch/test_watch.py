@@ -173,11 +173,11 @@ async def test_many_findings_are_told_a_few_at_a_time(tmp_path: Path) -> None:
                 await asyncio.sleep(0)
 
         other = asyncio.create_task(others())
-        await rig.watch.tell_all([Edge("opened", finding(robot=f"r{n}"), START_S) for n in range(10_000)])
+        await rig.watch.tell_all([Edge("opened", finding(robot=f"r{n}"), START_S) for n in range(3_000)])
         other.cancel()
-        assert len(rig.edges) == 10_000
+        assert len(rig.edges) == 3_000
         assert rig.longest <= 64
-        assert turns > 100
+        assert turns > 90
 
 
 async def test_this_is_normal_teaches_what_has_a_value(tmp_path: Path) -> None:
@@ -237,9 +237,9 @@ async def test_odd_values_jumping_clocks_and_years_of_nothing_are_no_storm(tmp_p
     async with store_in(tmp_path) as store, watching(store, tmp_path) as rig:
         first, opened = 1, list[Edge]()
         for shift_s, odd in [(0, None), (-3600, None), (0, NAN), (years, None), (years, math.inf), (0, -math.inf)]:
-            made = write(first, 400, series=("a.x", "b.temperature"))
+            made = write(first, 200, series=("a.x", "b.temperature"))
             assert made.rows is not None
-            at_s = np.arange(400) // 2
+            at_s = np.arange(200) // 2
             made.rows.stamps[:] = (START_S + at_s + first // 2 + shift_s) * 10**9
             made.rows.values[:] = 20.0 + np.sin(at_s)
             if odd is not None:
@@ -247,6 +247,6 @@ async def test_odd_values_jumping_clocks_and_years_of_nothing_are_no_storm(tmp_p
             rig.commit(made)
             rig.watch.facts.heard("r1")
             opened += [edge for edge in await rig.turn() if edge.change == "opened"]
-            first += 400
+            first += 200
         assert opened == []
         assert rig.watch.describe()["rows"] == first - 1
