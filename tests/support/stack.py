@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.identity.local import LOCAL_KEY_FILE
+from metaros.wire import Router, open_router
 from tests.support.ports import free_port
 from tests.support.processes import END_S, end
 from tests.support.waiting import wait_until
@@ -51,6 +52,8 @@ class Stack:
     http_port: int = field(default_factory=free_port)
     grpc_port: int = field(default_factory=free_port)
     programs: list[Program] = field(default_factory=list)
+    data: Path | None = None  # of the gateway; another stack's where its gateway is shared
+    _router: Router | None = None
 
     def __enter__(self) -> Stack:
         return self
@@ -61,6 +64,8 @@ class Stack:
                 program.process.send_signal(signal.SIGINT)
         for program in reversed(self.programs):
             end(program.process)
+        if self._router is not None:
+            self._router.close()
 
     @property
     def url(self) -> str:
@@ -70,7 +75,16 @@ class Stack:
     @property
     def key(self) -> str:
         """The gateway's key for whoever can read its data directory: of an administrator, until it ends."""
-        return (self.folder / "data" / LOCAL_KEY_FILE).read_text().strip()
+        return (self.data_dir / LOCAL_KEY_FILE).read_text().strip()
+
+    @property
+    def data_dir(self) -> Path:
+        """The gateway's."""
+        return self.data or self.folder / "data"
+
+    def beside(self, folder: Path) -> Stack:
+        """Other robots of this gateway: by other names, on a router of their own."""
+        return Stack(folder, http_port=self.http_port, grpc_port=self.grpc_port, data=self.data_dir)
 
     def start(self, name: str, *arguments: str, ready: bool = True, timeout_s: float = 120.0) -> Program:
         """Start `metaros ARGUMENTS`; with `ready`, wait for its status file."""
@@ -97,23 +111,35 @@ class Stack:
         self.programs.remove(program)
         return self.start(program.name, *program.arguments)
 
-    def router(self) -> Program:
-        """The robot's Zenoh router."""
+    def router(self) -> None:
+        """The robot's Zenoh router, in this process."""
+        self._router = open_router(self.zenoh_port)
+
+    def router_program(self) -> Program:
+        """The same as a program, whose threads are enough for floods that may block."""
         return self.start("router", "router", "--port", str(self.zenoh_port))
 
     def gateway(self, *options: str) -> Program:
         """A gateway with a data directory of its own."""
         ports = ("--port", str(self.http_port), "--grpc-port", str(self.grpc_port))
         return self.start(
-            "gateway", "gateway", "--host", "127.0.0.1", *ports, "--data-dir", str(self.folder / "data"), *options
+            "gateway", "gateway", "--host", "127.0.0.1", *ports, "--data-dir", str(self.data_dir), *options
         )
 
-    def agent(self, name: str, *options: str) -> Program:
-        """The agent of robot `name` in namespace /`name`, with a state directory that a restart goes on with."""
+    def agent(self, name: str, *options: str, namespace: str = "") -> Program:
+        """The agent of robot `name`, in namespace /`name` or another; its state directory outlives a restart."""
         where = ("--gateway", f"127.0.0.1:{self.grpc_port}", "--zenoh-port", str(self.zenoh_port))
         where += ("--state-dir", str(self.folder / f"agent-{name}"))
         return self.start(
-            f"agent-{name}", "agent", "--name", name, "--namespace", f"/{name}", *where, "--no-host-metrics", *options
+            f"agent-{name}",
+            "agent",
+            "--name",
+            name,
+            "--namespace",
+            namespace or f"/{name}",
+            *where,
+            "--no-host-metrics",
+            *options,
         )
 
     def sim(self, *options: str, robots: int = 1) -> Program:
