@@ -134,10 +134,10 @@ def save(
     from metaros.node import Node
 
     out, service = Output(output), f"{absolute(name)}/save"
-    with connect(zenoh_port, domain) as context:
+    with connect(zenoh_port, domain, spin_time=2.0) as context:
         with Node("metaros_cli", context=context, enable_rosout=False, enable_parameters=False) as node:
             with node.create_client(Trigger, service) as client:
-                if not client.wait_for_service(2.0):
+                if not client.service_is_ready():
                     raise UnavailableError(
                         f"no recorder named {absolute(name)}\nstart one: metaros bag record --ring 30 --all"
                     )

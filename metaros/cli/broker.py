@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["register"]
 
+REPORT_S, NEWS_S = 1.0, 0.5
 LOOPBACK = ("127.", "localhost", "[::1]")
 _XSUB = typer.Option(
     "--xsub", metavar="ENDPOINT", show_default="5555", help="Where publishers connect: a port, tcp:// or ipc://."
@@ -145,11 +146,11 @@ def _watch(out: Output, broker: Broker, stop: Event) -> None:
 
     watcher = Watcher(SystemClock())
     if out.json:
-        while not stop.wait(1.0):
+        while not stop.wait(REPORT_S):
             out.object_line(report_facts(watcher.look(broker.report())))
     elif out.tty:
         live(lambda: watcher.look(broker.report()), stop)
     else:
-        while not stop.wait(0.5):
+        while not stop.wait(NEWS_S):
             for line in watcher.news(broker.report()):
                 out.line(line)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["GraphSource", "Listener", "Meter", "Rate", "Source"]
 
 _SLICE_S = 0.1  # waiting in slices keeps Ctrl-C immediate on every platform
-_REPORT_S = 1.0
+REPORT_S = 1.0
 _FIRST_GAP_S = 60.0  # so long one message waits for a second one: slow topics have a rate, too
 
 
@@ -82,11 +82,11 @@ class Listener:
 
     def reports(self, meter: Meter) -> Iterator[dict[str, Any]]:
         """Feed `meter` and give its report once a second."""
-        due = self._clock.monotonic_s() + _REPORT_S
+        due = self._clock.monotonic_s() + REPORT_S
         while True:
             wait = due - self._clock.monotonic_s()
             if wait <= 0:
-                due += _REPORT_S
+                due += REPORT_S
                 yield {**meter.report(self._clock.monotonic_s()), "dropped": self._source.dropped}
             elif (item := self._source.next(min(wait, _SLICE_S))) is not None:
                 meter.add(*item)
@@ -152,7 +152,7 @@ class Rate:
         """Rates over the window; `window` below 2 means that there is nothing to say."""
         sizes = [size for _, size in self._arrivals]
         gaps = [later[0] - earlier[0] for earlier, later in zip(self._arrivals, list(self._arrivals)[1:], strict=False)]
-        patience = max(3 * max(gaps), 2 * _REPORT_S) if gaps else _FIRST_GAP_S
+        patience = max(3 * max(gaps), 2 * REPORT_S) if gaps else _FIRST_GAP_S
         if self._arrivals and now - self._arrivals[-1][0] > patience:
             self._arrivals.clear()  # it fell silent: the next messages are a new measurement
         if len(self._arrivals) < 2:

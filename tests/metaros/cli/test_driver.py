@@ -4,41 +4,61 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
-import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 import metaros
 from metaros.interfaces.metaros_msgs.msg import HostMemory
 from metaros.interfaces.std_msgs.msg import Float64
+from tests.metaros.cli.conftest import spinning
+from tests.support.command_line import Done, call_metaros, program, stop_metaros
+from tests.support.processes import END_S, started
 from tests.support.pty_device import PtyDevice
 from tests.support.waiting import wait_until
 
+Listening = Callable[[type, str], list[Any]]
 
-def driver(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "metaros", "driver", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+
+def driver(*arguments: str) -> Done:
+    return call_metaros("driver", *arguments)
+
+
+@pytest.fixture
+def listening(zenoh_router: str) -> Iterator[Listening]:
+    """`listening(Float64, "/topic")` is the list of what is heard there."""
+    with metaros.Context(connect=zenoh_router) as context, metaros.Node("viewer", context=context) as viewer:
+        with spinning(viewer):
+
+            def listen(kind: type, topic: str) -> list[Any]:
+                heard: list[Any] = []
+                viewer.create_subscription(kind, topic, heard.append, metaros.qos_sensor_data)
+                return heard
+
+            yield listen
 
 
 def test_the_list_says_what_is_missing_here() -> None:
-    rows = json.loads(driver("list", "-o", "json").stdout)
+    rows = json.loads(driver("list", "-o", "json").out)
     ld19 = next(row for row in rows if row["kind"] == "ld19")
     assert (ld19["quality"], ld19["missing"]) == ("silver", [])
-    assert "ld19" in driver("list").stdout
+    assert "ld19" in driver("list").out
 
 
 def test_info_shows_topics_and_parameters() -> None:
-    text = driver("info", "ld19").stdout
+    text = driver("info", "ld19").out
     for word in ("LaserScan", "range_max_m", "12.0", "byte-true emulator"):
         assert word in text
-    assert json.loads(driver("info", "ld19", "-o", "json").stdout)["kind"] == "ld19"
+    assert json.loads(driver("info", "ld19", "-o", "json").out)["kind"] == "ld19"
 
 
 def test_probe_tells_commands_and_refuses_unknown_kinds() -> None:
-    for found in json.loads(driver("probe", "-o", "json").stdout):
+    for found in json.loads(driver("probe", "-o", "json").out):
         assert found["command"].startswith(f"metaros driver run {found['kind']}")
     done = driver("probe", "toaster")
-    assert (done.returncode, "no driver 'toaster'" in done.stderr) == (2, True)
+    assert (done.code, "no driver 'toaster'" in done.err) == (2, True)
 
 
 def test_what_is_wrong_is_said_before_anything_is_asked() -> None:
@@ -50,54 +70,31 @@ def test_what_is_wrong_is_said_before_anything_is_asked() -> None:
         (("./nowhere",), "manifest.toml"),
     ):
         done = driver("run", *arguments, "--zenoh-port", "1")
-        assert done.returncode == 2, done.stderr
-        assert said in done.stderr
+        assert done.code == 2, done.err
+        assert said in done.err
 
 
-def test_a_driver_runs_under_its_name_until_ctrl_c(zenoh_router: str) -> None:
-    port = zenoh_router.rsplit(":", 1)[1]
-    options = ["-p", "rate_hz=10", "--namespace", "/r1", "--name", "computer", "--zenoh-port", port]
-    command = [sys.executable, "-m", "metaros", "driver", "run", "host_metrics", *options]
-    process = subprocess.Popen(command)
-    try:
-        with metaros.Context(connect=zenoh_router) as context, metaros.Node("viewer", context=context) as viewer:
-            memory: list[HostMemory] = []
-            viewer.create_subscription(HostMemory, "/r1/host/memory", memory.append, 10)
-            executor = metaros.SingleThreadedExecutor()
-            executor.add_node(viewer)
-            wait_until(lambda: executor.spin_once(0.05) or len(memory) > 2)
-            executor.shutdown()
+def test_a_driver_runs_under_its_name_until_ctrl_c(zenoh_port: str, listening: Listening) -> None:
+    memory = listening(HostMemory, "/r1/host/memory")
+    options = ["-p", "rate_hz=10", "--namespace", "/r1", "--name", "computer", "--zenoh-port", zenoh_port]
+    with started(program("driver", "run", "host_metrics", *options)) as process:
+        wait_until(lambda: len(memory) > 2 or process.poll() is not None)
         process.send_signal(signal.SIGINT)
-        assert process.wait(60) == 0
-    finally:
-        process.kill()
-        process.wait()
+        _, err = process.communicate(timeout=END_S)
+    assert (process.returncode, len(memory) > 2) == (0, True), err
 
 
-def test_a_new_driver_runs_from_its_folder(zenoh_router: str, tmp_path: Path) -> None:
+def test_a_new_driver_runs_from_its_folder(zenoh_port: str, listening: Listening, tmp_path: Path) -> None:
     made = driver("new", "sonar_toy", "--directory", str(tmp_path))
-    assert made.returncode == 0
-    assert "metaros driver run" in made.stdout
-    port = zenoh_router.rsplit(":", 1)[1]
+    assert made.code == 0
+    assert "metaros driver run" in made.out
+    values = listening(Float64, "/sonar_toy/value")
     with PtyDevice(tmp_path) as device:
-        options = ["-p", f"port={device.path}", "--zenoh-port", port]
-        command = [sys.executable, "-m", "metaros", "driver", "run", str(tmp_path / "sonar_toy"), *options]
-        process = subprocess.Popen(command)
-        try:
-            with metaros.Context(connect=zenoh_router) as context, metaros.Node("viewer", context=context) as viewer:
-                values: list[Float64] = []
-                viewer.create_subscription(Float64, "/sonar_toy/value", values.append, metaros.qos_sensor_data)
-                executor = metaros.SingleThreadedExecutor()
-                executor.add_node(viewer)
 
-                def heard() -> bool:
-                    device.write(b"4.5\n")
-                    executor.spin_once(0.05)
-                    return bool(values)
+        def heard(_: str) -> bool:
+            device.write(b"4.5\n")
+            return bool(values)
 
-                wait_until(heard)
-                executor.shutdown()
-            assert values[0].data == 4.5
-        finally:
-            process.send_signal(signal.SIGINT)
-            process.wait(60)
+        options = ["-p", f"port={device.path}", "--zenoh-port", zenoh_port]
+        assert stop_metaros("driver", "run", str(tmp_path / "sonar_toy"), *options, when=heard).code == 0
+    assert values[0].data == 4.5

@@ -14,6 +14,8 @@ from metaros.cli.top_meter import Rates
 from metaros.interfaces.std_msgs.msg import String
 from tests.metaros.cli.conftest import Run
 from tests.metaros.cli.test_graph_model import BEST_EFFORT, end
+from tests.support.command_line import program
+from tests.support.processes import END_S, started
 from tests.support.waiting import wait_until
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -101,25 +103,26 @@ def test_mermaid() -> None:
     assert any(line.startswith('  n1 -. "✗ reliability') for line in lines)
 
 
-def test_the_command_draws_a_running_graph(run: Run, talker: metaros.Node, tmp_path: Path) -> None:
+def test_the_command_draws_a_running_graph(run: Run, talker: metaros.Node, tmp_path: Path, zenoh_port: str) -> None:
     file = tmp_path / "graph.svg"
     heard: list[String] = []
     talker.create_subscription(String, "/chatter", heard.append, 10)
     wait_until(lambda: heard)
-    done = run("graph", "--svg", str(file), "--measure", "0.5")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", f"drawn: {file}\n")
+    done = run("graph", "--svg", str(file), "--measure", "0.3")
+    assert (done.code, done.out, done.err) == (0, "", f"drawn: {file}\n")
     shown = texts(parsed(file.read_text(encoding="utf-8")))
     assert {"/chatter", "/demo", "talker"} <= set(shown)
     assert any(text.endswith(" Hz") for text in shown)
     assert "/demo/talker/reset" not in shown
-    shown = texts(parsed(run("graph", "--svg", "--measure", "0", "--services").stdout))
+    shown = texts(parsed(run("graph", "--svg", "--measure", "0", "--services").out))
     assert "talker/reset" in shown
-    assert run("graph", "-o", "mermaid").stdout.startswith("flowchart LR\n")
+    with started(program("graph", "-o", "mermaid", "--zenoh-port", zenoh_port)) as process:
+        assert process.communicate(timeout=END_S)[0].startswith("flowchart LR\n")
 
 
 def test_a_file_that_is_no_svg_is_refused(run: Run, tmp_path: Path) -> None:
     done = run("graph", "--svg", "/sim_1")
-    assert done.returncode == 2
-    assert "metaros graph /sim_1 --svg" in done.stderr
+    assert done.code == 2
+    assert "metaros graph /sim_1 --svg" in done.err
     done = run("graph", "--svg", str(tmp_path / "nowhere" / "graph.svg"))
-    assert (done.returncode, "no directory" in done.stderr) == (2, True)
+    assert (done.code, "no directory" in done.err) == (2, True)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from metaros.cli.nouns import plug_ins
+from tests.support.command_line import call_metaros
+from tests.support.processes import END_S, started
 
 PLUGIN = """
 [metaros.cli]
@@ -31,31 +35,38 @@ def site(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def metaros(site: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run `metaros` with the plug-ins in reach."""
-    code = "import sys; sys.path.insert(0, sys.argv.pop(1)); from metaros.cli.main import main; main()"
-    return subprocess.run([sys.executable, "-c", code, str(site), *arguments], capture_output=True, text=True)
+@pytest.fixture
+def plugged_in(site: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The plug-ins are in reach of this process."""
+    monkeypatch.syspath_prepend(site)
+    plug_ins.cache_clear()
+    yield
+    plug_ins.cache_clear()
+    for name in ("good_plugin", "lame_plugin", "rude_plugin"):
+        sys.modules.pop(name, None)
 
 
 def test_a_plug_in_is_a_noun_like_any_other(site: Path) -> None:
-    assert metaros(site, "good").stdout == "fine\n"
-    page = metaros(site, "--help").stdout
+    code = "import sys; sys.path.insert(0, sys.argv.pop(1)); from metaros.cli.main import main; main()"
+    with started([sys.executable, "-c", code, str(site), "good"]) as process:
+        assert process.communicate(timeout=END_S) == ("fine\n", "")
+
+
+@pytest.mark.usefixtures("plugged_in")
+def test_plug_ins_are_in_the_help() -> None:
+    page = call_metaros("--help").out
     assert "Plug-ins" in page
-    assert "good" in page
+    assert all(noun in page for noun in ("good", "lame", "rude"))
 
 
-@pytest.mark.parametrize(
-    ("noun", "reason"),
-    [("lame", "it needs the Python module no_such_module"), ("rude", "RuntimeError: I will not")],
-)
-def test_a_plug_in_that_fails_says_so_in_one_line(site: Path, noun: str, reason: str) -> None:
-    done = metaros(site, noun, "--any", "thing")
-    assert done.returncode == 2
-    assert done.stderr == f"error: metaros {noun} is not available: {reason}\n"
-
-
-def test_a_failing_plug_in_takes_nothing_else_down(site: Path) -> None:
-    assert metaros(site, "interface", "list", "std_srvs/srv/Trigger").stdout == "std_srvs/srv/Trigger\n"
+@pytest.mark.usefixtures("plugged_in")
+def test_a_plug_in_that_fails_says_so_in_one_line_and_takes_nothing_else_down() -> None:
+    reasons = {"lame": "it needs the Python module no_such_module", "rude": "RuntimeError: I will not"}
+    for noun, reason in reasons.items():
+        done = call_metaros(noun, "--any", "thing")
+        assert (done.code, done.err) == (2, f"error: metaros {noun} is not available: {reason}\n")
+    assert call_metaros("good").out == "fine\n"
+    assert call_metaros("interface", "list", "std_srvs/srv/Trigger").out == "std_srvs/srv/Trigger\n"
 
 
 def test_a_missing_extra_is_named() -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import pty
 import subprocess
-import sys
 
 import pytest
 
 from metaros.cli.options import Format
 from metaros.cli.output import Output, human_bytes, human_seconds
+from tests.support.command_line import program
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_colours_on_a_terminal_only_and_not_with_no_color(no_color: str, styled:
     env.pop("NO_COLOR", None)
     if no_color:
         env["NO_COLOR"] = no_color
-    subprocess.run([sys.executable, "-m", "metaros", "--help"], stdout=writer, env=env, check=True)
+    subprocess.run(program("--help"), stdout=writer, env=env, check=True)
     os.close(writer)
     page = os.read(reader, 65536)
     os.close(reader)

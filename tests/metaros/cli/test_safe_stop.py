@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from metaros.cli import safe_stop
 from metaros.cli.safe_stop import main
 from metaros.interfaces.geometry_msgs.msg import Twist
 from metaros.interfaces.std_srvs.srv import Trigger
@@ -40,6 +41,7 @@ class Base:
 @pytest.fixture
 def base(zenoh_router: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Base]:
     monkeypatch.setenv("METAROS_ZENOH_PORT", zenoh_router.rpartition(":")[2])
+    monkeypatch.setattr(safe_stop, "EVERY_S", 0.01)
     with Context(connect=zenoh_router) as context:
         node = Node("base", namespace="/r1", context=context)
         found = Base(node)

@@ -1,17 +1,23 @@
-"""`metaros up` whose ports are taken between its choice and the start of its processes."""
+"""`metaros up` whose ports are taken between its choice and the start of its processes.
+
+Small programs stand in for the router and the gateway, of which a real one starts for seconds: they write the status
+file, answer /readyz, and end as the real one does (tests/gateway/test_main.py) where a port is somebody else's.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import socket
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from gateway import settings
-from metaros.cli import up_decide, up_run
+from metaros.cli import up_decide, up_plan, up_run
 from metaros.cli.instance import DataDir, running_instances
 from metaros.cli.options import DEFAULT_ZENOH_PORT
 from metaros.cli.up_decide import UpOptions
@@ -19,8 +25,37 @@ from metaros.cli.up_plan import Plan
 from metaros.cli.up_screen import Screen
 from metaros.clock import SystemClock, system_rng
 from metaros.errors import UnavailableError
+from metaros.supervise import Launch
 from tests.support.ports import free_port
 from tests.support.waiting import wait_until_async
+
+STAND_IN = """
+import argparse, json, os, pathlib, socket, sys
+parser = argparse.ArgumentParser()
+parser.add_argument("--port", type=int)
+parser.add_argument("--grpc-port", type=int)
+parser.add_argument("--status-file", type=pathlib.Path)
+said, _ = parser.parse_known_args()
+opened = []
+for port in filter(None, (said.port, said.grpc_port)):
+    try:
+        opened.append(socket.create_server(("127.0.0.1", port)))
+    except OSError:
+        sys.exit(bool(sys.stderr.write(f"error: port {port} cannot be opened: somebody has it\\n")) * 2)
+said.status_file.write_text(json.dumps({"pid": os.getpid(), "ready": True}))
+while True:
+    asked, _ = opened[0].accept()
+    well = asked.recv(65536).startswith(b"GET /readyz")
+    asked.sendall(b"HTTP/1.1 %d .\\r\\nContent-Length: 0\\r\\n\\r\\n" % (200 if well else 404))
+    asked.close()
+"""
+
+
+def stand_ins(plan: Plan) -> tuple[Launch, ...]:
+    """The table of `metaros up` with small programs in it."""
+    return tuple(
+        replace(row, argv=(sys.executable, "-S", "-c", STAND_IN, *row.argv[3:])) for row in up_plan.launches(plan)
+    )
 
 
 @pytest.fixture
@@ -30,6 +65,7 @@ def start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
     monkeypatch.setattr(up_decide, "HTTP_PORT", free_port())  # whether 8080 is free is not this test's business
     monkeypatch.setattr(up_decide, "GRPC_PORT", free_port())
+    monkeypatch.setattr(up_run, "launches", stand_ins)
     with ExitStack() as taken:
 
         def started(port_of: Callable[[Plan], int], *, thefts: int) -> asyncio.Task[None]:
