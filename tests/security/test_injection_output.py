@@ -195,8 +195,9 @@ def test_what_is_made_is_printed_inert(words: tuple[str, ...], capsys: pytest.Ca
 @pytest.mark.parametrize("status", [401, 404, 500])
 def test_a_refusal_is_inert(status: int, capsys: pytest.CaptureFixture[str]) -> None:
     answers: dict[str, Any] = {}
+    texts = (*ALL[:12], *ALL[-22:])
     with hostile_gateway(answers, status=status) as url:
-        for text in (*ALL[:12], *ALL[-22:]):
+        for text in texts[(404, 401, 500).index(status) :: 3]:  # they are shared out: all are said the same way
             answers["/"] = {"detail": f"no {text}"}
             assert metaros(url, "audit", "list") != 0
             said = capsys.readouterr().err
