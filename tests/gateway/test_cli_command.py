@@ -4,33 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
-import sys
 from pathlib import Path
 
 from gateway.main import Ready
 from tests.gateway.harness import OPERATOR_KEY, ScriptedAgent, running_gateway
+from tests.support.command_line import Done, ask_metaros
 
 
-async def metaros(ready: Ready, *arguments: str) -> tuple[int, str, str]:
-    """Run it; exit code, standard output, standard error."""
-    process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "metaros", "command", *arguments),
-        env={**os.environ, "METAROS_GATEWAY_URL": ready.url, "METAROS_KEY": OPERATOR_KEY},
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.PIPE,
-    )
-    try:
-        async with asyncio.timeout(120):
-            out, err = await process.communicate()
-    finally:
-        if process.returncode is None:
-            process.kill()
-            await process.wait()
-    return process.returncode or 0, out.decode(), err.decode()
+async def metaros(ready: Ready, *arguments: str) -> Done:
+    """Run it."""
+    return await ask_metaros("command", *arguments, METAROS_GATEWAY_URL=ready.url, METAROS_KEY=OPERATOR_KEY)
 
 
-async def test_send_list_show_cancel(tmp_path: Path) -> None:
+async def test_send_list_show_cancel_and_what_is_no_command(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready:
         async with ScriptedAgent(ready) as agent, ScriptedAgent(ready, "sim_2", session=b"2" * 16):
             sending = asyncio.create_task(
@@ -59,10 +45,6 @@ async def test_send_list_show_cancel(tmp_path: Path) -> None:
         code, _, err = await metaros(ready, "cancel", found[0]["id"])
         assert code != 0
         assert "cancelled" in err
-
-
-async def test_what_is_no_command(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready:
         for arguments, told in (
             (("send", "set_uplink", "-r", "a", "-l", "b"), "--robot"),
             (("send", "set_uplink", "5", "-r", "a"), "FIELD=VALUE"),
