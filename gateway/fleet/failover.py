@@ -103,13 +103,17 @@ class Failover:
         async with asyncio.TaskGroup() as group:
             while True:
                 await asyncio.sleep(STEP_S)
-                try:
-                    await self._look()
-                    self._step(group)
-                    self._failed = self._failed and self._unsure
-                except StoreError as error:
-                    self._fail(error)
-                self._tell_some()
+                await self.step(group)
+
+    async def step(self, group: asyncio.TaskGroup) -> None:
+        """Once; what is to be written is written beside it, by a task of the group."""
+        try:
+            await self._look()
+            self._plan(group)
+            self._failed = self._failed and self._unsure
+        except StoreError as error:
+            self._fail(error)
+        self._tell_some()
 
     async def _look(self) -> None:
         """Know the rows: at the start, after a write of unknown end, and what other gateways did."""
@@ -123,7 +127,7 @@ class Failover:
         self._leases.learn(rows, now_s=self._looked_s)
         self._unsure = False
 
-    def _step(self, group: asyncio.TaskGroup) -> None:
+    def _plan(self, group: asyncio.TaskGroup) -> None:
         for robot in self._able:
             if self._book.desired.get(robot) is not self._units.get(robot, (None,))[0]:
                 self._offer(robot)

@@ -12,7 +12,7 @@ import pytest
 
 from gateway.domain.robot import Robot
 from gateway.errors import RobotOfflineError
-from gateway.fleet.failover import Failover, can_run
+from gateway.fleet.failover import STEP_S, Failover, can_run
 from gateway.fleet.twin_feature import Twins
 from gateway.fleet.twin_plan import Edit
 from gateway.fleet.twins import Editor
@@ -22,7 +22,6 @@ from metaros.clock import ManualClock
 from metaros.limits import LIMITS
 from tests.gateway.fleet.twin_rig import twins_on
 from tests.support.postgres import PostgresServer
-from tests.support.waiting import wait_until_async
 
 ADMIN = Editor(name="ada", code=True)
 WAITS = {"state": "stopped", "why": "no lease", "quarantined": False}
@@ -32,12 +31,14 @@ ROW = {"allowed": "beat", "migratable": True}
 class Fleet:
     """Robots that answer each frame with their clock, unless they are silent; and what each was told last."""
 
-    def __init__(self) -> None:
+    def __init__(self, tasks: asyncio.TaskGroup) -> None:
         self.clock = ManualClock()
         self.told: dict[str, dict[str, int]] = {}
         self.silent: set[str] = set()
         self.twins: Twins
         self.failover: Failover
+        self.tasks = tasks
+        self.others: list[Fleet] = []  # of other gateways, by the same clock
 
     def send(self, robot: str, frame: link_pb2.GatewayFrame) -> None:
         if frame.WhichOneof("frame") != "node_leases":
@@ -59,16 +60,24 @@ class Fleet:
         report = link_pb2.TwinReport(state="applied", reported=json.dumps({"nodes": known}).encode())
         self.twins.on_report(name, report)
 
-    async def until(self, holders: dict[str, dict[str, int]], *, pace_s: float = 0.1) -> None:
-        """Time goes by until these robots have these nodes, under these epochs."""
+    async def step(self) -> None:
+        """A quarter of a second goes by, and what was to be stored then is."""
+        self.clock.advance(STEP_S)
+        for one in (self, *self.others):
+            await one.failover.step(one.tasks)
+            if one.failover._writing is not None:
+                await asyncio.wait({one.failover._writing})
 
-        def so() -> bool:
-            self.clock.advance(pace_s)
-            held = {robot: leases for robot, leases in self.told.items() if leases and robot not in self.silent}
-            assert sum("map" in leases for leases in held.values()) <= 1
-            return held == holders
-
-        await wait_until_async(so)
+    async def until(self, holders: dict[str, dict[str, int]], *, for_s: float = 0.0) -> None:
+        """Time goes by until these robots have these nodes, under these epochs; `for_s` at least."""
+        end_s = self.clock.monotonic_s() + for_s
+        async with asyncio.timeout(60):
+            while True:
+                await self.step()
+                held = {robot: leases for robot, leases in self.told.items() if leases and robot not in self.silent}
+                assert sum("map" in leases for leases in held.values()) <= 1
+                if held == holders and self.clock.monotonic_s() >= end_s:
+                    return
 
     async def template(self, name: str, selector: str, row: dict[str, Any], *, priority: int = 0) -> None:
         await self.twins.templates.put(
@@ -77,18 +86,13 @@ class Fleet:
 
 
 @pytest.fixture
-async def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[tuple[Fleet, Store]]:
-    monkeypatch.setattr("gateway.fleet.failover.STEP_S", 0.01)
-    fleet = Fleet()
-    async with twins_on("", tmp_path, fleet.send, lambda robot: {}) as (store, twins):
-        fleet.twins = twins
-        fleet.failover = Failover(store, twins, fleet.send, clock=fleet.clock)
-        running = asyncio.create_task(fleet.failover.run())
-        try:
+async def fleet(tmp_path: Path) -> AsyncIterator[tuple[Fleet, Store]]:
+    async with asyncio.TaskGroup() as tasks:
+        fleet = Fleet(tasks)
+        async with twins_on("", tmp_path, fleet.send, lambda robot: {}) as (store, twins):
+            fleet.twins = twins
+            fleet.failover = Failover(store, twins, fleet.send, clock=fleet.clock)
             yield fleet, store
-        finally:
-            running.cancel()
-            await asyncio.gather(running, return_exceptions=True)
 
 
 async def test_it_moves_when_its_robot_is_lost_and_stays_when_that_is_back(fleet: tuple[Fleet, Store]) -> None:
@@ -104,47 +108,33 @@ async def test_it_moves_when_its_robot_is_lost_and_stays_when_that_is_back(fleet
     here.silent.clear()
     here.told.pop("r1")
     await here.robot(store, "r1")
-    end_s = here.clock.monotonic_s() + 20
-    await here.until({"r2": {"map": 2}})
-    await wait_until_async(lambda: here.clock.advance(0.1) or here.clock.monotonic_s() > end_s)
-    await here.until({"r2": {"map": 2}})
+    await here.until({"r2": {"map": 2}}, for_s=20.0)
     assert here.failover.holder_of("r1", "map") == "r2"
 
 
 @pytest.mark.integration
-async def test_two_gateways_of_one_store_and_one_of_them_dies(
-    postgres: PostgresServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("gateway.fleet.failover.STEP_S", 0.01)
-    monkeypatch.setattr("gateway.fleet.failover.LOOK_S", 0.2)
-    url, here, there = postgres.schema(), Fleet(), Fleet()
-    there.clock, there.told = here.clock, here.told
-    async with (
-        twins_on(url, tmp_path / "a", here.send, lambda robot: {}) as (store, here.twins),
-        twins_on(url, tmp_path / "b", there.send, lambda robot: {}) as (other, there.twins),
-    ):
-        here.failover = Failover(store, here.twins, here.send, clock=here.clock)
-        there.failover = Failover(other, there.twins, there.send, clock=here.clock)
-        works = [asyncio.create_task(one.failover.run()) for one in (here, there)]
-        try:
+async def test_two_gateways_of_one_store_and_one_of_them_dies(postgres: PostgresServer, tmp_path: Path) -> None:
+    async with asyncio.TaskGroup() as tasks:
+        url, here, there = postgres.schema(), Fleet(tasks), Fleet(tasks)
+        there.clock, there.told = here.clock, here.told
+        async with (
+            twins_on(url, tmp_path / "a", here.send, lambda robot: {}) as (store, here.twins),
+            twins_on(url, tmp_path / "b", there.send, lambda robot: {}) as (other, there.twins),
+        ):
+            here.failover = Failover(store, here.twins, here.send, clock=here.clock)
+            there.failover = Failover(other, there.twins, there.send, clock=here.clock)
+            here.others.append(there)
             await here.robot(store, "r1")
             store.submit(RobotWrite(Robot("r2"), 1))
             await store.flush()
             await here.template("all", "", ROW)
             await here.until({"r1": {"map": 1}})
             await there.robot(other, "r2")
-            end_s = here.clock.monotonic_s() + 20  # the other gateway sees that it goes on
-            await wait_until_async(lambda: here.clock.advance(0.05) or here.clock.monotonic_s() > end_s)
-            assert [robot for robot, leases in here.told.items() if leases] == ["r1"]
-            works[0].cancel()
+            await here.until({"r1": {"map": 1}}, for_s=20.0)  # the other gateway sees that it goes on
             here.told.pop("r1")  # by its own clock it ends; nobody renews it
             died_s = here.clock.monotonic_s()
-            await there.until({"r2": {"map": 2}}, pace_s=0.05)
+            await there.until({"r2": {"map": 2}})
             assert here.clock.monotonic_s() - died_s > LIMITS.node_lease_valid_s
-        finally:
-            for work in works:
-                work.cancel()
-            await asyncio.gather(*works, return_exceptions=True)
 
 
 async def test_a_quarantined_node_moves_once_and_not_in_a_circle(fleet: tuple[Fleet, Store]) -> None:
@@ -157,9 +147,7 @@ async def test_a_quarantined_node_moves_once_and_not_in_a_circle(fleet: tuple[Fl
     await here.until({"r2": {"map": 2}})
     here.reports("r1")
     here.reports("r2", map={"state": "quarantined", "quarantined": True})
-    end_s = here.clock.monotonic_s() + 20
-    await wait_until_async(lambda: here.clock.advance(0.1) or here.clock.monotonic_s() > end_s)
-    await here.until({"r2": {"map": 2}})
+    await here.until({"r2": {"map": 2}}, for_s=20.0)
 
 
 async def test_a_template_over_a_template_makes_no_second_unit(fleet: tuple[Fleet, Store]) -> None:
