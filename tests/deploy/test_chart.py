@@ -15,6 +15,7 @@ import yaml
 
 from tests.support.helm import CHART, HELMS, KUBES, SETS, rendered, run_helm, settings_file
 from tests.support.kubernetes import CUSTOM, check_object
+from tests.support.tables import refusal
 
 
 def test_there_are_sets_for_every_way_to_install_it() -> None:
@@ -23,27 +24,41 @@ def test_there_are_sets_for_every_way_to_install_it() -> None:
     assert [version.split(".")[0] for version in HELMS] == ["3", "4"]
 
 
-@pytest.mark.parametrize("version", HELMS)
-@pytest.mark.parametrize("name", SETS)
-def test_helm_finds_nothing_to_complain_of(name: str, version: str) -> None:
-    done = run_helm(version, "lint", "--strict", CHART, "-f", settings_file(name), "--kube-version", KUBES[0])
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "1 chart(s) linted, 0 chart(s) failed" in done.stdout + done.stderr
+def test_helm_finds_nothing_to_complain_of() -> None:
+    # The older Helm renders every set below; what more it looks at is the same in all of them.
+    cases = [(HELMS[-1], name) for name in SETS] + [(version, "all-on") for version in HELMS[:-1]]
+    complaints = {}
+    for version, name in cases:
+        done = run_helm(version, "lint", "--strict", CHART, "-f", settings_file(name), "--kube-version", KUBES[0])
+        said = done.stdout + done.stderr
+        if done.returncode or "1 chart(s) linted, 0 chart(s) failed" not in said:
+            complaints[version, name] = said
+    assert complaints == {}
 
 
 @pytest.mark.parametrize("kube", KUBES)
-@pytest.mark.parametrize("name", SETS)
-def test_kubernetes_takes_every_object(name: str, kube: str) -> None:
-    found = rendered(name, kube)
-    assert found.of("Deployment")
-    for item in found.objects:
-        check_object(item, kube)
+def test_kubernetes_takes_every_object(kube: str) -> None:
+    complaints = {}
+    for name in SETS:
+        found = rendered(name)
+        assert found.of("Deployment")
+        for item in found.objects:
+            if said := refusal(jsonschema.ValidationError, check_object, item, kube):
+                complaints[name, item["kind"], item["metadata"]["name"]] = said
+    assert complaints == {}
 
 
-@pytest.mark.parametrize("kube", KUBES)
+def test_every_kubernetes_gets_the_same() -> None:
+    """The templates do not ask for its version: what is looked at for the newest is so for all."""
+    texts = {str(path.relative_to(CHART)): path.read_text() for path in CHART.rglob("*") if path.is_file()}
+    assert [name for name, text in texts.items() if "Capabilities" in text] == []
+    for kube in KUBES:
+        assert str(rendered("all-on", kube).objects) == str(rendered("all-on").objects)
+
+
 @pytest.mark.parametrize("name", SETS)
-def test_helm_3_and_4_render_the_same(name: str, kube: str) -> None:
-    old, new = (sorted(map(str, rendered(name, kube, version).objects)) for version in HELMS)
+def test_helm_3_and_4_render_the_same(name: str) -> None:
+    old, new = (sorted(map(str, rendered(name, version=version).objects)) for version in HELMS)
     assert old == new
 
 
@@ -78,10 +93,10 @@ def broken(change: str) -> dict[str, Any]:
     return item
 
 
-@pytest.mark.parametrize("change", ["misspelt", "type", "unknown"])
-def test_the_schemas_would_notice(change: str) -> None:
-    with pytest.raises(jsonschema.ValidationError):
-        check_object(broken(change), KUBES[-1])
+def test_the_schemas_would_notice() -> None:
+    changes = ("misspelt", "type", "unknown")
+    missed = [it for it in changes if not refusal(jsonschema.ValidationError, check_object, broken(it), KUBES[-1])]
+    assert missed == []
     with pytest.raises(kubernetes_validate.SchemaNotFoundError):
         check_object({"apiVersion": "v1", "kind": "Gadget"}, KUBES[-1])
 

@@ -5,6 +5,7 @@ No image is built here, as there is no engine that could: the recipe is read, an
 
 from __future__ import annotations
 
+import asyncio
 import fnmatch
 import json
 import os
@@ -19,10 +20,9 @@ from pathlib import Path
 import pytest
 
 from gateway import settings
+from tests.gateway.test_drain import ending_gateway
 from tests.support.deployed import settings_of
 from tests.support.ports import free_port
-from tests.support.processes import started
-from tests.support.waiting import wait_until
 
 ROOT = Path(__file__).resolve().parents[2]
 DEPLOY = ROOT / "deploy"
@@ -148,27 +148,28 @@ def test_the_health_check_is_in_the_image() -> None:
     assert any(text.endswith(words[1]) for text in of("final", "COPY"))
 
 
-@pytest.mark.parametrize("tls", ["off", "on"])
-def test_the_health_check_asks_a_gateway(tls: str, tmp_path: Path) -> None:
-    port, status = free_port(), tmp_path / "status.json"
-    check = [sys.executable, str(DEPLOY / "healthcheck.py"), str(port)]
-    before = subprocess.run(check, capture_output=True, text=True, check=False)
-    assert before.returncode == 1
-    assert "refused" in before.stderr
-    command = [sys.executable, "-m", "metaros", "gateway", "--port", str(port), "--grpc-port", "0", "--tls", tls]
-    command += ["--data-dir", str(tmp_path / "data"), "--status-file", str(status), "--drain-notice-s", "600"]
-    environment = {**os.environ, "HOME": str(tmp_path)}
-    with started(command, env=environment, stderr=subprocess.STDOUT) as gateway:
-        wait_until(lambda: status.exists() or gateway.poll() is not None, timeout_s=60)
-        assert subprocess.run(check, check=False).returncode == 0
-        gateway.terminate()
+async def asked(port: int) -> tuple[int | None, str]:
+    """The health check's exit code and what it said."""
+    check = await asyncio.create_subprocess_exec(
+        sys.executable, "-I", str(DEPLOY / "healthcheck.py"), str(port), stderr=asyncio.subprocess.PIPE
+    )
+    _, said = await check.communicate()
+    return check.returncode, said.decode()
 
-        def ends() -> bool:
-            asked = subprocess.run(check, capture_output=True, text=True, check=False)
-            return asked.returncode == 1 and "503" in asked.stderr
 
-        wait_until(ends, timeout_s=60)
-        gateway.kill()
+async def test_the_health_check_asks_a_gateway(tmp_path: Path) -> None:
+    code, said = await asked(free_port())
+    assert (code, "refused" in said) == (1, True)
+    for tls in ("off", "on"):
+        async with ending_gateway(tmp_path / tls, tls=tls, drain_notice_s=600.0) as (ready, stop, _):
+            answer = await asked(ready.http_port)
+            while "timed out" in answer[1]:  # it waits four seconds: a container's next check comes anyway
+                answer = await asked(ready.http_port)
+            assert answer == (0, "")
+            stop.set()
+            while "503" not in answer[1]:
+                answer = await asked(ready.http_port)
+            assert answer[0] == 1
 
 
 @pytest.mark.integration
