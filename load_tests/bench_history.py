@@ -126,7 +126,7 @@ def _filled(options: argparse.Namespace, kind: str, folder: Path, *, series: int
     engine = open_engine(url, folder)[0]
     fill(engine, rows=options.rows, series=series)
     if url:
-        options.server().ask(f"VACUUM ANALYZE {url.rpartition('=')[2]}.metric_chunks")
+        options.server().ask("VACUUM ANALYZE metric_chunks", url=url)
     return engine
 
 
