@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import urllib.request
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -14,26 +14,28 @@ from tests.support.cutting_proxy import CuttingProxy
 from tests.support.stack import Program, Stack
 from tests.support.waiting import wait_until
 
-ROBOT = "sim_1"
+NAMESPACE = "/sim_1"
 TRIES = 5  # to catch a trial before it is confirmed
 
 
 class Robot:
     """The agent of a simulated robot, behind a link that can be cut, and its twin at the gateway."""
 
-    def __init__(self, stack: Stack, proxy: CuttingProxy, *options: str) -> None:
-        self.stack, self.proxy, self.options = stack, proxy, options
+    def __init__(self, stack: Stack, proxy: CuttingProxy, *options: str, name: str) -> None:
+        self.stack, self.proxy, self.options, self.name = stack, proxy, options, name
         self.agent = self.start()
+        wait_until(lambda: name in stack.online(), timeout_s=120)
+        wait_until(lambda: self.said.get("state") == "applied", timeout_s=120)
 
     def start(self) -> Program:
         where = ("--gateway", f"127.0.0.1:{self.proxy.port}")
         where += ("--zenoh-port", str(self.stack.zenoh_port), "--state-dir", str(self.stack.folder / "agent"))
-        names = ("--name", ROBOT, "--namespace", f"/{ROBOT}", "--no-host-metrics")
+        names = ("--name", self.name, "--namespace", NAMESPACE, "--no-host-metrics")
         return self.stack.start("agent", "agent", *names, *where, *self.options)
 
     def ask(self, method: str, path: str, body: object = None) -> Any:
         request = urllib.request.Request(
-            f"{self.stack.url}/api/v1/robots/{ROBOT}/twin{path}",
+            f"{self.stack.url}/api/v1/robots/{self.name}/twin{path}",
             method=method,
             data=None if body is None else json.dumps(body).encode(),
             headers={"Authorization": f"Bearer {self.stack.key}", "Content-Type": "application/json"},
@@ -63,7 +65,7 @@ class Robot:
         except (FileNotFoundError, ValueError):
             return {}
 
-    def on_trial(self, window_s: int = 8) -> int:
+    def on_trial(self, window_s: int = 5) -> int:
         """A revision that is on the robot's disk and not confirmed yet."""
         for attempt in range(TRIES):
             revision = self.desire(600_000 + attempt, window_s=window_s)
@@ -73,16 +75,11 @@ class Robot:
         raise AssertionError("every trial was confirmed before anybody could look")
 
 
-@pytest.fixture
-def robot(tmp_path: Path) -> Any:
-    with Stack(tmp_path) as stack:
+@pytest.fixture(scope="module")
+def robot(shared_gateway: Stack, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    with shared_gateway.beside(tmp_path_factory.mktemp("robot")) as stack, CuttingProxy(stack.grpc_port) as proxy:
         stack.router()
-        stack.gateway()
-        with CuttingProxy(stack.grpc_port) as proxy:
-            robot = Robot(stack, proxy)
-            wait_until(lambda: robot.stack.online() == {ROBOT}, timeout_s=120)
-            wait_until(lambda: robot.said.get("state") == "applied", timeout_s=120)
-            yield robot
+        yield Robot(stack, proxy, name="twin")
 
 
 @pytest.mark.integration
@@ -110,7 +107,7 @@ def test_a_twin_is_confirmed_and_one_that_the_link_dies_of_is_taken_back(robot: 
 def test_an_agent_that_is_killed_on_trial_ends_with_one_of_the_two(robot: Robot) -> None:
     robot.desire(500_000)
     wait_until(lambda: robot.twin["in_step"], timeout_s=120)
-    tried = robot.on_trial(window_s=20)
+    tried = robot.on_trial(window_s=6)
     robot.agent.process.send_signal(signal.SIGKILL)
     robot.agent.process.wait(60)
     before = robot.kept()
@@ -128,7 +125,7 @@ def test_a_topic_changes_its_class_while_it_flows(robot: Robot) -> None:
     robot.stack.sim("--seed", "1")
 
     def odometry() -> dict[str, Any]:
-        return robot.stack.topics(ROBOT).get("/sim_1/odom", {})
+        return robot.stack.topics(robot.name).get("/sim_1/odom", {})
 
     wait_until(lambda: odometry().get("class") == "live", timeout_s=120)
     for delivery in ("bulk", "event"):

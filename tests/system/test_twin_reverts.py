@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -17,7 +16,7 @@ from metaros.supervise.program import running_pid
 from tests.support.stack import Stack
 from tests.support.waiting import wait_until
 from tests.support.weak_link import WeakLink
-from tests.system.test_twin import ROBOT, Robot
+from tests.system.test_twin import Robot
 
 ROOM = 90_000  # bytes a second that the link carries
 SAFE, LOAD = 20_000, 200_000  # bytes a second: a budget, and what a topic would send without one
@@ -26,23 +25,19 @@ JAMMER = "import socket, sys; socket.create_connection(('127.0.0.1', int(sys.arg
 pytestmark = [pytest.mark.integration, pytest.mark.skipif(sys.platform == "win32", reason="kills as POSIX does")]
 
 
-@pytest.fixture
-def robot(tmp_path: Path) -> Iterator[Robot]:
-    with Stack(tmp_path) as stack:
+@pytest.fixture(scope="module")
+def robot(shared_gateway: Stack, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    folder = tmp_path_factory.mktemp("robot")
+    with shared_gateway.beside(folder) as stack, WeakLink(stack.grpc_port, most_bytes=ROOM) as link:
         stack.router()
-        stack.gateway()
-        with WeakLink(stack.grpc_port, most_bytes=ROOM) as link:
-            command = json.dumps([sys.executable, "-S", "-c", JAMMER, str(link.jam_port)])
-            (tmp_path / "agent.toml").write_text(f'[[allowed]]\nname = "radio"\ncommand = {command}\n')
-            robot = Robot(stack, link, "--config", str(tmp_path / "agent.toml"))
-            try:
-                wait_until(lambda: robot.stack.online() == {ROBOT}, timeout_s=120)
-                wait_until(lambda: robot.said.get("state") == "applied", timeout_s=120)
-                yield robot
-            finally:
-                if running_pid(tmp_path / "agent") is not None:
-                    ask(tmp_path / "agent", "shutdown")  # so that the agent, which still lives, starts none
-                    wait_until(lambda: running_pid(tmp_path / "agent") is None)
+        command = json.dumps([sys.executable, "-S", "-c", JAMMER, str(link.jam_port)])
+        (folder / "agent.toml").write_text(f'[[allowed]]\nname = "radio"\ncommand = {command}\n')
+        try:
+            yield Robot(stack, link, "--config", str(folder / "agent.toml"), name="weak")
+        finally:
+            if running_pid(folder / "agent") is not None:
+                ask(folder / "agent", "shutdown")  # so that the agent, which still lives, starts none
+                wait_until(lambda: running_pid(folder / "agent") is None)
 
 
 def comes_back(robot: Robot, tried: int, before: int) -> None:
@@ -59,15 +54,16 @@ def test_a_budget_that_floods_the_link(robot: Robot) -> None:
     assert isinstance(robot.proxy, WeakLink)
     text = "{data: " + "x" * (LOAD // 20) + "}"
     noise = ("topic", "pub", "/sim_1/noise", "std_msgs/msg/String", text, "--rate", "20", "--quiet")
-    robot.stack.start("noise", *noise, ready=False)
+    program = robot.stack.start("noise", *noise, ready=False)
     safe = {"topics": {"noise": {"class": "bulk", "rate_hz": 0}}, "budget": {"bytes_per_s": SAFE}}
     before = int(robot.ask("PUT", "", safe)["revision"])
     wait_until(lambda: robot.twin["in_step"], timeout_s=180)
     assert robot.proxy.floods == 0
-    tried = robot.desire(0, window_s=10)
+    tried = robot.desire(0, window_s=8)  # the robot asks to keep it 2 s after the link has come to live with it
     wait_until(lambda: robot.proxy.floods > 0, timeout_s=120)
     comes_back(robot, tried, before)
     assert robot.budget() == SAFE
+    program.kill()
 
 
 def test_a_node_that_takes_the_radio_for_itself(robot: Robot) -> None:
@@ -75,7 +71,7 @@ def test_a_node_that_takes_the_radio_for_itself(robot: Robot) -> None:
     before = robot.desire(SAFE)
     wait_until(lambda: robot.twin["in_step"], timeout_s=120)
     patch = {"nodes": {"radio": {"allowed": "radio"}}}
-    tried = int(robot.ask("PATCH", "?confirm_within_s=10", patch)["revision"])
+    tried = int(robot.ask("PATCH", "?confirm_within_s=8", patch)["revision"])
     wait_until(lambda: robot.proxy.jams > 0, timeout_s=120)
     comes_back(robot, tried, before)
     assert robot.said["values"]["nodes"] == {}
