@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-import pytest
 
 from gateway.api import models, models_alerts
 from gateway.domain.principal import Role
@@ -115,29 +114,33 @@ async def test_the_life_of_one_alert(tmp_path: Path) -> None:
         assert f"{alert.id} sim 1/ü heat" in [row["detail"] for row in rows]
 
 
-@pytest.mark.parametrize(
-    ("action", "body"),
-    [
-        ("acknowledge", {"text": "x" * 2001}),
-        ("acknowledge", {"why": "x"}),
-        ("acknowledge", {"text": 5}),
-        ("acknowledge", {"text": "a\0b"}),
-        ("comments", {}),
-        ("comments", {"text": ""}),
-        ("assign", {}),
-        ("assign", {"assignee": "x" * 129}),
-        ("silence", {"for_s": 0}),
-        ("silence", {"for_s": 1e12}),
-        ("silence", {"for_s": "1h"}),
-        ("clip", {"last_s": 5}),
-    ],
+UNFIT: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("acknowledge", {"text": "x" * 2001}),
+    ("acknowledge", {"why": "x"}),
+    ("acknowledge", {"text": 5}),
+    ("acknowledge", {"text": "a\0b"}),
+    ("comments", {}),
+    ("comments", {"text": ""}),
+    ("assign", {}),
+    ("assign", {"assignee": "x" * 129}),
+    ("silence", {"for_s": 0}),
+    ("silence", {"for_s": 1e12}),
+    ("silence", {"for_s": "1h"}),
+    ("clip", {"last_s": 5}),
 )
-async def test_what_does_not_fit_is_named(tmp_path: Path, action: str, body: dict[str, Any]) -> None:
+
+
+async def test_what_does_not_fit_is_named(tmp_path: Path) -> None:
+    wrong = []
     async with alerting_gateway(tmp_path) as some, client(some.ready) as http:
         alert = await some.open("sim_1")
-        refused = await said(http, alert.id, action, **body)
-        assert (refused.status_code, refused.json()["code"]) == (400, "invalid_request")
-        assert next(iter(body), "text" if action == "comments" else "assignee") in refused.json()["detail"]
+        for action, body in UNFIT:
+            refused = await said(http, alert.id, action, **body)
+            named = next(iter(body), "text" if action == "comments" else "assignee")
+            got = (refused.status_code, refused.json().get("code"))
+            if got != (400, "invalid_request") or named not in refused.json()["detail"]:
+                wrong.append((action, body, refused.text))
+    assert wrong == []
 
 
 async def test_alerts_of_robots_out_of_scope_do_not_exist(tmp_path: Path) -> None:

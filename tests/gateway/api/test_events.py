@@ -125,22 +125,22 @@ async def test_curl_follows_the_events(tmp_path: Path) -> None:
             await curl.wait()
 
 
-@pytest.mark.parametrize(
-    ("query", "headers"),
-    [
-        ("after=-1", {}),
-        ("limit=0", {}),
-        ("limit=1001", {}),
-        ("robot=%00", {}),
-        (f"robot={',r' * 70}", {}),
-        ("", {"Accept": "text/event-stream", "Last-Event-ID": "yesterday"}),
-        ("", {"Accept": "text/event-stream", "Last-Event-ID": "9" * 30}),
-    ],
+WRONG: tuple[tuple[str, dict[str, str]], ...] = (
+    ("after=-1", {}),
+    ("limit=0", {}),
+    ("limit=1001", {}),
+    ("robot=%00", {}),
+    (f"robot={',r' * 70}", {}),
+    ("", {"Accept": "text/event-stream", "Last-Event-ID": "yesterday"}),
+    ("", {"Accept": "text/event-stream", "Last-Event-ID": "9" * 30}),
 )
-async def test_what_cannot_be_asked_is_said(tmp_path: Path, query: str, headers: dict[str, str]) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http:
-        answer = await http.get(f"{PATH}?{query}", headers=headers)
-        assert (answer.status_code, answer.json()["code"]) == (400, "invalid_request")
+
+
+async def test_what_cannot_be_asked_is_said(ready_gateway: Ready) -> None:
+    async with client(ready_gateway) as http:
+        for query, headers in WRONG:
+            answer = await http.get(f"{PATH}?{query}", headers=headers)
+            assert (answer.status_code, answer.json()["code"]) == (400, "invalid_request"), (query, headers)
 
 
 async def test_one_asker_has_so_many_streams(ready_gateway: Ready) -> None:

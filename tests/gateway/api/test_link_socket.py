@@ -16,6 +16,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.typing import Subprotocol
 
+from gateway.api.ws.cut import cut
 from gateway.api.ws.link import SUBPROTOCOL
 from gateway.main import Ready
 from gateway.store import Store
@@ -103,46 +104,35 @@ async def test_the_gateways_end_is_told_and_the_agent_comes_back(tmp_path: Path)
     assert await stored_payloads(tmp_path) == [b"meanwhile"]
 
 
-@pytest.mark.parametrize("origin", ["own", "http://evil.example", "null"])
-async def test_no_page_opens_a_link(tmp_path: Path, origin: str) -> None:
+async def test_who_is_no_agent_opens_no_link(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready:
-        with pytest.raises(InvalidStatus) as caught:
-            async with lane_socket(ready, origin=ready.url if origin == "own" else origin):
-                pass
-        assert caught.value.response.status_code == 403
-        assert json.loads(caught.value.response.body)["code"] == "origin_not_allowed"
-
-
-async def test_a_foreign_host_or_another_subprotocol_opens_none(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready:
+        for origin in (ready.url, "http://evil.example", "null"):
+            with pytest.raises(InvalidStatus) as caught:
+                async with lane_socket(ready, origin=origin):
+                    pass
+            assert caught.value.response.status_code == 403, origin
+            assert json.loads(caught.value.response.body)["code"] == "origin_not_allowed", origin
         url = ready.url.replace("http", "ws", 1) + "/api/v1/link"
         for subprotocols in (None, [Subprotocol("metaros.link.v9")]):
             with pytest.raises(InvalidStatus) as caught:
                 await connect(url, subprotocols=subprotocols, proxy=None)
-            assert caught.value.response.status_code == 403
+            assert caught.value.response.status_code == 403, subprotocols
         with pytest.raises(InvalidStatus) as caught:
             await connect(url.replace("127.0.0.1", "127.0.0.2"), host="127.0.0.1", proxy=None)
         assert json.loads(caught.value.response.body)["code"] == "host_not_allowed"
 
 
-@pytest.mark.parametrize(
-    ("first", "code"),
-    [("a text", 1003), (b"\xff\xff\xff", 1007)],
-)
-async def test_what_is_no_frame_closes_the_socket(tmp_path: Path, first: str | bytes, code: int) -> None:
-    async with running_gateway(tmp_path) as ready:
-        async with lane_socket(ready) as socket:
-            await socket.send(first)
-            assert await close_code(socket) == code
-        async with lane_socket(ready) as socket:
-            await socket.send(hello())
-            assert (await heard(socket)).HasField("welcome")
-            await socket.send(first)
-            assert await close_code(socket) == code
-
-
-async def test_a_refused_hello_is_answered_with_a_goodbye(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready:
+async def test_what_is_no_frame_or_no_hello_closes_the_socket_and_no_other(tmp_path: Path) -> None:
+    async with running_gateway(tmp_path) as ready, lane_socket(ready) as other:
+        for first, code in (("a text", 1003), (b"\xff\xff\xff", 1007)):
+            async with lane_socket(ready) as socket:
+                await socket.send(first)
+                assert await close_code(socket) == code
+            async with lane_socket(ready) as socket:
+                await socket.send(hello(robot_id=f"r{code}"))
+                assert (await heard(socket)).HasField("welcome")
+                await socket.send(first)
+                assert await close_code(socket) == code
         for frame, text in ((hello(protocol=9), "protocol 1"), (link_pb2.AgentFrame().SerializeToString(), "Hello")):
             async with lane_socket(ready) as socket:
                 await socket.send(frame)
@@ -150,30 +140,30 @@ async def test_a_refused_hello_is_answered_with_a_goodbye(tmp_path: Path) -> Non
                 assert goodbye.code == "protocol"
                 assert text in goodbye.message
                 assert await close_code(socket) == 1000
-
-
-async def test_a_newer_session_fences_the_older_one_whatever_carries_it(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, lane_socket(ready) as old, lane_socket(ready) as new:
-        await old.send(hello())
-        assert (await heard(old)).HasField("welcome")
-        await new.send(hello(session_number=2, session_id=bytes([1]) * 16))
-        assert (await heard(new)).HasField("welcome")
-        assert (await heard(old)).goodbye.code == "fenced"
-        assert await close_code(old) == 1000
-
-
-async def test_a_frame_over_the_limit_ends_the_socket_and_nothing_else(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, lane_socket(ready) as socket, lane_socket(ready) as other:
-        with contextlib.suppress(ConnectionClosed, OSError):
-            await socket.send(bytes(LIMITS.frame_bytes + 1))
-        # The close frame may be lost, as the gateway does not read the rest.
-        assert await close_code(socket) in (1009, 1006)
+        async with lane_socket(ready) as socket:
+            with contextlib.suppress(ConnectionClosed, OSError):
+                await socket.send(bytes(LIMITS.frame_bytes + 1))
+            # The close frame may be lost, as the gateway does not read the rest.
+            assert await close_code(socket) in (1009, 1006)
         await other.send(hello())
         assert (await heard(other)).HasField("welcome")
+        async with lane_socket(ready) as new:
+            await new.send(hello(session_number=2, session_id=bytes([1]) * 16))
+            assert (await heard(new)).HasField("welcome")
+            assert (await heard(other)).goodbye.code == "fenced", "by the newer session, whatever carries it"
+            assert await close_code(other) == 1000
 
 
 async def test_an_agent_that_reads_nothing_is_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.ingest.links.OUTBOX_BYTES", 4 << 20)
+    monkeypatch.setattr("gateway.ingest.lane_shell.LAST_WORDS_S", 0.05)
+    over = asyncio.Event()
+
+    async def cut_and_told(*arguments: Any) -> None:
+        await cut(*arguments)
+        over.set()
+
+    monkeypatch.setattr("gateway.api.ws.link.cut", cut_and_told)
     async with running_gateway(tmp_path) as ready, AsyncExitStack() as stack, client(ready) as http:
         lanes = [await stack.enter_async_context(lane_socket(ready, max_queue=1)) for _ in range(3)]
         for number, socket in enumerate(lanes, 1):
@@ -186,11 +176,11 @@ async def test_an_agent_that_reads_nothing_is_cut(tmp_path: Path, monkeypatch: p
         for _ in range(40):  # one by one, so that the first ones fill what lies between the two
             post = http.post("/api/v1/robots/r/publish", params=query, content=body, headers=headers)
             posts.append(asyncio.create_task(post))
-            await asyncio.sleep(0.02)
+            await asyncio.sleep(0)
         answers = await asyncio.gather(*posts)
         assert {answer.status_code for answer in answers} <= {409, 503}
         await wait_for_state(http, "offline")
-        await asyncio.sleep(1.5)  # the last words have a second
+        await over.wait()
         assert await close_code(lanes[0]) in (4408, 1006)
 
 

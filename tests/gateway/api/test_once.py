@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-import pytest
 
 from metaros.cdr import codec
 from metaros.idl.json import from_json
@@ -44,31 +43,27 @@ async def nothing_more(agent: ScriptedAgent, http: httpx.AsyncClient) -> None:
     assert (await task).status_code == 200
 
 
-@pytest.mark.parametrize(
-    ("method", "path", "body", "payload"),
-    [
-        ("POST", "publish", PUBLISH, b""),
-        ("POST", "services/call", CALL, YES),
-        ("PUT", "uplink", {"bytes_per_s": 5000}, b""),
-    ],
+SENT: tuple[tuple[str, str, dict[str, Any], bytes], ...] = (  # method, path, body, what the robot answers
+    ("POST", "publish", PUBLISH, b""),
+    ("POST", "services/call", CALL, YES),
+    ("PUT", "uplink", {"bytes_per_s": 5000}, b""),
 )
-async def test_the_same_again_is_answered_as_the_first_was(
-    tmp_path: Path, method: str, path: str, body: dict[str, Any], payload: bytes
-) -> None:
+
+
+async def test_the_same_again_is_answered_as_the_first_was(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
-
-        async def ask(**changed: Any) -> httpx.Response:
-            return await http.request(method, f"{BASE}/{path}", json={**body, **changed}, headers=KEY)
-
-        first = await answered(agent, ask(), payload=payload)
-        assert first.status_code == 200, first.text
-        again = await ask()
-        assert (again.status_code, again.json()) == (200, first.json())
-        await nothing_more(agent, http)
-        other = await ask(**({"bytes_per_s": 6000} if path == "uplink" else {"lease_id": "another"}))
-        assert (other.status_code, other.json()["code"]) == (409, "idempotency_conflict")
-        free = await answered(agent, http.request(method, f"{BASE}/{path}", json=body), payload=payload)
-        assert free.json() == first.json(), "without a key it is another one"
+        for method, path, body, payload in SENT:
+            url, key = f"{BASE}/{path}", {"Idempotency-Key": path}
+            first = await answered(agent, http.request(method, url, json=body, headers=key), payload=payload)
+            assert first.status_code == 200, first.text
+            again = await http.request(method, url, json=body, headers=key)
+            assert (again.status_code, again.json()) == (200, first.json()), path
+            await nothing_more(agent, http)
+            changed = {**body, **({"bytes_per_s": 6000} if path == "uplink" else {"lease_id": "another"})}
+            other = await http.request(method, url, json=changed, headers=key)
+            assert (other.status_code, other.json()["code"]) == (409, "idempotency_conflict"), path
+            free = await answered(agent, http.request(method, url, json=body), payload=payload)
+            assert free.json() == first.json(), "without a key it is another one"
 
 
 async def test_cdr_a_failure_and_two_at_once(tmp_path: Path) -> None:

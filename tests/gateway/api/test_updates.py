@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-import pytest
 
 from gateway.domain.principal import Role
 from gateway.main import Ready
@@ -111,18 +110,13 @@ async def test_a_token_is_good_for_its_robot_alone_and_not_for_ever(tmp_path: Pa
             assert (answer.status_code, answer.json()["code"]) == (404, "unknown_update")
 
 
-@pytest.mark.parametrize("kind", ["application/json", "text/plain", "application/x-www-form-urlencoded", ""])
-async def test_a_bundle_comes_as_a_zip(tmp_path: Path, kind: str) -> None:
+async def test_a_bundle_comes_as_a_zip_and_what_is_none_leaves_nothing(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready, key=ADMIN) as http:
-        headers = {"content-type": kind} if kind else {}
-        answer = await http.post("/api/v1/updates/bundles", content=b"{}", headers=headers)
-        assert (answer.status_code, answer.json()["code"]) == (415, "unsupported_media_type")
-        answer = await http.post("/api/v1/keys", content=b"{}", headers=ZIP)
-        assert answer.status_code == 415
-
-
-async def test_what_is_no_bundle_leaves_nothing(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready, key=ADMIN) as http:
+        for kind in ("application/json", "text/plain", "application/x-www-form-urlencoded", ""):
+            headers = {"content-type": kind} if kind else {}
+            answer = await http.post("/api/v1/updates/bundles", content=b"{}", headers=headers)
+            assert (answer.status_code, answer.json()["code"]) == (415, "unsupported_media_type"), kind
+        assert (await http.post("/api/v1/keys", content=b"{}", headers=ZIP)).status_code == 415
         answer = await http.post("/api/v1/updates/bundles", content=b"PK" * 1000, headers=ZIP)
         assert (answer.status_code, answer.json()["code"]) == (400, "bundle_invalid")
         assert list((tmp_path / "data" / "updates").iterdir()) == []

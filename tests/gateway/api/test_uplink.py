@@ -7,7 +7,6 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 import httpx
-import pytest
 
 from gateway.api import models
 from metaros._proto import link_pb2
@@ -38,31 +37,26 @@ async def test_a_budget_goes_to_the_agent_and_shows_at_once(tmp_path: Path) -> N
             assert (await http.get("/api/v1/robots/sim_1")).json()["link"]["budget_bytes_per_s"] == asked
 
 
-async def test_an_agent_that_refuses_is_heard(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
-        asking = asyncio.create_task(http.put(UPLINK, json={"bytes_per_s": 5000}))
-        await agent.answer((await agent.next("command", CONTROL)).command, code="unsupported")
-        answer = await asking
-        assert (answer.status_code, answer.json()["code"]) == (501, "unsupported")
-        assert (await http.get(UPLINK)).json()["bytes_per_s"] is None
-
-
-@pytest.mark.parametrize(
-    "body",
-    [{}, {"bytes_per_s": 0}, {"bytes_per_s": 999}, {"bytes_per_s": "5000"}, {"bytes_per_s": True}, {"bytes": 5000}],
-)
-async def test_a_budget_that_cannot_be_is_refused(tmp_path: Path, body: dict[str, object]) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready):
-        answer = await http.put(UPLINK, json=body)
-        assert (answer.status_code, answer.json()["code"]) == (400, "invalid_request")
-
-
-async def test_without_a_robot_or_a_link_it_says_so(tmp_path: Path) -> None:
+async def test_what_no_agent_is_told_is_refused(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http:
         answer = await http.put(UPLINK, json={"bytes_per_s": 5000})
         assert (answer.status_code, answer.json()["code"]) == (404, "unknown_robot")
-        async with ScriptedAgent(ready):
-            pass
+        async with ScriptedAgent(ready) as agent:
+            for body in (
+                {},
+                {"bytes_per_s": 0},
+                {"bytes_per_s": 999},
+                {"bytes_per_s": "5000"},
+                {"bytes_per_s": True},
+                {"bytes": 5000},
+            ):
+                answer = await http.put(UPLINK, json=body)
+                assert (answer.status_code, answer.json()["code"]) == (400, "invalid_request"), body
+            asking = asyncio.create_task(http.put(UPLINK, json={"bytes_per_s": 5000}))
+            await agent.answer((await agent.next("command", CONTROL)).command, code="unsupported")
+            answer = await asking
+            assert (answer.status_code, answer.json()["code"]) == (501, "unsupported")
+            assert (await http.get(UPLINK)).json()["bytes_per_s"] is None
         await until(lambda: _state(http, "offline"))
         answer = await http.put(UPLINK, json={"bytes_per_s": 5000})
         assert (answer.status_code, answer.json()["code"]) == (503, "robot_offline")
