@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
-from pathlib import Path
 
 import pytest
 from websockets.exceptions import ConnectionClosed
@@ -62,13 +61,16 @@ class Driver:
         self.opened = ExitStack()
         connection = open_socket(stack.url, "/api/v1/robots/sim_1/teleop", key=stack.key)
         self.socket: ClientConnection = self.opened.enter_context(connection)
-        self.socket.send(json.dumps({"op": "take", "holder": "test"}))
-        self.granted = json.loads(self.socket.recv(timeout=60))
+        wait_until(self.take)  # who drove before has just gone
         self.seq = 0
         self.held = threading.Event()
         self.ended = threading.Event()
         self.thread = threading.Thread(target=self.send_while_held)
         self.thread.start()
+
+    def take(self) -> bool:
+        self.socket.send(json.dumps({"op": "take", "holder": "test"}))
+        return bool(json.loads(self.socket.recv(timeout=60))["op"] == "granted")
 
     def send(self) -> None:
         self.seq += 1
@@ -92,20 +94,27 @@ class Driver:
         self.opened.close()
 
 
-@pytest.fixture
-def driven(tmp_path: Path) -> Iterator[tuple[Stack, Driver, Speedometer]]:
-    with Stack(tmp_path) as stack:
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Stack, Speedometer]]:
+    """A simulated robot, its agent and a gateway, for all of these tests; who kills one of them starts it again."""
+    with Stack(tmp_path_factory.mktemp("robot")) as stack:
         stack.router()
         stack.gateway()
-        stack.sim("--resume-after", "60", "--seed", "1")
+        stack.sim("--resume-after", "600", "--seed", "1", "--no-camera")
         stack.agent("sim_1")
         wait_until(lambda: "/sim_1/cmd_vel" in stack.topics("sim_1") or stack.online() == {"sim_1"}, timeout_s=60)
-        with closing(Speedometer(stack.zenoh_port)) as speedometer, closing(Driver(stack)) as driver:
-            assert driver.granted["op"] == "granted", driver.granted
-            # The first zero command takes the robot out of autonomy; it must stand before a test makes it move.
-            driver.release()
-            wait_until(lambda: speedometer.log and speedometer.speed() < STILL, timeout_s=60)
-            yield stack, driver, speedometer
+        with closing(Speedometer(stack.zenoh_port)) as speedometer:
+            yield stack, speedometer
+
+
+@pytest.fixture
+def driven(robot: tuple[Stack, Speedometer]) -> Iterator[tuple[Stack, Driver, Speedometer]]:
+    stack, speedometer = robot
+    with closing(Driver(stack)) as driver:
+        # The first zero command takes the robot out of autonomy; it must stand before a test makes it move.
+        driver.release()
+        wait_until(lambda: speedometer.log and speedometer.speed() < STILL, timeout_s=60)
+        yield stack, driver, speedometer
 
 
 def drive(driver: Driver, speedometer: Speedometer) -> None:
@@ -115,10 +124,10 @@ def drive(driver: Driver, speedometer: Speedometer) -> None:
 
 
 def assert_stays_stopped(speedometer: Speedometer, *, since: float, within_s: float) -> None:
-    """Still within the deadline, and still two seconds later."""
+    """Still within the deadline, and still a second later."""
     wait_until(lambda: speedometer.speed() < STILL)
     still = time.monotonic()
-    wait_until(lambda: time.monotonic() - still > 2.0 and len([at for at, _ in speedometer.log if at > still]) > 10)
+    wait_until(lambda: time.monotonic() - still > 1.0 and len([at for at, _ in speedometer.log if at > still]) > 10)
     assert speedometer.stopped_after(still) == 0.0
     assert speedometer.stopped_after(since) < SLOW * within_s
 
@@ -126,7 +135,7 @@ def assert_stays_stopped(speedometer: Speedometer, *, since: float, within_s: fl
 def test_odometry_answers_a_command(driven: tuple[Stack, Driver, Speedometer]) -> None:
     _stack, driver, speedometer = driven
     delays_s = []
-    for _ in range(5):
+    for _ in range(3):
         sent = time.monotonic()
         driver.held.set()
         driver.send()
@@ -135,7 +144,7 @@ def test_odometry_answers_a_command(driven: tuple[Stack, Driver, Speedometer]) -
         driver.release()
         wait_until(lambda: speedometer.speed() < STILL, timeout_s=60)
     print("command to odometry, ms:", [round(delay * 1000) for delay in delays_s])
-    assert sorted(delays_s)[2] < SLOW * 0.2, delays_s
+    assert sorted(delays_s)[1] < SLOW * 0.2, delays_s
 
 
 def test_release_stops_the_robot(driven: tuple[Stack, Driver, Speedometer]) -> None:
@@ -149,18 +158,8 @@ def test_release_stops_the_robot(driven: tuple[Stack, Driver, Speedometer]) -> N
 def test_kill_while_driving_stops_the_robot(driven: tuple[Stack, Driver, Speedometer], victim: str) -> None:
     stack, driver, speedometer = driven
     drive(driver, speedometer)
-    next(program for program in stack.programs if program.name == victim).kill()
+    program = next(program for program in stack.programs if program.name == victim)
+    program.kill()
     assert_stays_stopped(speedometer, since=time.monotonic(), within_s=0.5)
-
-
-def test_agents_return_after_a_gateway_restart(tmp_path: Path) -> None:
-    with Stack(tmp_path) as stack:
-        stack.router()
-        gateway = stack.gateway()
-        stack.sim(robots=2)
-        stack.agent("sim_1")
-        stack.agent("sim_2")
-        wait_until(lambda: stack.online() == {"sim_1", "sim_2"}, timeout_s=60)
-        gateway.kill()
-        stack.restart(gateway)
-        wait_until(lambda: stack.online() == {"sim_1", "sim_2"}, timeout_s=60)
+    stack.restart(program)
+    wait_until(lambda: stack.online() == {"sim_1"})  # a killed gateway's robots come back by themselves
