@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import orjson
 import pytest
-from moto.server import ThreadedMotoServer
 
 from gateway.domain.command import DONE, ISSUED, Command
 from gateway.domain.delivery import Dead, Delivery, Done, Put, Result, Retry
@@ -19,7 +18,7 @@ from gateway.errors import LeaseRequiredError
 from gateway.outbound.webhook import signature, signing_key
 from gateway.rules.secrets import Secrets, target_owner
 from gateway.rules.targets.alert import AlertTarget
-from gateway.rules.targets.aws import AwsTarget, aws_client
+from gateway.rules.targets.aws import AwsTarget, MakeClient, aws_client
 from gateway.rules.targets.command import CommandTarget, PublishTarget
 from gateway.rules.targets.webhook import WebhookTarget
 from metaros.clock import ManualClock
@@ -190,23 +189,24 @@ async def test_an_alert_opens_and_is_over_after_its_time() -> None:
     ]
 
 
-@pytest.fixture
-def aws(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """AWS as moto serves it."""
-    for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
-        monkeypatch.setenv(name, "testing")
-    monkeypatch.setenv("AWS_DEFAULT_REGION", "eu-central-1")
+@pytest.fixture(scope="module")
+def make_client() -> Iterator[MakeClient]:
+    """Makes clients of AWS as moto serves it, each service's once."""
+    from moto.server import ThreadedMotoServer  # heavy
+
     server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
     server.start()
     host, port = server.get_host_and_port()
-    yield f"http://{host}:{port}"
+    with pytest.MonkeyPatch.context() as environment:
+        for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
+            environment.setenv(name, "testing")
+        yield cache(partial(aws_client, endpoint=f"http://{host}:{port}"))
     server.stop()
 
 
-async def test_aws_is_given_what_the_rule_fires_on(aws: str) -> None:
-    make = partial(aws_client, endpoint=aws)
-    target = AwsTarget(make, region="eu-central-1")
-    sqs, sns, s3, events = [make(name, "eu-central-1") for name in ("sqs", "sns", "s3", "events")]
+async def test_aws_is_given_what_the_rule_fires_on(make_client: MakeClient) -> None:
+    target = AwsTarget(make_client, region="eu-central-1")
+    sqs, sns, s3, events = [make_client(name, "eu-central-1") for name in ("sqs", "sns", "s3", "events")]
     queue = sqs.create_queue(QueueName="happenings")["QueueUrl"]
     arn = sqs.get_queue_attributes(QueueUrl=queue, AttributeNames=["QueueArn"])["Attributes"]["QueueArn"]
     topic = sns.create_topic(Name="news")["TopicArn"]
@@ -232,12 +232,11 @@ async def test_aws_is_given_what_the_rule_fires_on(aws: str) -> None:
     target.close()
 
 
-async def test_lambda_is_called_as_an_event(aws: str) -> None:
+async def test_lambda_is_called_as_an_event(make_client: MakeClient) -> None:
     calls: list[dict[str, Any]] = []
-    make = partial(aws_client, endpoint=aws)
 
     def watched(service: str, region: str) -> Any:
-        client = make(service, region)
+        client = make_client(service, region)
         client.meta.events.register("before-call.lambda.Invoke", lambda params, **more: calls.append(params))
         return client
 
@@ -251,18 +250,16 @@ async def test_lambda_is_called_as_an_event(aws: str) -> None:
     target.close()
 
 
-@pytest.mark.parametrize(
-    ("fields", "result"),
-    [
-        ({"service": "sqs", "queue_url": "{aws}/000000000000/none"}, Dead),
-        ({"service": "s3", "bucket": "none"}, Dead),
-        ({"service": "sns", "topic_arn": "arn:aws:sns:eu-central-1:000000000000:none"}, Dead),
-    ],
-)
-async def test_what_is_not_there_is_dead(aws: str, fields: dict[str, str], result: type) -> None:
-    target = AwsTarget(partial(aws_client, endpoint=aws), region="eu-central-1")
-    done = await target.deliver(delivery("aws", **{key: value.replace("{aws}", aws) for key, value in fields.items()}))
-    assert isinstance(done, result), done
+async def test_what_is_not_there_is_dead(make_client: MakeClient) -> None:
+    target = AwsTarget(make_client, region="eu-central-1")
+    endpoint = make_client("sqs", "eu-central-1").meta.endpoint_url
+    for fields in (
+        {"service": "sqs", "queue_url": f"{endpoint}/000000000000/none"},
+        {"service": "s3", "bucket": "none"},
+        {"service": "sns", "topic_arn": "arn:aws:sns:eu-central-1:000000000000:none"},
+    ):
+        done = await target.deliver(delivery("aws", **fields))
+        assert isinstance(done, Dead), (fields, done)
     target.close()
 
 
