@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import zenoh
 
+from metaros.errors import ClosedError
 from metaros.node.events.observer import Observer
 from metaros.wire import DataKey, EndpointToken, QoSProfile
 from metaros.wire.tokens import EndpointKind
@@ -69,7 +70,11 @@ class Endpoint:
         self.on_close(events.close)
         watch.add(self.topic, events)
         self.on_close(lambda: watch.discard(self.topic, events))
-        self.node.adopt(self)
+        try:
+            self.node.adopt(self)
+        except ClosedError:  # the node ended before or meanwhile: nobody else would take the endpoint back
+            self.close()
+            raise
 
     def close(self) -> None:
         """Leave the graph and stop. Safe to call twice."""

@@ -59,8 +59,12 @@ def test_a_deep_queue_is_bounded_in_bytes(here, there):
         assert row["queued_bytes"] <= LIMITS.ingress_bytes
 
 
-def test_without_subscriptions_nobody_answers_and_a_closed_one_is_told_no_more(here, there):
-    with metaros.Node("bare", context=there, enable_parameters=False, enable_rosout=False) as bare:
+def test_without_subscriptions_nobody_answers_and_a_closed_one_is_told_no_more(island):
+    with (
+        metaros.Context(domain_id=0, connect=island) as here,
+        metaros.Context(domain_id=0, connect=island) as there,
+        metaros.Node("bare", context=there, enable_parameters=False, enable_rosout=False) as bare,
+    ):
         assert ask(here.session) == []
         with bare.create_subscription(String, "/a", lambda _: None):
             told(here, "/a")

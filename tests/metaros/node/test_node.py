@@ -59,8 +59,8 @@ def test_a_late_context_knows_the_graph_when_it_opens(here, there, zenoh_router)
             assert [node.full_name for node in late.graph.nodes()] == ["/b"]
 
 
-def test_entities_are_numbered_as_rmw_zenoh_numbers_them(here):
-    with metaros.Node("a", context=here) as node:
+def test_entities_are_numbered_as_rmw_zenoh_numbers_them(island):
+    with metaros.Context(domain_id=0, connect=island) as here, metaros.Node("a", context=here) as node:
         publisher = node.create_publisher(String, "chatter")
         tokens = {end.topic: end for end in here.graph.tokens()}
         assert (node.token.nid, tokens["/rosout"].eid, tokens["/parameter_events"].eid) == (0, 1, 2)

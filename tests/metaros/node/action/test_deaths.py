@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import json
 import subprocess
 import sys
 import textwrap
@@ -70,6 +72,43 @@ def running(code: str, router: str) -> Iterator[subprocess.Popen[str]]:
         yield process
 
 
+FORK = """
+import asyncio, json, os, sys, threading
+import metaros, metaros.executor, metaros.node, metaros.node.action
+from metaros.interfaces.example_interfaces.action import Fibonacci
+from metaros.interfaces.std_srvs.srv import Trigger
+
+children = {}
+for number, code in enumerate(json.loads(sys.argv[2])):
+    children[number] = os.fork()  # before anything of Zenoh's has begun
+    if not children[number]:
+        break
+else:
+    print({number: os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) for number, pid in children.items()})
+    sys.exit()
+for_ever = threading.Event()
+context = metaros.Context(domain_id=0, connect=sys.argv[1])
+node = metaros.Node("other", namespace=f"/n{number}", context=context)
+exec(code)
+"""
+
+
+@contextmanager
+def forked(codes: list[str], router: str) -> Iterator[subprocess.Popen[str]]:
+    """A program each, in the namespaces /n0, /n1, …, whose imports are paid for once."""
+    with started([sys.executable, "-c", FORK, router, json.dumps(codes)], cwd=ROOT) as process:
+        yield process
+
+
+def ended(process: subprocess.Popen[str]) -> Any:
+    """The exit code of each; all have said that they were ready."""
+    out, err = process.communicate(timeout=_SOON_S)
+    *ready, codes = out.splitlines()
+    found = ast.literal_eval(codes)
+    assert ready == ["ready"] * len(found), err
+    return found
+
+
 @pytest.fixture
 def node(here: metaros.Context) -> Iterator[metaros.Node]:
     """A node that spins."""
@@ -129,58 +168,56 @@ def test_a_goal_survives_its_client_and_is_kept(node: metaros.Node, zenoh_router
     assert own.send_goal(Fibonacci.Goal()).wait().result(60).wait().result.sequence.tolist() == [5]
 
 
-@pytest.mark.parametrize(
-    "ending",
-    [
-        "context.close()",
-        "node.close()",
-        "pass",  # falls off the end, with everything open
-        "raise SystemExit(0)",
-        "threading.Thread(target=pending.wait, daemon=True).start()",
-        "threading.Thread(target=metaros.spin, args=(node,), daemon=True).start()",
-    ],
+ENDINGS = (
+    "context.close()",
+    "node.close()",
+    "pass",  # falls off the end, with everything open
+    "raise SystemExit(0)",
+    "threading.Thread(target=pending.wait, daemon=True).start()",
+    "threading.Thread(target=metaros.spin, args=(node,), daemon=True).start()",
 )
-def test_a_client_with_a_goal_in_flight_can_end(ending: str, node: metaros.Node, zenoh_router: str) -> None:
+
+
+def test_a_client_with_a_goal_in_flight_can_end(node: metaros.Node, zenoh_router: str) -> None:
     node.create_action_server(Fibonacci, "fibonacci", lambda goal: goal.pause(1000) and None)
-    with running(program(CLIENT, ending), zenoh_router) as client:
-        assert client.wait(_SOON_S) == 0, client.stderr and client.stderr.read()
+    clients = [CLIENT.replace("fibonacci", "/fibonacci") + ending for ending in ENDINGS]
+    with forked(clients, zenoh_router) as process:
+        assert ended(process) == dict.fromkeys(range(len(ENDINGS)), 0)
 
 
-@pytest.mark.parametrize(
-    "execute",
-    [
-        "def execute(goal): for_ever.wait(10_000)",  # blocks for ever
-        "def execute(goal): goal.pause(10_000)",
-        "async def execute(goal):\n    import asyncio\n    await asyncio.sleep(10_000)",
-        "def execute(goal): raise RuntimeError('broken')",
-        "def execute(goal):\n    while True: goal.publish_feedback(Fibonacci.Feedback())",
-    ],
-    ids=["blocks", "pauses", "awaits", "raises", "floods"],
+EXECUTES = (
+    "def execute(goal): for_ever.wait(10_000)",  # blocks for ever
+    "def execute(goal): goal.pause(10_000)",
+    "async def execute(goal):\n    import asyncio\n    await asyncio.sleep(10_000)",
+    "def execute(goal): raise RuntimeError('broken')",
+    "def execute(goal):\n    while True: goal.publish_feedback(Fibonacci.Feedback())",
 )
-def test_a_server_with_a_goal_in_flight_can_end(execute: str, node: metaros.Node, zenoh_router: str) -> None:
+STOPPED = """
+node.create_action_server(Fibonacci, "fibonacci", execute)
+executor = metaros.SingleThreadedExecutor()
+executor.add_node(node)
+
+@node.service(Trigger, "stop")
+def stop(request, response):
+    executor.shutdown()
+
+print("ready", flush=True)
+executor.spin()
+"""
+
+
+def test_a_server_with_a_goal_in_flight_can_end(node: metaros.Node, zenoh_router: str) -> None:
     """Its executor is shut down and the interpreter ends, whatever the goal does."""
-    client = node.create_action_client(Fibonacci, "fibonacci")
-    serve = """
-    node.create_action_server(Fibonacci, "fibonacci", execute)
-    executor = metaros.SingleThreadedExecutor()
-    executor.add_node(node)
-
-    @node.service(Trigger, "stop")
-    def stop(request, response):
-        executor.shutdown()
-
-    print("ready", flush=True)
-    executor.spin()
-    """
-    with running(program(execute + "\n", serve), zenoh_router) as server:
-        stop = node.create_client(Trigger, "stop")
-        assert client.wait_for_server(60)
-        assert stop.wait_for_service(60)
-        goal = client.send_goal(Fibonacci.Goal()).wait()
-        pending = goal.result()
-        stop.call(Trigger.Request(), timeout_s=60)
-        assert server.wait(_SOON_S) == 0, server.stderr and server.stderr.read()
-        began_s = time.monotonic()
-        with suppress(UnavailableError):
-            assert pending.wait().status is GoalState.ABORTED
-        assert time.monotonic() - began_s < _SOON_S
+    with forked([f"{execute}\n{STOPPED}" for execute in EXECUTES], zenoh_router) as process:
+        for number in range(len(EXECUTES)):
+            client = node.create_action_client(Fibonacci, f"/n{number}/fibonacci")
+            stop = node.create_client(Trigger, f"/n{number}/stop")
+            assert client.wait_for_server(60)
+            assert stop.wait_for_service(60)
+            pending = client.send_goal(Fibonacci.Goal()).wait().result()
+            stop.call(Trigger.Request(), timeout_s=60)
+            began_s = time.monotonic()
+            with suppress(UnavailableError):
+                assert pending.wait().status is GoalState.ABORTED
+            assert time.monotonic() - began_s < _SOON_S
+        assert ended(process) == dict.fromkeys(range(len(EXECUTES)), 0)

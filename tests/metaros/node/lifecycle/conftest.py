@@ -10,6 +10,7 @@ import pytest
 
 import metaros
 from metaros.clock import ManualClock
+from tests.support.contexts import SharedContexts
 
 Serve = Callable[..., metaros.SingleThreadedExecutor]
 
@@ -21,23 +22,9 @@ def manual() -> ManualClock:
 
 
 @pytest.fixture
-def still(zenoh_router: str, manual: ManualClock) -> Iterator[metaros.Context]:
+def still(contexts: SharedContexts, zenoh_router: str, manual: ManualClock) -> Iterator[metaros.Context]:
     """A context whose timers run by the manual clock."""
-    with metaros.Context(domain_id=0, connect=zenoh_router, clock=manual) as context:
-        yield context
-
-
-@pytest.fixture
-def here(zenoh_router: str) -> Iterator[metaros.Context]:
-    """The context under test."""
-    with metaros.Context(domain_id=0, connect=zenoh_router) as context:
-        yield context
-
-
-@pytest.fixture
-def there(zenoh_router: str) -> Iterator[metaros.Context]:
-    """Its peer."""
-    with metaros.Context(domain_id=0, connect=zenoh_router) as context:
+    with contexts.lend("still", clock=manual) as context:
         yield context
 
 

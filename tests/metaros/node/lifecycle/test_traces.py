@@ -1,4 +1,4 @@
-"""A hundred random rate traces, arrivals with jitter, a manual clock: health follows the rate and never flaps.
+"""Forty random rate traces, arrivals with jitter, a manual clock: health follows the rate and never flaps.
 
 A trace is made of stretches of one true rate each. Flapping is a change that no change of the rate explains: once the
 window holds nothing of the stretch before, a change away from the true rate, or, where the true rate lies within the
@@ -18,7 +18,7 @@ from metaros.node.lifecycle.meters import RateMeter
 from metaros.node.lifecycle.rules import HealthRule, Step
 from metaros.node.lifecycle.signals import TopicRate
 
-TRACES = 100
+TRACES = 40
 SIGNAL = TopicRate("/scan", below_hz=5)
 RULE = HealthRule("lidar", SIGNAL, for_s=1.0, clear_for_s=2.0)
 STEP_S = 0.1
