@@ -75,11 +75,11 @@ async def test_what_is_throttled_is_tried_until_it_is_six_hours_old(world: World
         if await world.drive(desk):
             pauses.append(world.clock.monotonic_s() - last_s)
             last_s = world.clock.monotonic_s()
-        world.clock.advance(20.0)
+        world.clock.advance(60.0)
     assert told.ends == [(delivery_id, Dead("too_old", "it was not delivered in time"))]
-    assert 6 * 3600 <= world.clock.monotonic_s() - begun_s <= 6 * 3600 + 40
-    assert 72 < len(pauses) < 400  # at most 5 minutes apart
-    assert max(pauses) <= 320.0
+    assert 6 * 3600 <= world.clock.monotonic_s() - begun_s <= 6 * 3600 + 120
+    assert 72 <= len(pauses) < 400  # at most 5 minutes apart
+    assert max(pauses) <= 360.0
     (letter,) = await desk.dead_page(DeadFilter(), limit=9)
     assert (letter.code, letter.attempts) == ("too_old", 0)
 
@@ -255,12 +255,11 @@ async def test_two_gateways_share_the_work_and_deliver_each_once(shared_world: W
 async def test_a_target_with_a_long_backlog_does_not_hold_up_the_others(world: World) -> None:
     told = Told(at_once=8)
     desk = await world.desk(told)
-    for _ in range(5):
-        await desk.accept([one("big") for _ in range(400)])
+    await desk.accept([one("big") for _ in range(400)])
     await desk.accept([one(f"small{number}") for number in range(20)])
     await world.drive(desk)
     served = [place for place, item in enumerate(told.begun) if item.put.target != "big"]
-    assert len(told.begun) == 2020
+    assert len(told.begun) == 420
     assert served[-1] < 100
     assert told.most_under_way <= 8
 
@@ -349,7 +348,10 @@ async def test_what_no_database_takes_is_its_callers_trouble_only(shared_world: 
     assert await world.drive(desk) == 1
 
 
-async def test_redriven_letters_are_delivered_and_new_ones_wait_for_the_next_time(any_world: World) -> None:
+async def test_redriven_letters_are_delivered_and_new_ones_wait_for_the_next_time(
+    any_world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gateway.queue.desk.PAGE", 50)
     world = any_world
 
     async def act(delivery: Delivery) -> Result:
@@ -357,25 +359,28 @@ async def test_redriven_letters_are_delivered_and_new_ones_wait_for_the_next_tim
 
     told = Told(act=act)
     desk = await world.desk(told)
-    ids = await desk.accept([one("bad", str(number).encode()) for number in range(1200)])
+    ids = await desk.accept([one("bad", str(number).encode()) for number in range(120)])
     await world.drive(desk)
-    assert (await world.totals()).dead.rows == 1200
+    assert (await world.totals()).dead.rows == 120
     assert await desk.redrive(DeadFilter(ids=tuple(ids[:3]))) == 3
     assert await desk.redrive(DeadFilter(target="none")) == 0
-    assert await desk.redrive(DeadFilter(), most=700) == 700
-    assert await desk.drop_dead(DeadFilter(), most=90) == 90
+    assert await desk.redrive(DeadFilter(), most=70) == 70
+    assert await desk.drop_dead(DeadFilter(), most=9) == 9
     told.act = Told().act
     told.begun.clear()
     await world.drive(desk)
-    assert len(told.begun) == 703
+    assert len(told.begun) == 73
     assert {item.redrives for item in told.begun} == {1}
-    assert (await world.totals()).dead.rows == 1200 - 703 - 90
-    assert await desk.redrive(DeadFilter()) == 407
+    assert (await world.totals()).dead.rows == 120 - 73 - 9
+    assert await desk.redrive(DeadFilter()) == 38
     await world.drive(desk)
     assert await world.counted() == {}
 
 
-async def test_what_others_put_is_found_and_what_is_put_here_is_delivered_at_once(world: World) -> None:
+async def test_what_others_put_is_found_and_what_is_put_here_is_delivered_at_once(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gateway.queue.dispatcher.POLL_S", 0.05)
     told = Told()
     desk = await world.desk(told)
     run = asyncio.create_task(desk.run())
