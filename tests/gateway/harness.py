@@ -249,10 +249,17 @@ class ScriptedAgent:
             await self.send(lane, announce=link_pb2.Announce(channels=channels, series=series))
 
     async def samples(
-        self, number: int, first_seq: int, payloads: Sequence[bytes], *, stamp_ns: int = 1000, epoch: int = EPOCH
+        self,
+        number: int,
+        first_seq: int,
+        payloads: Sequence[bytes],
+        *,
+        stamp_ns: int = 1000,
+        step_ns: int = 1,
+        epoch: int = EPOCH,
     ) -> None:
-        """Send one batch."""
-        stamps = [stamp_ns + index for index in range(len(payloads))]
+        """Send one batch; of its stamps the first, and how far they are apart."""
+        stamps = [stamp_ns + index * step_ns for index in range(len(payloads))]
         batch = pack_batch(number, epoch, first_seq, stamps, payloads)
         await self.send(batches=link_pb2.Batches(batches=[batch]))
 

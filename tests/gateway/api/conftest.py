@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from gateway.api import rate
+from gateway.api import attendance, bodies, rate
+from gateway.api.grpc import attended
+from metaros.limits import LIMITS
 
 
 @pytest.fixture(autouse=True)
 def _refused_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Who asks too often is made to wait for half a second and more: tests of floods see that."""
-    monkeypatch.setattr(rate, "PAUSE_S", 0.0)
+    for module in (rate, bodies):
+        monkeypatch.setattr(module, "PAUSE_S", 0.0)
+
+
+@pytest.fixture
+def attentive(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For the gateways that the test starts: whether who is connected may still be there is asked all the time."""
+    monkeypatch.setattr(attendance, "LIMITS", replace(LIMITS, attendance_s=0.02))
+    monkeypatch.setattr(attended, "STILL_S", 0.02)
+    monkeypatch.setattr(attended, "LOOK_S", 0.02)

@@ -85,16 +85,17 @@ async def test_robots_port_knows_no_fleet_and_the_programs_port_no_links(tmp_pat
             assert (await refusal(channel, LIST, b"", VIEWER))[0] is grpc.StatusCode.UNIMPLEMENTED
 
 
-@pytest.mark.parametrize("method", [LIST, WATCH])
-async def test_who_is_refused_is_refused_before_the_message_is_looked_at(tmp_path: Path, method: str) -> None:
+async def test_who_is_refused_is_refused_before_the_message_is_looked_at(tmp_path: Path) -> None:
     """A message over the limit and one that is none: a stranger hears nothing of either, as nobody read them."""
     too_long, no_message = bytes(LIMITS.frame_bytes + 1), b"\xff" * 32
+    wrong = "mrk_" + "0" * 16 + "_" + "0" * 64
     async with running_gateway(tmp_path, anonymous=False) as ready, fleet(ready) as channel:
-        for body in (too_long, no_message):
-            assert (await refusal(channel, method, body, ""))[1] == "sign_in"
-            assert (await refusal(channel, method, body, "mrk_" + "0" * 16 + "_" + "0" * 64))[1] == "bad_credentials"
-        assert (await refusal(channel, method, too_long, VIEWER))[0] is grpc.StatusCode.RESOURCE_EXHAUSTED
-        assert (await refusal(channel, method, no_message, VIEWER))[1] == "invalid_request"
+        for method in (LIST, WATCH):
+            for body in (too_long, no_message):
+                assert (await refusal(channel, method, body, ""))[1] == "sign_in"
+                assert (await refusal(channel, method, body, wrong))[1] == "bad_credentials"
+            assert (await refusal(channel, method, too_long, VIEWER))[0] is grpc.StatusCode.RESOURCE_EXHAUSTED
+            assert (await refusal(channel, method, no_message, VIEWER))[1] == "invalid_request"
 
 
 async def test_a_call_without_a_message_and_one_with_two(tmp_path: Path) -> None:
@@ -138,21 +139,21 @@ async def stopped(agent: ScriptedAgent) -> None:
     await agent.answer(release)
 
 
-@pytest.mark.parametrize("how", ["cancelled", "half closed", "key revoked"])
-async def test_a_robot_that_is_driven_stops_with_the_stream(tmp_path: Path, how: str) -> None:
+async def test_a_robot_that_is_driven_stops_with_the_stream(tmp_path: Path, attentive: None) -> None:
     key = RING.add(role=Role.OPERATOR)
     async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent, fleet(ready) as channel:
-        async with driven(ready, channel, agent, key) as call:
-            if how == "cancelled":
-                call.cancel()
-            elif how == "half closed":
-                await call.done_writing()
-            else:
-                RING.revoke(key)
-            await stopped(agent)
-            if how == "key revoked":
-                with pytest.raises(grpc.aio.AioRpcError) as caught:
-                    await call.read()
-                assert dict(caught.value.trailing_metadata() or ())["metaros-code"] == "bad_credentials"
-        async with client(ready) as http:
-            assert (await http.get("/api/v1/robots/sim_1")).json()["lease"] is None
+        for how in ("cancelled", "half closed", "key revoked"):
+            async with driven(ready, channel, agent, key) as call:
+                if how == "cancelled":
+                    call.cancel()
+                elif how == "half closed":
+                    await call.done_writing()
+                else:
+                    RING.revoke(key)
+                await stopped(agent)
+                if how == "key revoked":
+                    with pytest.raises(grpc.aio.AioRpcError) as caught:
+                        await call.read()
+                    assert dict(caught.value.trailing_metadata() or ())["metaros-code"] == "bad_credentials"
+            async with client(ready) as http:
+                assert (await http.get("/api/v1/robots/sim_1")).json()["lease"] is None, how

@@ -182,7 +182,7 @@ async def test_a_stream_whose_reader_reads_nothing_is_ended(tmp_path: Path, capl
             assert dict(await call.trailing_metadata())["metaros-code"] == "stalled"
 
 
-async def test_streams_are_told_that_the_gateway_ends(tmp_path: Path) -> None:
+async def test_streams_are_told_that_the_gateway_ends(tmp_path: Path, attentive: None) -> None:
     async with AsyncExitStack() as stack:
         ready = await stack.enter_async_context(running_gateway(tmp_path, drain_s=20.0))
         opened = grpc.aio.insecure_channel(f"127.0.0.1:{ready.api_grpc_port}")

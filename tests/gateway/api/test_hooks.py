@@ -6,7 +6,6 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 
 import httpx
-import pytest
 
 from gateway.api import models_rules as models
 from gateway.domain.principal import Role
@@ -56,18 +55,21 @@ async def test_a_signed_webhook_is_taken_once_and_sets_off_a_rule(tmp_path: Path
         assert [(one["subject"], one["data"]["body"]) for one in found] == [("lab_1", {"action": "opened"})]
 
 
-@pytest.mark.parametrize("wrong", ["body", "time", "secret", "unsigned"])
-async def test_what_does_not_prove_its_sender_is_refused(tmp_path: Path, wrong: str) -> None:
+async def test_what_does_not_prove_its_sender_is_refused(tmp_path: Path) -> None:
     async with running_gateway(tmp_path) as ready, AsyncExitStack() as stack:
         chief, nobody = [await stack.enter_async_context(client(ready, key=key)) for key in (ADMIN, "")]
         secret = (await chief.post(HOOKS, json={"name": "git"})).json()["secret"]
-        headers = signed("whsec_bm8=" if wrong == "secret" else secret, late_s=600 if wrong == "time" else 0)
-        if wrong == "unsigned":
-            del headers["webhook-signature"]
-        body = b'{"action": "closed"}' if wrong == "body" else BODY
-        assert refusal(await nobody.post(f"{HOOKS}/git", content=body, headers=headers)) == (401, "hook_refused")
+        unsigned = {name: value for name, value in signed(secret).items() if name != "webhook-signature"}
+        for wrong, body, headers in (
+            ("body", b'{"action": "closed"}', signed(secret)),
+            ("time", BODY, signed(secret, late_s=600)),
+            ("secret", BODY, signed("whsec_bm8=")),
+            ("unsigned", BODY, unsigned),
+        ):
+            refused = await nobody.post(f"{HOOKS}/git", content=body, headers=headers)
+            assert refusal(refused) == (401, "hook_refused"), wrong
         assert (await chief.get("/api/v1/happenings", params={"type": "metaros.webhook"})).json()["happenings"] == []
-        assert (await chief.get(HOOKS)).json()["hooks"][0]["refused"] == 1
+        assert (await chief.get(HOOKS)).json()["hooks"][0]["refused"] == 4
 
 
 async def test_a_bearer_hook_and_a_new_secret(tmp_path: Path) -> None:

@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import pytest
 
 from gateway.domain.principal import Role
+from gateway.fleet import node_logs, node_verbs
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.idl import message_class
@@ -24,6 +26,13 @@ ADMIN_KEY = RING.add(role=Role.ADMIN, name="nodes admin")
 VIEWER_KEY = RING.add(role=Role.VIEWER, name="nodes viewer")
 SCOPED_KEY = RING.add(role=Role.OPERATOR, name="nodes scoped", robots=("a*",))
 ROW = {"allowed": "lidar"}
+
+
+@pytest.fixture(autouse=True)
+def _asks_again_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot that refused is asked again, and a log is looked into, without letting a test wait for it."""
+    monkeypatch.setattr(node_verbs, "AGAIN_S", 0.02)
+    monkeypatch.setattr(node_logs, "PAUSE_S", (0.02, 0.05))
 
 
 async def until(http: httpx.AsyncClient, path: str, holds: Callable[[Any], object]) -> Any:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 
 import httpx
+import pytest
 
 from gateway.api import models_store
+from gateway.store import storage
 from tests.gateway.harness import DATA, ScriptedAgent, channel, client, running_gateway
 
 
@@ -17,15 +18,13 @@ async def read_account(http: httpx.AsyncClient) -> models_store.StoreAccount:
     return models_store.StoreAccount.model_validate_json(answer.content)
 
 
-async def test_the_account_and_the_plan(tmp_path: Path) -> None:
+async def test_the_account_and_the_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(storage, "_FRESH_S", 0.0)
     async with running_gateway(tmp_path) as ready, client(ready) as http, ScriptedAgent(ready) as agent:
         await agent.announce(channel(1, "/sim_1/scan", "std_msgs/msg/String"))
         await agent.samples(1, 1, [b"x" * 1000])
         await agent.next("ack", DATA)
-        for _ in range(120):  # an account is up to 10 s old: one was made at the start
-            if (account := await read_account(http)).robots:
-                break
-            await asyncio.sleep(0.5)
+        account = await read_account(http)
         assert account.total_bytes > 1000
         assert [item.robot for item in account.robots] == ["sim_1"]
         assert account.objects.where == str(tmp_path / "data" / "objects")

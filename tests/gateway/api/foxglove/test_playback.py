@@ -20,6 +20,7 @@ from tests.gateway.harness import DATA, RING, ScriptedAgent, channel, running_ga
 SECOND_NS = 10**9
 STEP_NS = 50_000_000
 COUNT = 20
+AGO_S = 20
 
 
 def control(*, play: bool, speed: float = 1.0, seek_ns: int | None = None, request: str = "r") -> bytes:
@@ -37,13 +38,12 @@ async def state(viewer: Viewer) -> tuple[int, int, float, bool, str]:
 
 @asynccontextmanager
 async def with_history(folder: Path) -> AsyncIterator[tuple[Ready, ScriptedAgent, int]]:
-    """A gateway that has stored twenty samples of a minute ago, 50 ms apart, and a robot that is linked."""
+    """A gateway that has stored twenty samples of a while ago, 50 ms apart, and a robot that is linked."""
     async with running_gateway(folder) as ready, ScriptedAgent(ready) as agent:
-        first_ns = SystemClock().wall_ns() - 60 * SECOND_NS
+        first_ns = SystemClock().wall_ns() - AGO_S * SECOND_NS
         await agent.announce(channel(1, "/sim_1/chatter", STRING))
-        for index in range(COUNT):
-            await agent.samples(1, index + 1, [text(str(index))], stamp_ns=first_ns + index * STEP_NS)
-            await agent.next("ack", DATA)
+        await agent.samples(1, 1, [text(str(index)) for index in range(COUNT)], stamp_ns=first_ns, step_ns=STEP_NS)
+        await agent.next("ack", DATA)
         yield ready, agent, first_ns
 
 
@@ -71,7 +71,7 @@ async def test_pause_seek_play_and_back_to_live(tmp_path: Path) -> None:
         await viewer.socket.send(control(play=True, seek_ns=2**63 - 1, request="now"))
         status, now_ns, speed, did_seek, request = await state(viewer)
         assert (status, speed, did_seek, request) == (0, 1.0, True, "now")
-        assert now_ns > seen_ns + 30 * SECOND_NS
+        assert now_ns > seen_ns + AGO_S // 2 * SECOND_NS
         await viewer.say("getParameters", parameterNames=["none"], id="live")
         await viewer.hear("parameterValues")
         await agent.samples(1, COUNT + 2, [text("live")])
@@ -86,7 +86,7 @@ async def test_whoever_plays_until_the_present_is_live_again(tmp_path: Path) -> 
         assert [(await viewer.data())[2] for _ in range(2)] == [text("18"), text("19")]
         status, now_ns, speed, _, _ = await state(viewer)
         assert (status, speed) == (0, 1.0)
-        assert now_ns >= first_ns + 59 * SECOND_NS
+        assert now_ns >= first_ns + (AGO_S - 1) * SECOND_NS
         await agent.samples(1, COUNT + 1, [text("live")])
         assert (await viewer.data())[2] == text("live")
 

@@ -304,7 +304,7 @@ async def test_what_cannot_be_read_is_told_and_the_connection_stays(tmp_path: Pa
         await viewer.hear("connectionGraphUpdate")
 
 
-async def test_a_credential_that_ends_ends_the_connection(tmp_path: Path) -> None:
+async def test_a_credential_that_ends_ends_the_connection(tmp_path: Path, attentive: None) -> None:
     key = RING.add(role=Role.VIEWER)
     async with running_gateway(tmp_path) as ready, viewing(ready, key=key) as viewer:
         await viewer.hear("serverInfo")

@@ -6,6 +6,7 @@ import asyncio
 import json
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from gateway.domain.principal import Role
+from gateway.live import demand_desk
+from gateway.live.demand import DemandBook
 from gateway.main import Ready
 from metaros._proto import link_pb2
 from metaros.cdr import codec
@@ -350,7 +353,9 @@ async def test_rosapi_answers_by_either_name_and_with_arguments_in_a_list(tmp_pa
             assert (await ask(name, args))["result"] is False, name
 
 
-async def test_the_robot_is_asked_for_what_its_clients_want(tmp_path: Path) -> None:
+async def test_the_robot_is_asked_for_what_its_clients_want(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(demand_desk, "DemandBook", partial(DemandBook, hold_s=0.05))
+    monkeypatch.setattr(demand_desk, "RELEASE_S", 0.02)
     async with world(tmp_path) as (ready, agent), open_socket(ready, "/rosbridge/sim_1") as slow:
         await agent.announce(channel(8, "/sim_1/camera", TEXT, delivery=4))
         await say(slow, op="subscribe", topic="/sim_1/camera", throttle_rate=500)
