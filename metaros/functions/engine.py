@@ -348,10 +348,10 @@ class Engine:
                 log.exception("the watch of functions' workers failed; it goes on")
 
     async def _look(self) -> None:
-        workers = [worker for pool in self._all() for worker in pool.workers]
-        usages = await asyncio.to_thread(_usages, workers)
-        for worker, usage in zip(workers, usages, strict=True):
-            worker.look(usage.memory_bytes, usage.disk_bytes)
+        workers = [(worker, worker.calls) for pool in self._all() for worker in pool.workers]
+        usages = await asyncio.to_thread(_usages, [worker for worker, _ in workers])
+        for (worker, calls), usage in zip(workers, usages, strict=True):
+            worker.look(usage, calls=calls)
         for pool in self._all():
             pool.tick(self._loop.time())
         self._forget()

@@ -17,7 +17,7 @@ from typing import Protocol
 from metaros.clock import Clock
 from metaros.functions.calls import FunctionSpec, Outcome
 from metaros.functions.egress import EgressProxy
-from metaros.functions.launch import Launched
+from metaros.functions.launch import Launched, Usage
 from metaros.functions.log_pump import pump
 from metaros.functions.logs import LogPiece, WorkerLog
 from metaros.functions.running import Running, platform_error
@@ -81,6 +81,7 @@ class Worker:
         self._deadline_s = 0.0
         self._deadline: asyncio.TimerHandle | None = None
         self._looked_s = 0.0
+        self._suspected = False  # its last look was of another call's time, and too much
         self._away = False  # told home that it is gone
         ends = ((launched.logs, self._log.framed), (launched.output, self._log.plain))
         pipes = {fd: take for fd, take in ends if fd is not None}
@@ -175,14 +176,25 @@ class Worker:
         """Wait until nothing of it is left."""
         await asyncio.shield(self._waiter)
 
-    def look(self, memory_bytes: int, disk_bytes: int) -> None:
-        """What it uses now; what is over its limits ends it."""
-        self.memory_bytes = memory_bytes
-        self.peak_bytes = max(self.peak_bytes, memory_bytes)
-        if memory_bytes > self.spec.memory_mb * MIB:
-            self.doom("Runtime.OutOfMemory", f"Runtime exited: its memory is over {self.spec.memory_mb} MB")
-        elif disk_bytes > self.spec.disk_mb * MIB:
-            self.doom("Sandbox.Failure", f"its temporary files are over {self.spec.disk_mb} MB")
+    def look(self, usage: Usage, *, calls: int) -> None:
+        """What it used when it had answered so many calls; what is over its limits ends it.
+
+        Another call does not pay for what one before it may have given back meanwhile: of that the next look decides.
+        """
+        self.memory_bytes = usage.memory_bytes
+        self.peak_bytes = max(self.peak_bytes, usage.memory_bytes)
+        excess, suspected = self._excess(usage), self._suspected
+        self._suspected = excess is not None and calls != self.calls
+        if excess is not None and (suspected or not self._suspected):
+            self.doom(*excess)
+
+    def _excess(self, usage: Usage) -> tuple[str, str] | None:
+        """What is over its limits: the error's type, and the words."""
+        if usage.memory_bytes > self.spec.memory_mb * MIB:
+            return "Runtime.OutOfMemory", f"Runtime exited: its memory is over {self.spec.memory_mb} MB"
+        if usage.disk_bytes > self.spec.disk_mb * MIB:
+            return "Sandbox.Failure", f"its temporary files are over {self.spec.disk_mb} MB"
+        return None
 
     # What its Runtime API tells.
 

@@ -16,6 +16,7 @@ from typing import Any
 from metaros.clock import SystemClock
 from metaros.functions.calls import FunctionSpec, Invocation, Outcome
 from metaros.functions.engine import Engine
+from metaros.functions.pool import PoolStatus
 from metaros.functions.sandbox.level import Level
 from metaros.limits import LIMITS, Limits
 
@@ -46,6 +47,11 @@ class Bench:
         folder = Path(tempfile.mkdtemp(prefix="metaros-functions-"))
         folder.chmod(0o777)
         return folder
+
+    def pool(self, spec: FunctionSpec) -> PoolStatus:
+        """The function's workers."""
+        (found,) = (pool for pool in self.engine.status().pools if pool.key == spec.key)
+        return found
 
     async def invoke(self, spec: FunctionSpec, payload: object = None, **options: Any) -> Outcome:
         """Call it; what is no bytes is sent as JSON."""

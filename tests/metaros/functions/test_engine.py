@@ -24,7 +24,7 @@ from metaros.functions.faults import (
     RuntimeRefusedError,
     ThrottledError,
 )
-from metaros.functions.launch import Confinement, Launched, Program, launch
+from metaros.functions.launch import Confinement, Launched, Program, Usage, launch
 from metaros.functions.logs import LogPiece
 from metaros.functions.sandbox.level import Level
 from metaros.limits import LIMITS
@@ -397,6 +397,24 @@ def handler(e, c):
     assert outcome.error_type == "Sandbox.Failure"
     assert "5 MB" in json.loads(outcome.payload)["errorMessage"]
     await wait_until_async(lambda: not list((bench.folder / "engine" / "tmp").iterdir()))
+
+
+async def test_a_call_does_not_pay_for_what_one_before_it_used(tmp_path: Path) -> None:
+    limits = dataclasses.replace(LIMITS, function_watch_s=3600.0)
+    async with running_engine(tmp_path, limits=limits) as bench:
+        spec = bench.spec(PID, memory_mb=100)
+        pid = await bench.returned(spec)
+        (worker,) = bench.engine._pools[spec.key].workers
+        much, little = Usage(memory_bytes=101 << 20, disk_bytes=0), Usage(memory_bytes=1 << 20, disk_bytes=0)
+        for seen in (much, little, much):  # each of the time before the call that it is told in
+            worker.look(seen, calls=worker.calls - 1)
+            assert await bench.returned(spec) == pid
+        worker.look(much, calls=worker.calls - 1)  # but not for ever
+        await wait_until_async(lambda: not alive(pid))
+        other = await bench.returned(spec)
+        (worker,) = bench.engine._pools[spec.key].workers
+        worker.look(much, calls=worker.calls)
+        await wait_until_async(lambda: not alive(other))
 
 
 async def test_the_client_can_be_chosen_by_the_function(bench: Bench) -> None:
