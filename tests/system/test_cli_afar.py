@@ -19,19 +19,18 @@ from tests.support.stack import Stack
 from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.integration
-ROBOT = "sim_1"
+ROBOT = "afar_cli"
 ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
+def stack(shared_gateway: Stack, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
     """A simulated robot with its agent, and a gateway that has heard its graph."""
-    with Stack(tmp_path_factory.mktemp("afar")) as found:
+    with shared_gateway.beside(tmp_path_factory.mktemp("afar")) as found:
         found.router()
-        found.gateway()
-        found.sim()
-        found.agent(ROBOT)
-        wait_until(lambda: found.online() == {ROBOT}, timeout_s=120)
+        found.sim("--no-camera")
+        found.agent(ROBOT, namespace="/sim_1")
+        wait_until(lambda: ROBOT in found.online(), timeout_s=120)
         wait_until(lambda: "/sim_1/base/resume" in far(found, "service", "list"), timeout_s=120)
         yield found
 
