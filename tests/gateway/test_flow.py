@@ -226,7 +226,9 @@ async def test_protocol_faults_end_the_link_with_a_reason(ready: Ready, robot: s
 
 
 @shared
-async def test_publish_and_service_call(ready: Ready, http: httpx.AsyncClient, robot: str) -> None:
+async def test_publish_and_service_call(
+    ready: Ready, http: httpx.AsyncClient, robot: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     async with ScriptedAgent(ready, robot) as agent:
         body = {"topic": "chatter", "type": "std_msgs/String", "message": {"data": "hello"}}
         post = asyncio.create_task(http.post(f"/api/v1/robots/{robot}/publish", json=body))
@@ -250,6 +252,7 @@ async def test_publish_and_service_call(ready: Ready, http: httpx.AsyncClient, r
         refused = await post
         assert (refused.status_code, refused.json()["code"]) == (503, "unavailable")
 
+        monkeypatch.setattr("gateway.fleet.commands.TRAVEL_S", 0.05)
         late = await http.post(f"/api/v1/robots/{robot}/services/call", json={**call, "timeout_s": 0.05})
         assert (late.status_code, late.json()["code"]) == (504, "timeout")
 

@@ -11,6 +11,7 @@ from typing import Any
 import grpc
 import httpx
 import pytest
+import pytest_asyncio
 from websockets.asyncio.client import connect
 
 from gateway.domain.principal import Role
@@ -24,8 +25,17 @@ from tests.gateway.identity.robot_keys import ask, new_key
 from tests.support.key_ring import KeyRing
 from tests.support.postgres import PostgresServer
 
+shared = pytest.mark.asyncio(loop_scope="module")
+FAR = {"X-Forwarded-For": "10.0.0.7"}
 RING = KeyRing()
 ADMIN = RING.add(role=Role.ADMIN, name="ada")
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def ready(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Ready]:
+    """A gateway that the tests of this file share; its robots are their own."""
+    async with running_gateway(tmp_path_factory.mktemp("gateway"), door=RING) as ready:
+        yield ready
 
 
 async def enrolled(ready: Ready, robot: str = "arm", *, bound: bool = False) -> tuple[Held, dict[str, Any]]:
@@ -126,40 +136,40 @@ def bare(robot: str, *, number: int = 1) -> link_pb2.Hello:
     )
 
 
-@pytest.mark.parametrize("kind", ["grpc", "websocket"])
-async def test_an_enrolled_robot_proves_itself_on_a_plain_connection(tmp_path: Path, kind: str) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready:
-        held, _ = await enrolled(ready)
-        other, _ = await enrolled(ready, "leg")
+@shared
+async def test_an_enrolled_robot_proves_itself_on_a_plain_connection(ready: Ready) -> None:
+    held, _ = await enrolled(ready)
+    other, _ = await enrolled(ready, "leg")
+    for kind in ("grpc", "websocket"):
         for hello, key, said in (
             (held.hello(), None, "welcome"),
             (held.hello(), new_key(), "proof_refused"),
             (held.hello(), other.key, "proof_refused"),
             (held.hello(robot="leg"), None, "certificate_foreign"),
             (bare("arm"), None, "not_enrolled"),
-            (bare("sim_1"), None, "welcome"),
+            (bare(f"bare_{kind}"), None, "welcome"),
         ):
             async with lane(ready, kind) as opened:
-                assert await greet(opened, hello, held, key=key) == said
+                assert await greet(opened, hello, held, key=key) == said, kind
         async with lane(ready, kind) as opened:
             await opened.send(hello=held.hello())
             assert (await opened.next()).WhichOneof("frame") == "challenge"
             await opened.send(heartbeat=link_pb2.Heartbeat())
-            assert (await opened.next()).goodbye.code == "protocol"
+            assert (await opened.next()).goodbye.code == "protocol", kind
 
 
-async def test_a_live_link_is_cut_when_its_robot_is_revoked(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready:
-        held, _ = await enrolled(ready)
-        async with lane(ready, "grpc") as opened:
-            assert await greet(opened, held.hello(), held) == "welcome"
-            await revoke(ready, "arm")
-            assert (await said(opened)).code == "certificate_revoked"
-        async with lane(ready, "grpc") as opened:
-            assert await greet(opened, held.hello(), held) == "certificate_revoked"
-        again, _ = await enrolled(ready, bound=True)
-        async with lane(ready, "websocket") as opened:
-            assert await greet(opened, again.hello(), again) == "welcome"
+@shared
+async def test_a_live_link_is_cut_when_its_robot_is_revoked(ready: Ready) -> None:
+    held, _ = await enrolled(ready, "thief")
+    async with lane(ready, "grpc") as opened:
+        assert await greet(opened, held.hello(), held) == "welcome"
+        await revoke(ready, "thief")
+        assert (await said(opened)).code == "certificate_revoked"
+    async with lane(ready, "grpc") as opened:
+        assert await greet(opened, held.hello(), held) == "certificate_revoked"
+    again, _ = await enrolled(ready, "thief", bound=True)
+    async with lane(ready, "websocket") as opened:
+        assert await greet(opened, again.hello(), again) == "welcome"
 
 
 async def test_a_link_is_cut_that_was_revoked_at_another_gateway(tmp_path: Path, postgres: PostgresServer) -> None:
@@ -175,42 +185,46 @@ async def test_a_link_is_cut_that_was_revoked_at_another_gateway(tmp_path: Path,
             assert (await said(opened)).code == "certificate_revoked"
 
 
-async def test_a_nameless_link_ends_when_its_name_gets_an_identity(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready, lane(ready, "grpc") as opened:
-        assert await greet(opened, bare("arm")) == "welcome"
-        await enrolled(ready)
+@shared
+async def test_a_nameless_link_ends_when_its_name_gets_an_identity(ready: Ready) -> None:
+    async with lane(ready, "grpc") as opened:
+        assert await greet(opened, bare("nameless")) == "welcome"
+        await enrolled(ready, "nameless")
         assert (await said(opened)).code == "not_enrolled"
 
 
 async def test_who_must_be_enrolled(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path / "all", door=RING, require_enrolment=True) as ready:
+    async with running_gateway(tmp_path, door=RING, require_enrolment=True) as ready:
         held, _ = await enrolled(ready)
         async with lane(ready, "grpc") as opened:
             assert await greet(opened, bare("sim_1")) == "not_enrolled"
-        async with lane(ready, "websocket", **{"X-Forwarded-For": "10.0.0.7"}) as opened:
+        async with lane(ready, "websocket", **FAR) as opened:
             assert await greet(opened, held.hello(), held) == "welcome"
-    async with running_gateway(tmp_path / "near", door=RING) as ready:
-        async with lane(ready, "websocket", **{"X-Forwarded-For": "10.0.0.7"}) as opened:
-            assert await greet(opened, bare("sim_1")) == "not_enrolled"
 
 
-async def test_two_copies_of_a_robot_raise_an_alarm(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready:
-        held, _ = await enrolled(ready)
-        for number, session in ((1, b"a"), (2, b"b"), (3, b"a")):
-            hello = held.hello()
-            hello.session_id, hello.session_number = session * 16, number
-            async with lane(ready, "grpc") as opened:
-                assert await greet(opened, hello, held) == "welcome"
-        async with client(ready, key=ADMIN) as http, asyncio.timeout(60):
-            while not await alarm(http):  # noqa: ASYNC110 - nobody tells
-                await asyncio.sleep(0.05)
+@shared
+async def test_who_comes_from_far_must_be_enrolled(ready: Ready) -> None:
+    async with lane(ready, "websocket", **FAR) as opened:
+        assert await greet(opened, bare("sim_1")) == "not_enrolled"
 
 
-async def alarm(http: httpx.AsyncClient) -> str:
-    """What the list of identities says of the only one."""
-    (identity,) = (await http.get("/api/v1/identities")).json()["identities"]
-    return str(identity["alarm"])
+@shared
+async def test_two_copies_of_a_robot_raise_an_alarm(ready: Ready) -> None:
+    held, _ = await enrolled(ready, "twin")
+    for number, session in ((1, b"a"), (2, b"b"), (3, b"a")):
+        hello = held.hello()
+        hello.session_id, hello.session_number = session * 16, number
+        async with lane(ready, "grpc") as opened:
+            assert await greet(opened, hello, held) == "welcome"
+    async with client(ready, key=ADMIN) as http, asyncio.timeout(60):
+        while not await alarm(http, "twin"):
+            pass
+
+
+async def alarm(http: httpx.AsyncClient, robot: str) -> str:
+    """What the list of identities says of one."""
+    found = (await http.get("/api/v1/identities")).json()["identities"]
+    return str(next(one["alarm"] for one in found if one["robot"] == robot))
 
 
 @asynccontextmanager
