@@ -17,6 +17,7 @@ from metaros.executor import (
     MutuallyExclusiveCallbackGroup,
     ReentrantCallbackGroup,
     SingleThreadedExecutor,
+    pool,
 )
 from tests.support.small_node import Item, SmallNode
 from tests.support.threads import left_behind, threads_now
@@ -223,7 +224,8 @@ def test_what_it_had_not_begun_goes_to_the_next_executor(node):
     following.shutdown()
 
 
-def test_a_callback_that_blocks_for_ever_does_not_hold_up_the_end(node):
+def test_a_callback_that_blocks_for_ever_does_not_hold_up_the_end(node, monkeypatch):
+    monkeypatch.setattr(pool, "_JOIN_S", 0.05)
     gate = Gate()
     node.listen("a", gate)
     executor = MultiThreadedExecutor(threads=2)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ast
-import json
 import subprocess
 import sys
 import textwrap
@@ -21,6 +19,7 @@ from metaros.errors import PeerRestartedError, UnavailableError
 from metaros.interfaces.example_interfaces.action import Fibonacci
 from metaros.interfaces.std_srvs.srv import Trigger
 from metaros.node.action import GoalState, ServerGoal
+from tests.support.forked import ended, forked
 from tests.support.processes import started
 from tests.support.waiting import wait_until
 
@@ -72,41 +71,22 @@ def running(code: str, router: str) -> Iterator[subprocess.Popen[str]]:
         yield process
 
 
-FORK = """
-import asyncio, json, os, sys, threading
+IMPORTS = """
+import asyncio, threading
 import metaros, metaros.executor, metaros.node, metaros.node.action
 from metaros.interfaces.example_interfaces.action import Fibonacci
 from metaros.interfaces.std_srvs.srv import Trigger
-
-children = {}
-for number, code in enumerate(json.loads(sys.argv[2])):
-    children[number] = os.fork()  # before anything of Zenoh's has begun
-    if not children[number]:
-        break
-else:
-    print({number: os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) for number, pid in children.items()})
-    sys.exit()
+"""
+CHILD = """
 for_ever = threading.Event()
-context = metaros.Context(domain_id=0, connect=sys.argv[1])
-node = metaros.Node("other", namespace=f"/n{number}", context=context)
-exec(code)
+context = metaros.Context(domain_id=0, connect={router!r})
+node = metaros.Node("other", namespace=f"/n{{number}}", context=context)
 """
 
 
-@contextmanager
-def forked(codes: list[str], router: str) -> Iterator[subprocess.Popen[str]]:
-    """A program each, in the namespaces /n0, /n1, …, whose imports are paid for once."""
-    with started([sys.executable, "-c", FORK, router, json.dumps(codes)], cwd=ROOT) as process:
-        yield process
-
-
-def ended(process: subprocess.Popen[str]) -> Any:
-    """The exit code of each; all have said that they were ready."""
-    out, err = process.communicate(timeout=_SOON_S)
-    *ready, codes = out.splitlines()
-    found = ast.literal_eval(codes)
-    assert ready == ["ready"] * len(found), err
-    return found
+def children(codes: list[str], router: str) -> list[str]:
+    """Programs with a node each, in the namespaces /n0, /n1, …"""
+    return [CHILD.format(router=router) + code for code in codes]
 
 
 @pytest.fixture
@@ -181,8 +161,9 @@ ENDINGS = (
 def test_a_client_with_a_goal_in_flight_can_end(node: metaros.Node, zenoh_router: str) -> None:
     node.create_action_server(Fibonacci, "fibonacci", lambda goal: goal.pause(1000) and None)
     clients = [CLIENT.replace("fibonacci", "/fibonacci") + ending for ending in ENDINGS]
-    with forked(clients, zenoh_router) as process:
-        assert ended(process) == dict.fromkeys(range(len(ENDINGS)), 0)
+    with forked(children(clients, zenoh_router), imports=IMPORTS) as process:
+        codes, complaints = ended(process, ready=True)
+        assert codes == dict.fromkeys(range(len(ENDINGS)), 0), complaints
 
 
 EXECUTES = (
@@ -208,7 +189,8 @@ executor.spin()
 
 def test_a_server_with_a_goal_in_flight_can_end(node: metaros.Node, zenoh_router: str) -> None:
     """Its executor is shut down and the interpreter ends, whatever the goal does."""
-    with forked([f"{execute}\n{STOPPED}" for execute in EXECUTES], zenoh_router) as process:
+    servers = [f"{execute}\n{STOPPED}" for execute in EXECUTES]
+    with forked(children(servers, zenoh_router), imports=IMPORTS) as process:
         for number in range(len(EXECUTES)):
             client = node.create_action_client(Fibonacci, f"/n{number}/fibonacci")
             stop = node.create_client(Trigger, f"/n{number}/stop")
@@ -220,4 +202,5 @@ def test_a_server_with_a_goal_in_flight_can_end(node: metaros.Node, zenoh_router
             with suppress(UnavailableError):
                 assert pending.wait().status is GoalState.ABORTED
             assert time.monotonic() - began_s < _SOON_S
-        assert ended(process) == dict.fromkeys(range(len(EXECUTES)), 0)
+        codes, complaints = ended(process, ready=True)
+        assert codes == dict.fromkeys(range(len(EXECUTES)), 0), complaints

@@ -236,7 +236,7 @@ def test_rules_that_cannot_be() -> None:
         HealthRule("a", RATE, tries=0)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from([0.0, 5.2, 10.0, None]), st.integers(1, 80)), min_size=5, max_size=60))
 def test_no_input_whatever_makes_it_flap(stretches: list[tuple[float | None, int]]) -> None:
     """Relapses double the way back: at most six degradations in any minute, however nasty the signal."""

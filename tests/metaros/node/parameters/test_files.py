@@ -12,7 +12,7 @@ from metaros.node.parameters import NodeParameters
 from metaros.node.parameters.files import dump_yaml, load_file, load_text, parse_value
 
 # a busy machine is no fault of the code
-unhurried = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+unhurried = settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.too_slow])
 
 FILE = """
 /**:

@@ -15,7 +15,7 @@ from metaros.node.parameters import NodeParameters, ParameterDescriptor, Paramet
 from metaros.node.parameters.values import as_parameter_type, convert, fit, infer, kind_of
 
 # a busy machine is no fault of the code
-unhurried = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+unhurried = settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.too_slow])
 
 SCALARS = {
     ParameterType.BOOL: st.booleans(),
