@@ -16,12 +16,13 @@ from typing import Any
 import httpx
 
 from gateway.main import Ready
-from tests.gateway.harness import ScriptedAgent, channel, client, running_gateway
+from metaros._proto import link_pb2
+from tests.gateway.harness import DATA, ScriptedAgent, channel, client, running_gateway
 from tests.support.ports import free_port
 from tests.support.postgres import PostgresServer
 from tests.support.zenoh_router import inner_router
 
-__all__ = ["Pair", "has", "running_pair", "until"]
+__all__ = ["Pair", "has", "running_pair", "stored", "until"]
 
 STRING = "std_msgs/msg/String"
 
@@ -82,6 +83,13 @@ async def running_pair(folder: Path, postgres: PostgresServer) -> AsyncIterator[
             for ready in (one, two):
                 await has(ready, "/metrics", "metaros_cluster_peers 1.0")
             yield Pair(one, two, (folders[0] / "data", folders[1] / "data"))
+
+
+async def stored(agent: ScriptedAgent) -> None:
+    """The robot itself is in the database, as all gateways see it: something that came after it is acknowledged."""
+    await agent.announce(series=[link_pb2.Series(series_id=1, name="host.cpu", topic="/host", field="cpu")])
+    await agent.rows(1, [(1, 1000, 1.0)])
+    await agent.next("ack", DATA)
 
 
 async def until(check: Callable[[], Awaitable[bool]], *, timeout_s: float = 30.0) -> None:

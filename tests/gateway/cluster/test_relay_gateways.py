@@ -19,7 +19,7 @@ from metaros.idl import message_class
 from metaros.interfaces.geometry_msgs.msg import Twist
 from metaros.interfaces.std_srvs.srv import Trigger
 from metaros.twin import digest
-from tests.gateway.cluster.gateway_pair import Pair, has
+from tests.gateway.cluster.gateway_pair import Pair, has, stored
 from tests.gateway.harness import BACKFILL, CONTROL, DATA, RING, ScriptedAgent, client, hear, open_socket, say
 from tests.support.lambda_gateway import ROLE, LambdaGateway, zipped
 from tests.support.waiting import wait_until
@@ -37,6 +37,7 @@ async def linked(pair: Pair) -> AsyncIterator[tuple[ScriptedAgent, httpx.AsyncCl
     """The robot is linked to the first gateway, and a client of the second one, which knows of it."""
     async with pair.agent(pair.one) as agent, agent.beating(), client(pair.two, key=ADMIN_KEY) as http:
         await has(pair.two, pair.path, ONLINE)
+        await stored(agent)
         yield agent, http
 
 
