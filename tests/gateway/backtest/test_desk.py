@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
+import pytest_asyncio
 
 from gateway.anomaly.defaults import DEFAULT_CHECKS
 from gateway.backtest import BacktestDesk, BacktestRequest, Report
@@ -25,19 +25,20 @@ from metaros.clock import ManualClock, SystemClock
 from metaros.limits import Limits
 from tests.gateway.store.samples import write
 
+pytestmark = pytest.mark.asyncio(loop_scope="module")
 START_NS = 1_790_000_000 * NS
-SECONDS = 180
+SECONDS = 100
 MOTOR = Series("motor_left.temperature", "/r1/motor_left", "temperature")
 CHARGE = Series("battery_state.percentage", "/r1/battery_state", "percentage")
 REQUEST = BacktestRequest(robot="r1", start_ns=START_NS, end_ns=START_NS + SECONDS * NS)
 VALUES = ("threshold",)
 
 
-@asynccontextmanager
-async def backtests(folder: Path, **options: Any) -> AsyncIterator[BacktestDesk]:
-    """A desk over a store with three minutes of a motor that gets hot, and of a battery that does not."""
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def store(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Store]:
+    """A store with some seconds of a motor that gets hot, and of a battery that does not."""
     store = Store(
-        folder,
+        tmp_path_factory.mktemp("store"),
         clock=SystemClock(),
         retention=Retention(age_s=1e9, size_bytes=1 << 30),
         queue_bytes=1 << 24,
@@ -48,21 +49,27 @@ async def backtests(folder: Path, **options: Any) -> AsyncIterator[BacktestDesk]
     rows = []
     for second in range(SECONDS):
         at_ns = START_NS + second * NS
-        rows += [(MOTOR, at_ns, 90.0 if 60 <= second < 120 else 40.0 + math.sin(second))]
+        rows += [(MOTOR, at_ns, 90.0 if 40 <= second < 80 else 40.0 + math.sin(second))]
         rows += [(CHARGE, at_ns, 0.9 - second * 1e-5)]
     store.submit(write(len(rows), *rows))
     await store.flush()
+    yield store
+    await store.close()
+
+
+@contextmanager
+def backtests(store: Store, **options: Any) -> Iterator[BacktestDesk]:
+    """A desk over that store."""
     checks = tuple(check for check in DEFAULT_CHECKS if check.kind in VALUES)
     desk = BacktestDesk(store, **{"clock": SystemClock(), "checks": lambda: checks, **options})
     try:
         yield desk
     finally:
         desk.close()
-        await store.close()
 
 
-async def test_what_would_have_fired(tmp_path: Path) -> None:
-    async with backtests(tmp_path) as desk:
+async def test_what_would_have_fired(store: Store) -> None:
+    with backtests(store) as desk:
         report = await desk.run(REQUEST)
     assert (report.robot, report.samples, report.cut) == ("r1", 2 * SECONDS, False)
     assert (report.start_ns, report.end_ns) == (REQUEST.start_ns, REQUEST.end_ns)
@@ -72,8 +79,8 @@ async def test_what_would_have_fired(tmp_path: Path) -> None:
     assert [(one.series, one.samples) for one in report.series] == [(MOTOR.name, SECONDS), (CHARGE.name, SECONDS)]
 
 
-async def test_other_checks_and_some_of_the_series(tmp_path: Path) -> None:
-    async with backtests(tmp_path) as desk:
+async def test_other_checks_and_some_of_the_series(store: Store) -> None:
+    with backtests(store) as desk:
 
         async def ran(**changes: Any) -> Report:
             return await desk.run(replace(REQUEST, **changes))
@@ -107,9 +114,9 @@ REFUSED: tuple[tuple[dict[str, Any], str], ...] = (
 )
 
 
-async def test_what_does_not_fit_is_named(tmp_path: Path) -> None:
+async def test_what_does_not_fit_is_named(store: Store) -> None:
     failures = []
-    async with backtests(tmp_path) as desk:
+    with backtests(store) as desk:
         for changes, said in REFUSED:
             try:
                 await desk.run(replace(REQUEST, **changes))
@@ -121,8 +128,8 @@ async def test_what_does_not_fit_is_named(tmp_path: Path) -> None:
     assert failures == []
 
 
-async def test_one_at_a_time(tmp_path: Path) -> None:
-    async with backtests(tmp_path) as desk:
+async def test_one_at_a_time(store: Store) -> None:
+    with backtests(store) as desk:
         first = asyncio.create_task(desk.run(REQUEST))
         await asyncio.sleep(0)
         with pytest.raises(TooManyError, match="runs already"):
@@ -130,17 +137,17 @@ async def test_one_at_a_time(tmp_path: Path) -> None:
         assert (await first).findings
 
 
-async def test_it_ends_at_its_bounds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_it_ends_at_its_bounds(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(desk_module, "PIECE_NS", (10 * NS, 60 * NS, 60 * NS))
-    async with backtests(tmp_path, limits=Limits(backtest_samples=100)) as desk:
+    with backtests(store, limits=Limits(backtest_samples=100)) as desk:
         report = await desk.run(REQUEST)
         assert (report.cut, report.samples, report.end_ns) == (True, 120, START_NS + 60 * NS)
         monkeypatch.setattr(desk_module, "PIECE_ROWS", 50)
         report = await desk.run(REQUEST)
         assert (report.cut, report.samples, report.end_ns) == (True, 120, START_NS + 60 * NS), "in shorter pieces"
-    async with backtests(tmp_path / "late", clock=ManualClock(), limits=Limits(backtest_s=0.0)) as desk:
+    with backtests(store, clock=ManualClock(), limits=Limits(backtest_s=0.0)) as desk:
         report = await desk.run(REQUEST)
         assert (report.cut, report.samples, report.end_ns) == (True, 0, START_NS)
-    async with backtests(tmp_path / "many", limits=Limits(backtest_series=1)) as desk:
+    with backtests(store, limits=Limits(backtest_series=1)) as desk:
         with pytest.raises(InvalidRequestError, match="at most 1 at a time, these are 2"):
             await desk.run(REQUEST)
