@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -28,12 +27,6 @@ WAIT_S = 60.0
 def bag(tmp_path: Path) -> Path:
     write_bag(tmp_path / "a.mcap", arrivals("/chatter", [String(data=f"hello {n}") for n in range(100)]))
     return tmp_path / "a.mcap"
-
-
-@pytest.fixture
-def contexts(zenoh_router: str) -> Iterator[tuple[metaros.Context, metaros.Context]]:
-    with metaros.Context(connect=zenoh_router) as one, metaros.Context(connect=zenoh_router) as other:
-        yield one, other
 
 
 class Ears:

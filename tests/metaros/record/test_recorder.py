@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
-from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -13,20 +13,14 @@ import metaros
 from metaros.errors import ClosedError, ConfigError, RecordingError
 from metaros.interfaces.std_msgs.msg import String
 from metaros.interfaces.std_srvs.srv import Trigger
-from metaros.record import BagOptions, Recorder, RingOptions, open_bag
+from metaros.record import BagOptions, Recorder, RingOptions, open_bag, tap
+from metaros.record.schemas import find_schema
 from metaros.wire import qos_reliable_all, qos_transient_local
 from tests.support.bags import SmallDisk
 from tests.support.threads import left_behind, threads_now
 from tests.support.waiting import wait_until
 
 WAIT_S = 60.0
-
-
-@pytest.fixture
-def contexts(zenoh_router: str) -> Iterator[tuple[metaros.Context, metaros.Context]]:
-    """A publisher's and a recorder's."""
-    with metaros.Context(connect=zenoh_router) as one, metaros.Context(connect=zenoh_router) as other:
-        yield one, other
 
 
 class Talker:
@@ -191,8 +185,9 @@ def test_the_ring_is_saved_when_asked(contexts: tuple, tmp_path: Path) -> None:
     assert not set(found) & {"lost", "dropped"}
 
 
-def test_a_type_that_only_its_publisher_knows(contexts: tuple, tmp_path: Path) -> None:
+def test_a_type_that_only_its_publisher_knows(contexts: tuple, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No node to ask: recorded without a schema, and told."""
+    monkeypatch.setattr(tap, "find_schema", partial(find_schema, timeout_s=0.1))
     node = metaros.Node("strange", context=contexts[0], enable_rosout=False, enable_parameters=False)
     publisher = node.create_raw_publisher("/strange", "my_pkg/msg/Strange", "RIHS01_" + "0" * 64, qos_reliable_all)
     told: list[str] = []

@@ -45,11 +45,8 @@ def test_the_catalogue_knows_only_the_same_hash() -> None:
     assert known_schema("nobody/msg/Knows", "RIHS01_" + "0" * 64) == ""
 
 
-def test_nobody_to_ask(zenoh_router: str) -> None:
-    with (
-        metaros.Context(connect=zenoh_router) as context,
-        metaros.Node("asker", context=context, enable_rosout=False, enable_parameters=False) as node,
-    ):
+def test_nobody_to_ask(contexts: tuple) -> None:
+    with metaros.Node("asker", context=contexts[0], enable_rosout=False, enable_parameters=False) as node:
         text, reason = find_schema(node, "nobody/msg/Knows", "RIHS01_" + "0" * 64)
     assert text == ""
     assert "nobody/msg/Knows" in reason
