@@ -28,6 +28,7 @@ class AwsDestinations:
         self._region = region
         self._clients: dict[tuple[str, str], Client] = {}
         self._making = threading.Lock()
+        self._session: Any = None
         self._pool = ThreadPoolExecutor(max_workers=WORKERS, thread_name_prefix="gateway-aws")
 
     async def send(self, arn: str, payload: bytes, facts: Mapping[str, Any]) -> str:
@@ -67,7 +68,8 @@ class AwsDestinations:
                     retries={"max_attempts": 0},  # the queue tries again
                     max_pool_connections=WORKERS,
                 )
-                make: Any = boto3.session.Session().client
+                self._session = self._session or boto3.session.Session()  # it reads all endpoints there are
+                make: Any = self._session.client
                 found = self._clients[key] = make(
                     service, region_name=key[1] or None, endpoint_url=self._endpoint or None, config=config
                 )

@@ -23,7 +23,7 @@ from tests.gateway.harness import (
     client,
     running_gateway,
 )
-from tests.gateway.test_main import running
+from tests.support.gateway_process import running
 from tests.support.postgres import PostgresServer
 from tests.support.processes import END_S
 

@@ -17,17 +17,17 @@ FACTS: dict[str, Any] = {"function": "arn:aws:lambda:local:000000000000:function
 FACTS["delivery"] = "d-1"
 
 
-@pytest.fixture(autouse=True)
-def aws(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+@pytest.fixture(scope="module", autouse=True)
+def aws() -> Iterator[None]:
     """Nobody's real account."""
-    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "testing")
-    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "testing")
-    monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
-    with mock_aws():
+    with pytest.MonkeyPatch.context() as patch, mock_aws():
+        patch.setenv("AWS_ACCESS_KEY_ID", "testing")
+        patch.setenv("AWS_SECRET_ACCESS_KEY", "testing")
+        patch.setenv("AWS_DEFAULT_REGION", "us-east-1")
         yield
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def destinations() -> Iterator[AwsDestinations]:
     """Without an endpoint of its own."""
     made = AwsDestinations()
@@ -35,8 +35,14 @@ def destinations() -> Iterator[AwsDestinations]:
     made.close()
 
 
-async def test_a_queue_gets_the_record_and_a_dead_letter_its_attributes(destinations: AwsDestinations) -> None:
-    sqs: Any = boto3.client("sqs", region_name=REGION)
+@pytest.fixture(scope="module")
+def sqs() -> Any:
+    return boto3.client("sqs", region_name=REGION)
+
+
+async def test_a_queue_gets_the_record_and_a_dead_letter_its_attributes(
+    sqs: Any, destinations: AwsDestinations
+) -> None:
     url = sqs.create_queue(QueueName="ends")["QueueUrl"]
     arn = sqs.get_queue_attributes(QueueUrl=url, AttributeNames=["QueueArn"])["Attributes"]["QueueArn"]
     sent = await destinations.send(arn, b'{"a":1}', {**FACTS, "attributes": {"ErrorCode": "200", "RequestID": "r"}})
@@ -46,8 +52,7 @@ async def test_a_queue_gets_the_record_and_a_dead_letter_its_attributes(destinat
     assert message["MessageAttributes"]["RequestID"]["StringValue"] == "r"
 
 
-async def test_a_fifo_queue_takes_a_delivery_once(destinations: AwsDestinations) -> None:
-    sqs: Any = boto3.client("sqs", region_name=REGION)
+async def test_a_fifo_queue_takes_a_delivery_once(sqs: Any, destinations: AwsDestinations) -> None:
     url = sqs.create_queue(QueueName="ends.fifo", Attributes={"FifoQueue": "true"})["QueueUrl"]
     arn = sqs.get_queue_attributes(QueueUrl=url, AttributeNames=["QueueArn"])["Attributes"]["QueueArn"]
     for _ in range(2):
@@ -56,11 +61,12 @@ async def test_a_fifo_queue_takes_a_delivery_once(destinations: AwsDestinations)
 
 
 async def test_topics_buses_and_buckets(destinations: AwsDestinations) -> None:
-    topic = boto3.client("sns", region_name=REGION).create_topic(Name="t")["TopicArn"]
+    session = boto3.Session()
+    topic = session.client("sns", region_name=REGION).create_topic(Name="t")["TopicArn"]
     assert await destinations.send(topic, b"{}", FACTS)
-    bus = boto3.client("events", region_name=REGION).create_event_bus(Name="b")["EventBusArn"]
+    bus = session.client("events", region_name=REGION).create_event_bus(Name="b")["EventBusArn"]
     assert await destinations.send(bus, b'{"a":1}', FACTS)
-    s3: Any = boto3.client("s3", region_name="us-east-1")
+    s3: Any = session.client("s3", region_name="us-east-1")
     s3.create_bucket(Bucket="records")
     key = await destinations.send("arn:aws:s3:::records", b'{"a":1}', FACTS)
     assert key == "aws/lambda/async/f/d-1.json"

@@ -13,7 +13,7 @@ from gateway.main import Ready
 from tests.gateway.harness import client, running_gateway
 from tests.gateway.recordings.robot import PART, RecordingRobot, content
 from tests.gateway.recordings.test_flow import in_state, save, when
-from tests.gateway.test_main import running
+from tests.support.gateway_process import running
 from tests.support.postgres import PostgresServer
 from tests.support.waiting import wait_until_async
 
