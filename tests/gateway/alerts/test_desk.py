@@ -256,13 +256,13 @@ async def test_a_store_that_is_away_for_a_while_loses_nothing(tmp_path: Path, ca
 
 
 async def test_a_fleet_in_trouble_is_stored_in_bounded_pieces(tmp_path: Path) -> None:
-    async with open_world(tmp_path, alerts_unresolved=1000) as world:
-        world.desk.tell([opened(f"r{number}") for number in range(1200)])
+    async with open_world(tmp_path, alerts_unresolved=300) as world:
+        world.desk.tell([opened(f"r{number}") for number in range(360)])
         await world.step(1)
-        assert world.news.count("opened") == 1001
+        assert world.news.count("opened") == 301
         found = await world.desk.list(AlertFilter(causes=("too_many",)), limit=9)
-        assert [alert.value for alert in found] == [200.0]
-        world.desk.tell([cleared(f"r{number}") for number in range(1200)])
+        assert [alert.value for alert in found] == [60.0]
+        world.desk.tell([cleared(f"r{number}") for number in range(360)])
         for _ in range(4):
             await world.step(31)
         assert world.desk.counts()["open"] == 0

@@ -6,7 +6,7 @@ import asyncio
 import itertools
 from dataclasses import replace
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.domain.channel import Channel
@@ -55,6 +55,7 @@ def test_nobody_looks_any_more_or_the_link_is_new() -> None:
     assert book.due("r", {"/w": 1}, now_s=0) == {"/w": (1, 0)}
 
 
+@settings(max_examples=50)
 @given(st.lists(st.tuples(st.booleans(), st.floats(0, 0.3)), max_size=60))
 def test_never_more_than_four_a_second_and_the_last_wish_is_heard(steps: list[tuple[bool, float]]) -> None:
     book, now_s, asked = VideoBook(), 0.0, list[float]()
