@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -13,7 +11,7 @@ from typing import Any
 import pytest
 
 from edge_agent.update.slots import Slots
-from tests.support.processes import END_S
+from tests.support.command_line import call_metaros
 from tests.support.stack import Stack
 from tests.support.tuf_repository import make_bundle
 from tests.support.waiting import wait_until
@@ -37,19 +35,10 @@ class Desk:
 
     def __call__(self, command: str, *, gateway: bool = True) -> str:
         """What `metaros COMMAND` prints."""
-        words = [sys.executable, "-m", "metaros", *shlex.split(command)]
         more = ["--gateway", self._stack.url] if gateway else []
-        done = subprocess.run(
-            [*words, *more],
-            capture_output=True,
-            text=True,
-            stdin=subprocess.DEVNULL,
-            env={**os.environ, "METAROS_KEY": self._stack.key},
-            timeout=END_S * 4,
-            check=False,
-        )
-        assert done.returncode == 0, f"{command}: {done.stderr}{done.stdout}"
-        return done.stdout
+        done = call_metaros(*shlex.split(command), *more, METAROS_KEY=self._stack.key)
+        assert done.code == 0, f"{command}: {done.err}{done.out}"
+        return done.out
 
     def json(self, command: str) -> Any:
         """The same as data."""
