@@ -24,6 +24,7 @@ from gateway.store.sqlite import SqliteEngine
 from tests.gateway.store.samples import BATTERY, CPU, EPOCH, content, everything, gap_write, run_write, write
 from tests.support.postgres import PostgresServer
 from tests.support.sim_gateway import SimStore
+from tests.support.sqlite_store import place_store
 
 
 def test_rows_watermark_and_gap_move_together(engine: StoreEngine) -> None:
@@ -155,7 +156,7 @@ def made(item: Item, stamp_ns: int) -> tuple[StreamWrite, object | None]:
 def test_every_commit_agrees_with_the_rule(commits: list[tuple[list[Item], str]]) -> None:
     """Against the simulator's store, which is the rule in a few lines."""
     with tempfile.TemporaryDirectory() as folder:
-        engine = BreakingEngine(Path(folder))
+        engine = BreakingEngine(place_store(Path(folder)))
         engine.connection.execute("PRAGMA synchronous = OFF")
         engine.open()
         committer, rule = Committer(engine), SimStore(bases={(2, EPOCH): 4})

@@ -20,6 +20,7 @@ from gateway.store.series import SeriesRange, read_metric_gaps, read_range
 from gateway.store.sqlite import SqliteEngine
 from metaros.link import BACKFILL_BIT
 from tests.gateway.store.samples import BATTERY, CPU, everything, gap_write, run_write, write
+from tests.support.sqlite_store import place_store
 
 NAN, INF = float("nan"), float("inf")
 Point = tuple[int, float]
@@ -84,7 +85,7 @@ def test_every_bucket_is_exact(odd: list[Point], regular: int, asked: list[tuple
     for number, item in enumerate(odd):
         points.insert(number * 97 % (len(points) + 1), item)
     with tempfile.TemporaryDirectory() as folder:
-        engine = SqliteEngine(Path(folder))
+        engine = SqliteEngine(place_store(Path(folder)))
         engine.connection.execute("PRAGMA synchronous = OFF")
         engine.open()
         put(engine, points, merged=merged)
