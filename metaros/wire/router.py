@@ -32,6 +32,7 @@ _SETTINGS: Final[Mapping[str, object]] = {
     "queries_default_timeout": 600_000,
 }
 _CONNECT_S: Final = 0.3
+_ANSWER_S: Final = 1.5
 _ROUTER: Final = re.compile(r"(?:tcp|tls)/(?P<host>[A-Za-z0-9._-]+|\[[0-9a-fA-F:.]+\]):(?P<port>[0-9]{1,5})")
 
 
@@ -119,14 +120,14 @@ def _default_config(endpoint: str) -> zenoh.Config:
     return config
 
 
-def probe(port: int, *, host: str = "127.0.0.1") -> PortState:
-    """What is on `port`: nothing, something that speaks Zenoh, or another program."""
+def probe(port: int, *, host: str = "127.0.0.1", answer_s: float = _ANSWER_S) -> PortState:
+    """What is on `port`: nothing, something that speaks Zenoh and does so within `answer_s`, or another program."""
     try:
         with socket.create_connection((host, port), timeout=_CONNECT_S):
             pass
     except OSError:
         return "free" if _bindable(port, host) else "foreign"
-    return "zenoh" if _speaks_zenoh(port, host) else "foreign"
+    return "zenoh" if _speaks_zenoh(port, host, answer_s) else "foreign"
 
 
 def _bindable(port: int, host: str) -> bool:
@@ -139,14 +140,14 @@ def _bindable(port: int, host: str) -> bool:
     return True
 
 
-def _speaks_zenoh(port: int, host: str) -> bool:
+def _speaks_zenoh(port: int, host: str, answer_s: float) -> bool:
     """Open a client session to it and close it again: a client cannot open without the handshake."""
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([f"tcp/{host}:{port}"]))
     config.insert_json5("connect/timeout_ms", "0")  # once
     config.insert_json5("connect/exit_on_failure", "true")
-    config.insert_json5("transport/unicast/open_timeout", "1500")
+    config.insert_json5("transport/unicast/open_timeout", str(round(answer_s * 1000)))
     config.insert_json5("scouting/multicast/enabled", "false")
     try:
         session = zenoh.open(config)

@@ -120,7 +120,7 @@ def test_a_member_whose_checksum_does_not_hold(tmp_path: Path) -> None:
         read_bundle(path)
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(at=st.integers(0, 10_000), value=st.integers(0, 255), cut=st.integers(0, 400))
 def test_damaged_bundles_raise_nothing_else(tmp_path: Path, at: int, value: int, cut: int) -> None:
     path = make_bundle(tmp_path, members={WHEEL: b"0123456789" * 20})

@@ -68,6 +68,7 @@ def test_what_stands_before_the_first_slice_is_searched_within_bounds() -> None:
     assert frame_of(COMPRESSED_VIDEO, unit_message(*[0x06] * 1000, 0x65)) is Frame.DELTA
 
 
+@settings(max_examples=50)
 @given(st.binary(max_size=300), st.sampled_from(sorted(VIDEO_TYPES)))
 def test_garbage_is_some_frame(garbage: bytes, type_name: str) -> None:
     assert frame_of(type_name, garbage) in Frame
@@ -94,7 +95,7 @@ def passed(lost: set[int], *, skipped: set[int] | None = None) -> list[int]:
     return found
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(st.sets(st.integers(0, 23)), st.sets(st.integers(0, 23)))
 def test_whatever_is_lost_what_passes_can_be_decoded(lost: set[int], skipped: set[int]) -> None:
     found, keys = passed(lost, skipped=skipped), set(key_numbers(UNITS))

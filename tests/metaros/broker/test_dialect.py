@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.broker.dialect import from_payload, to_payload
@@ -143,6 +143,7 @@ json_values = st.recursive(
 )
 
 
+@settings(max_examples=50)
 @given(st.sampled_from(CLASSES), json_values)
 def test_any_json_is_taken_or_refused(name: str, value: Any) -> None:
     try:

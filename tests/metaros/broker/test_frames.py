@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.broker.frames import join, parse_payload, ros_topic, split
@@ -63,6 +63,7 @@ def test_broken_json_is_refused(payload: bytes) -> None:
         parse_payload(payload)
 
 
+@settings(max_examples=50)
 @given(st.lists(st.binary(max_size=50), min_size=1, max_size=3))
 def test_any_bytes_are_read_or_refused(frames: list[bytes]) -> None:
     with suppress(FrameError):

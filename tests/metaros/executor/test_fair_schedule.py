@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.errors import UsageError
@@ -117,6 +117,7 @@ def test_misuse_is_named():
         FairSchedule(period_s=0)
 
 
+@settings(max_examples=50)
 @given(
     st.lists(st.tuples(st.integers(0, 4), st.sampled_from(["wake", "sleep", "run"]), st.floats(0, 0.05)), max_size=200)
 )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.executor import Mailbox
@@ -47,6 +47,7 @@ def test_the_newest_stays_even_alone_over_the_bound():
     assert list(box.pending) == [bytes(2000)]
 
 
+@settings(max_examples=50)
 @given(st.lists(st.tuples(st.integers(0, 400), st.integers(0, 3)), max_size=400), st.sampled_from([None, 1, 7, 300]))
 def test_nothing_vanishes_and_the_order_stays(steps, depth):
     box = mailbox(depth, limit_bytes=64 * 400)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.clock import ManualClock
@@ -73,6 +73,7 @@ def test_a_period_that_makes_no_sense_is_refused(clock, period_s):
         TimerHeap(clock.monotonic_s, lambda: None).add(period_s, lambda: None)
 
 
+@settings(max_examples=50)
 @given(st.lists(st.floats(1e-9, 1e3), min_size=1, max_size=5), st.lists(st.floats(0, 1e3), max_size=20))
 def test_whatever_the_periods_serving_ends_and_the_next_time_lies_ahead(periods, steps):
     clock = ManualClock()

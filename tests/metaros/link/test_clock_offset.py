@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.clock import ManualClock
@@ -41,6 +41,7 @@ def test_nothing_is_known_before_the_first_heartbeat() -> None:
     assert offset.beat().echo_ns == 0
 
 
+@settings(max_examples=50)
 @given(st.lists(st.tuples(st.floats(0, 2), st.floats(0, 2), st.floats(0, 10)), min_size=1, max_size=20))
 def test_the_error_is_at_most_half_the_least_round_trip(exchanges: list[tuple[float, float, float]]) -> None:
     pair = Pair()

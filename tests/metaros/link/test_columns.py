@@ -7,7 +7,7 @@ import contextlib
 import numpy as np
 import pytest
 from google.protobuf.message import DecodeError
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros._proto import link_pb2
@@ -18,6 +18,7 @@ from metaros.link import Reassembler, pack_batch, pack_metrics, unpack_batch, un
 STAMPS = st.integers(min_value=-(2**63), max_value=2**63 - 1)
 
 
+@settings(max_examples=50)
 @given(st.lists(st.tuples(STAMPS, st.binary(max_size=50)), min_size=1, max_size=40), st.integers(1, 2**62))
 def test_samples_round_trip(samples: list[tuple[int, bytes]], first_seq: int) -> None:
     frame = pack_batch(3, 77, first_seq, [stamp for stamp, _ in samples], [payload for _, payload in samples])
@@ -28,6 +29,7 @@ def test_samples_round_trip(samples: list[tuple[int, bytes]], first_seq: int) ->
     assert [seq for seq, _, _ in columns.samples()] == list(range(first_seq, columns.last_seq + 1))
 
 
+@settings(max_examples=50)
 @given(st.lists(st.tuples(st.integers(1, 2**32 - 1), STAMPS, st.floats(width=64)), min_size=1, max_size=40))
 def test_metrics_round_trip(rows: list[tuple[int, int, float]]) -> None:
     series, stamps, values = zip(*rows, strict=True)
@@ -82,6 +84,7 @@ def test_series_zero_is_refused() -> None:
         unpack_metrics(pack_metrics(1, 1, [1, 0], [1, 2], [1.0, 2.0]))
 
 
+@settings(max_examples=50)
 @given(st.binary(max_size=200))
 def test_garbage_is_a_frame_error_or_fine(data: bytes) -> None:
     try:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.errors import ConfigError
@@ -74,6 +74,7 @@ def test_only_the_first_complaints_are_kept() -> None:
     assert len(count.complaints) == 5
 
 
+@settings(max_examples=50)
 @given(st.binary(max_size=300))
 def test_any_bytes_are_read_or_counted(junk: bytes) -> None:
     count = LogCount()

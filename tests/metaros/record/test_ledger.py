@@ -102,7 +102,7 @@ def test_ranges_are_bounded() -> None:
     assert ranges.pairs[-1][1] == 9998
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=50)
 @given(st.lists(st.integers(1, 200), unique=True, min_size=1), st.integers())
 def test_numbers_add_up(numbers: list[int], seed: int) -> None:
     """Any subset in any order, with any refusals: written, reported, and nothing in both or in neither."""

@@ -12,7 +12,7 @@ from metaros.wire.graph import GraphState
 from tests.support.waiting import wait_until
 
 # a busy machine is no fault of the code
-unhurried = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+unhurried = settings(deadline=None, max_examples=50, suppress_health_check=[HealthCheck.too_slow])
 
 NODE = NodeToken(0, "abc123", 0, "n", "/")
 HASH = "RIHS01_" + "0" * 64

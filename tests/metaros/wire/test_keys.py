@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.errors import NameError_
@@ -50,6 +50,7 @@ def test_domain_type_and_hash_are_checked_too(domain, type_name, type_hash):
         str(DataKey(domain, "/chatter", type_name, type_hash))
 
 
+@settings(max_examples=50)
 @given(
     st.one_of(st.text(), st.lists(st.sampled_from(["0", "a", "**", "", "x::msg::dds_::Y_", HASH, "é"])).map("/".join))
 )
@@ -66,6 +67,7 @@ def test_types_of_services_and_actions_are_spelt_the_same_way():
         assert ros_name(dds_name(name)) == name
 
 
+@settings(max_examples=50)
 @given(st.text())
 def test_mangling_is_undone(text):
     if "%" not in text:

@@ -30,9 +30,10 @@ def protected(tmp_path: Path) -> Iterator[tuple[Router, Path]]:
         yield router, folder
 
 
-def session_of(folder: Path, user: str) -> metaros.Context:
+def session_of(folder: Path, user: str, override: str = "") -> metaros.Context:
     """A session of one of the users, opened as a program's environment would."""
-    return metaros.Context(environ={"ZENOH_SESSION_CONFIG_URI": str(folder / f"{user}.json5")})
+    uri = str(folder / f"{user}.json5")
+    return metaros.Context(environ={"ZENOH_SESSION_CONFIG_URI": uri, "ZENOH_CONFIG_OVERRIDE": override})
 
 
 def take(node: metaros.Node) -> None:
@@ -141,15 +142,16 @@ def test_an_actuator_whose_name_is_not_told_is_refused() -> None:
             other_keys([pattern])
 
 
-@pytest.mark.parametrize("change", [("nobody", None), ("agent", "wrong")])
-def test_who_has_no_password_has_no_session(protected: tuple[Router, Path], change: tuple[str, str | None]) -> None:
-    router, _folder = protected
-    user, password = change
-    override = 'mode="client";connect/exit_on_failure=true;connect/timeout_ms=1000'
-    if password is not None:
-        override += f';transport/auth/usrpwd={{user:"{user}",password:"{password}"}}'
-    with pytest.raises(ConfigError, match="no Zenoh session"):
-        metaros.Context(connect=router.endpoint, environ={"ZENOH_CONFIG_OVERRIDE": override})
+def test_who_has_no_password_has_no_session(protected: tuple[Router, Path]) -> None:
+    router, folder = protected
+    for credentials in ("", ';transport/auth/usrpwd={user:"agent",password:"wrong"}'):
+        override = f'mode="client";connect/exit_on_failure=true;connect/timeout_ms=200{credentials}'
+        with pytest.raises(ConfigError, match="no Zenoh session"):
+            metaros.Context(connect=router.endpoint, environ={"ZENOH_CONFIG_OVERRIDE": override})
+    password = dict(line.split(":") for line in (folder / "users").read_text().splitlines())["agent"]
+    override = f'mode="client";connect/timeout_ms=60000;transport/auth/usrpwd={{user:"agent",password:"{password}"}}'
+    with metaros.Context(connect=router.endpoint, environ={"ZENOH_CONFIG_OVERRIDE": override}) as context:
+        wait_until(context.connected)
 
 
 def test_services_parameters_and_late_samples_work_for_all(protected: tuple[Router, Path]) -> None:
@@ -173,7 +175,8 @@ def test_services_parameters_and_late_samples_work_for_all(protected: tuple[Rout
 
 def test_a_session_comes_back_after_the_router(protected: tuple[Router, Path]) -> None:
     router, folder = protected
-    with session_of(folder, "agent") as context:
+    retry = "connect/retry={period_init_ms:50,period_max_ms:100,period_increase_factor:2}"
+    with session_of(folder, "agent", retry) as context:
         wait_until(context.connected)
         router.close()
         wait_until(lambda: not context.connected())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.errors import FieldError, TokenError
@@ -62,11 +62,13 @@ def test_profiles_have_the_text_that_rmw_zenoh_writes(profile, text):
     assert QoSProfile.decode(text) == profile.resolved()
 
 
+@settings(max_examples=50)
 @given(PROFILES)
 def test_a_text_gives_its_profile_back(profile):
     assert QoSProfile.decode(profile.encode()) == profile.resolved()
 
 
+@settings(max_examples=50)
 @given(st.one_of(st.text(alphabet="0123456789:,", max_size=40), st.text(max_size=40)))
 def test_any_text_is_a_profile_or_a_token_error(text):
     try:

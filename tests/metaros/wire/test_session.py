@@ -87,7 +87,7 @@ def test_probe_tells_free_from_zenoh_from_foreign(free_port):
         with pytest.raises(ConfigError, match=str(free_port)):
             open_router(free_port)
     with socket.create_server(("127.0.0.1", 0)) as silent:
-        assert probe(silent.getsockname()[1]) == "foreign"
+        assert probe(silent.getsockname()[1], answer_s=0.1) == "foreign"
     with socket.create_server(("127.0.0.1", 0)) as rude:
         threading.Thread(target=lambda: [rude.accept()[0].close() for _ in range(2)], daemon=True).start()
         assert probe(rude.getsockname()[1]) == "foreign"

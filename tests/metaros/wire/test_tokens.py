@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.errors import TokenError
@@ -39,6 +39,7 @@ def test_the_fourteenth_part_of_newer_releases_is_kept():
     assert str(token) == f"{PUBLISHER}/backends:cpu:"
 
 
+@settings(max_examples=50)
 @given(st.one_of(st.text(), st.lists(PARTS, min_size=7, max_size=15).map("/".join)))
 def test_any_text_is_a_token_or_a_token_error(text):
     try:
@@ -48,6 +49,7 @@ def test_any_text_is_a_token_or_a_token_error(text):
     assert parse_token(str(token)) == token
 
 
+@settings(max_examples=50)
 @given(st.integers(0, 13), PARTS)
 def test_any_damaged_token_is_a_token_or_a_token_error(place, part):
     parts = [*str(PUBLISHER).split("/"), "backends:cpu:"]
