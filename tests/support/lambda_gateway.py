@@ -20,7 +20,7 @@ from botocore.config import Config
 from gateway.functions.catalogue_shapes import faults_of
 from gateway.identity.local import LOCAL_KEY_FILE
 from gateway.main import Ready
-from tests.gateway.harness import running_gateway
+from tests.gateway.harness import TRUSTS_NOBODY, running_gateway
 
 __all__ = ["HANDLER", "ROLE", "LambdaGateway", "lambda_gateway", "zipped"]
 
@@ -61,7 +61,7 @@ class LambdaGateway:
     def key(self, role: str = "admin", *, scopes: tuple[str, ...] = ("lambda",), **more: Any) -> tuple[str, str]:
         """A new key's id and secret."""
         local = (self.folder / LOCAL_KEY_FILE).read_text().strip()
-        with httpx.Client(base_url=self.ready.url, trust_env=False, timeout=60) as http:
+        with httpx.Client(base_url=self.ready.url, trust_env=False, verify=TRUSTS_NOBODY, timeout=60) as http:
             body = {"name": f"{role} key", "role": role, "scopes": list(scopes), **more}
             answer = http.post("/api/v1/keys", json=body, headers={"Authorization": f"Bearer {local}"})
             assert answer.status_code == 201, answer.text

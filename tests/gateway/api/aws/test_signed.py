@@ -17,6 +17,7 @@ from botocore.credentials import Credentials
 from botocore.exceptions import ClientError
 
 from gateway.identity.local import LOCAL_KEY_FILE
+from tests.gateway.harness import TRUSTS_NOBODY
 from tests.support.lambda_gateway import LambdaGateway
 
 FUNCTIONS = "/lambda/2015-03-31/functions"
@@ -28,6 +29,12 @@ def refusal(client: Any) -> tuple[int, str]:
         client.list_functions()
     response = error.value.response
     return response["ResponseMetadata"]["HTTPStatusCode"], response["Error"]["Code"]
+
+
+def asking(served: LambdaGateway, **headers: str) -> httpx.Client:
+    """A client that signs nothing."""
+    url = served.ready.url
+    return httpx.Client(base_url=url, trust_env=False, verify=TRUSTS_NOBODY, timeout=60, headers=headers)
 
 
 def test_a_wrong_signature_is_refused_with_awss_names(served: LambdaGateway) -> None:
@@ -48,7 +55,7 @@ def test_a_wrong_signature_is_refused_with_awss_names(served: LambdaGateway) -> 
 
 def test_no_other_credential_counts(served: LambdaGateway) -> None:
     local = (served.folder / LOCAL_KEY_FILE).read_text().strip()
-    with httpx.Client(base_url=served.ready.url, trust_env=False, timeout=60) as web:
+    with asking(served) as web:
         for headers in ({}, {"Authorization": f"Bearer {local}"}, {"Cookie": "metaros_session=x"}):
             answer = web.get(FUNCTIONS, headers=headers)
             assert (answer.status_code, answer.headers["x-amzn-errortype"]) == (
@@ -63,7 +70,7 @@ def test_no_other_credential_counts(served: LambdaGateway) -> None:
 
 
 def test_no_form_of_a_page_does_anything(served: LambdaGateway) -> None:
-    with httpx.Client(base_url=served.ready.url, trust_env=False, timeout=60) as web:
+    with asking(served) as web:
         for kind in ("application/x-www-form-urlencoded", "multipart/form-data; boundary=x", "text/plain"):
             answer = web.post(FUNCTIONS, content=b"{}", headers={"Content-Type": kind})
             assert (answer.status_code, answer.headers["x-amzn-errortype"]) == (
@@ -99,7 +106,7 @@ def test_a_body_that_is_not_the_signed_one_reaches_nobody(served: LambdaGateway)
     key_id, secret = served.key()
     request = AWSRequest("POST", served.ready.url + FUNCTIONS, {"Host": served.ready.url.split("//")[1]}, b"{}")
     SigV4Auth(Credentials(key_id, secret), "lambda", "local").add_auth(request)
-    with httpx.Client(trust_env=False, timeout=60) as web:
+    with asking(served) as web:
         for body in (b"{ }", b"", b'{"FunctionName": "x"}' + b" " * (2 << 20)):
             answer = web.post(request.url, headers=dict(request.headers.items()), content=body)
             assert (answer.status_code, answer.headers["x-amzn-errortype"]) == (403, "InvalidSignatureException")
@@ -112,7 +119,9 @@ def test_a_revoked_key_ends_at_once(served: LambdaGateway) -> None:
     client.list_functions()
     local = (served.folder / LOCAL_KEY_FILE).read_text().strip()
     headers = {"Authorization": f"Bearer {local}"}
-    with httpx.Client(base_url=served.ready.url, trust_env=False, timeout=60, headers=headers) as web:
+    with httpx.Client(
+        base_url=served.ready.url, trust_env=False, verify=TRUSTS_NOBODY, timeout=60, headers=headers
+    ) as web:
         assert web.delete(f"/api/v1/keys/{key[0]}").status_code == 200
         assert refusal(client) == (403, "UnrecognizedClientException")
 
@@ -127,7 +136,7 @@ def signed(served: LambdaGateway, method: str, path: str, body: bytes, **headers
     key_id, secret = served.key()
     request = AWSRequest(method, served.ready.url + path, {"Host": served.ready.url.split("//")[1], **headers}, body)
     SigV4Auth(Credentials(key_id, secret), "lambda", "local").add_auth(request)
-    with httpx.Client(trust_env=False, timeout=60) as web:
+    with asking(served) as web:
         return web.request(method, request.url, headers=dict(request.headers.items()), content=body)
 
 
@@ -148,7 +157,9 @@ def test_changes_and_refusals_are_in_the_audit_log(served: LambdaGateway) -> Non
         served.client(key).delete_function(FunctionName="none")
     local = (served.folder / LOCAL_KEY_FILE).read_text().strip()
     headers = {"Authorization": f"Bearer {local}"}
-    with httpx.Client(base_url=served.ready.url, trust_env=False, timeout=60, headers=headers) as web:
+    with httpx.Client(
+        base_url=served.ready.url, trust_env=False, verify=TRUSTS_NOBODY, timeout=60, headers=headers
+    ) as web:
         rows = web.get("/api/v1/audit?limit=50").json()
     told = json.dumps(rows)
     assert "signature_wrong" in told
