@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
-
 from gateway.api.address import PROXIED_KEY, Proxies, client_address
 from gateway.api.authenticate import is_local
 from gateway.domain.networks import parse_networks
@@ -24,26 +22,26 @@ def said(*entries: str) -> tuple[tuple[str, str], ...]:
     return tuple(("x-forwarded-for", entry) for entry in entries)
 
 
-@pytest.mark.parametrize(
-    ("peer", "entries", "address"),
-    [
-        ("203.0.113.5", (), "203.0.113.5"),
-        ("203.0.113.5", ("198.51.100.1",), "203.0.113.5"),  # nobody trusts it
-        ("10.0.0.1", (), "10.0.0.1"),
-        ("10.0.0.1", ("198.51.100.1",), "198.51.100.1"),
-        ("10.0.0.1", ("6.6.6.6, 198.51.100.1",), "198.51.100.1"),  # the client wrote the first itself
-        ("10.0.0.1", ("6.6.6.6, 198.51.100.1, 10.2.2.2",), "198.51.100.1"),  # two proxies
-        ("10.0.0.1", ("6.6.6.6", "198.51.100.1", "10.2.2.2"), "198.51.100.1"),  # the same in lines
-        ("10.0.0.1", ("10.3.3.3, 10.2.2.2",), "10.3.3.3"),  # inside all the way
-        ("10.0.0.1", ("6.6.6.6, _hidden, 10.2.2.2",), "10.2.2.2"),
-        ("10.0.0.1", ("198.51.100.1:4711",), "198.51.100.1"),
-        ("fd00::1", ("[2001:db8::7]:443",), "2001:db8::7"),
-        ("::ffff:10.0.0.1", ("198.51.100.1",), "198.51.100.1"),
-        ("10.0.0.1", (",".join(["10.9.9.9"] * 1000),), "10.9.9.9"),
-    ],
+CHAINS: tuple[tuple[str, tuple[str, ...], str], ...] = (  # who connects, X-Forwarded-For by lines, who counts
+    ("203.0.113.5", (), "203.0.113.5"),
+    ("203.0.113.5", ("198.51.100.1",), "203.0.113.5"),  # nobody trusts it
+    ("10.0.0.1", (), "10.0.0.1"),
+    ("10.0.0.1", ("198.51.100.1",), "198.51.100.1"),
+    ("10.0.0.1", ("6.6.6.6, 198.51.100.1",), "198.51.100.1"),  # the client wrote the first itself
+    ("10.0.0.1", ("6.6.6.6, 198.51.100.1, 10.2.2.2",), "198.51.100.1"),  # two proxies
+    ("10.0.0.1", ("6.6.6.6", "198.51.100.1", "10.2.2.2"), "198.51.100.1"),  # the same in lines
+    ("10.0.0.1", ("10.3.3.3, 10.2.2.2",), "10.3.3.3"),  # inside all the way
+    ("10.0.0.1", ("6.6.6.6, _hidden, 10.2.2.2",), "10.2.2.2"),
+    ("10.0.0.1", ("198.51.100.1:4711",), "198.51.100.1"),
+    ("fd00::1", ("[2001:db8::7]:443",), "2001:db8::7"),
+    ("::ffff:10.0.0.1", ("198.51.100.1",), "198.51.100.1"),
+    ("10.0.0.1", (",".join(["10.9.9.9"] * 1000),), "10.9.9.9"),
 )
-def test_the_nearest_that_is_no_proxy_counts(peer: str, entries: tuple[str, ...], address: str) -> None:
-    assert client_address(request(peer, *said(*entries)), TRUSTED) == address
+
+
+def test_the_nearest_that_is_no_proxy_counts() -> None:
+    found = [(peer, lines, client_address(request(peer, *said(*lines)), TRUSTED)) for peer, lines, _ in CHAINS]
+    assert found == list(CHAINS)
 
 
 async def through(scope: dict[str, Any], *, only: bool = False) -> tuple[dict[str, Any], list[dict[str, Any]]]:
@@ -81,16 +79,16 @@ async def test_what_a_stranger_says_of_itself_changes_nothing() -> None:
     assert PROXIED_KEY not in got
 
 
-@pytest.mark.parametrize("headers", [(), said("127.0.0.1"), said("198.51.100.1")])
-async def test_what_comes_by_a_trusted_proxy_never_comes_from_this_machine(headers: Any) -> None:
-    got, _ = await through(request("127.0.0.1", *headers))
-    assert not is_local(got)
+async def test_what_comes_by_a_trusted_proxy_never_comes_from_this_machine() -> None:
+    for headers in ((), said("127.0.0.1"), said("198.51.100.1")):
+        got, _ = await through(request("127.0.0.1", *headers))
+        assert not is_local(got), headers
 
 
-@pytest.mark.parametrize("name", ["forwarded", "via", "x-forwarded-for", "x-forwarded-proto", "x-real-ip"])
-def test_a_proxy_that_nobody_named_gives_itself_away(name: str) -> None:
+def test_a_proxy_that_nobody_named_gives_itself_away() -> None:
     assert is_local(request("127.0.0.1"))
-    assert not is_local(request("127.0.0.1", (name, "x")))
+    for name in ("forwarded", "via", "x-forwarded-for", "x-forwarded-proto", "x-real-ip"):
+        assert not is_local(request("127.0.0.1", (name, "x"))), name
 
 
 async def test_without_tls_only_the_proxies_get_in() -> None:

@@ -42,15 +42,15 @@ async def seen(ring: KeyRing, *headers: tuple[str, str], **scope: Any) -> dict[s
 LOCAL = ("Host", "localhost:8080")
 
 
-@pytest.mark.parametrize("address", ["127.0.0.1", "127.8.9.1", "::1"])
-async def test_nobody_on_this_machine_is_a_viewer(address: str) -> None:
-    got = await seen(KeyRing(), LOCAL, client=(address, 1))
-    assert (got[KEY].kind, got[KEY].role) == ("anonymous", Role.VIEWER)
+async def test_nobody_on_this_machine_is_a_viewer() -> None:
+    for address in ("127.0.0.1", "127.8.9.1", "::1"):
+        got = await seen(KeyRing(), LOCAL, client=(address, 1))
+        assert (got[KEY].kind, got[KEY].role) == ("anonymous", Role.VIEWER), address
 
 
-@pytest.mark.parametrize("address", ["10.0.0.1", "::ffff:10.0.0.1", "203.0.113.5", "", "unix:"])
-async def test_nobody_from_elsewhere_is_nobody(address: str) -> None:
-    assert (await seen(KeyRing(), LOCAL, client=(address, 1)))[KEY].role is Role.NONE
+async def test_nobody_from_elsewhere_is_nobody() -> None:
+    for address in ("10.0.0.1", "::ffff:10.0.0.1", "203.0.113.5", "", "unix:"):
+        assert (await seen(KeyRing(), LOCAL, client=(address, 1)))[KEY].role is Role.NONE, address
     assert (await seen(KeyRing(), LOCAL, client=None))[KEY].role is Role.NONE
 
 
