@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.domain.buckets import Buckets
@@ -45,6 +45,7 @@ def test_the_one_used_longest_ago_is_forgotten_and_full_ones_are() -> None:
     assert len(buckets) == 1
 
 
+@settings(max_examples=40)
 @given(st.lists(st.tuples(st.floats(0, 2), st.floats(0.1, 3)), max_size=60))
 def test_never_more_than_the_rate_and_a_burst(steps: list[tuple[float, float]]) -> None:
     buckets, now, taken, last = Buckets(per_s=3.0, burst=4.0), 0.0, 0.0, 0.0

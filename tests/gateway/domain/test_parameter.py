@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.domain.parameter import KINDS, Bounds, Rules, plain, rules_of, wired
@@ -29,6 +29,7 @@ VALUES: dict[str, st.SearchStrategy[Any]] = {
 
 @pytest.mark.parametrize("kind", VALUES)
 def test_every_kind_comes_back_as_it_went(kind: str) -> None:
+    @settings(max_examples=30)
     @given(VALUES[kind])
     def check(value: Any) -> None:
         wire = wired(value, kind)

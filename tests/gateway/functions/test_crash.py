@@ -18,7 +18,7 @@ import pytest
 from botocore.config import Config
 
 from gateway.identity.local import LOCAL_KEY_FILE
-from tests.support.lambda_gateway import ROLE, zipped
+from tests.support.lambda_gateway import ROLE, lambda_gateway, zipped
 from tests.support.processes import END_S, end
 from tests.support.waiting import wait_until
 
@@ -28,7 +28,7 @@ def handler(event, context):
     time.sleep(event["s"])
     return event
 """
-EVENTS = 4
+EVENTS = 3
 
 pytestmark = pytest.mark.integration
 
@@ -78,24 +78,26 @@ def test_events_survive_a_kill(tmp_path: Path) -> None:
         client.create_function(FunctionName="slow", Code=code, **options)
         client.get_waiter("function_active_v2").wait(FunctionName="slow")
         asked = {
-            client.invoke(FunctionName="slow", InvocationType="Event", Payload=json.dumps({"s": 1.5, "n": number}))[
+            client.invoke(FunctionName="slow", InvocationType="Event", Payload=json.dumps({"s": 0.7, "n": number}))[
                 "ResponseMetadata"
             ]["RequestId"]
             for number in range(EVENTS)
         }
-        wait_until(lambda: any(pool["busy"] for pool in http.get("/api/v1/functions-runtime").json()["pools"]))
+        wait_until(
+            lambda: any(pool["busy"] for pool in http.get("/api/v1/functions-runtime").json()["pools"]), every_s=0.05
+        )
         workers = children_of(process.pid)
         process.send_signal(signal.SIGKILL)
         process.wait(END_S)
     assert workers
     wait_until(lambda: not any(Path(f"/proc/{worker}").exists() for worker in workers))
-    with gateway(tmp_path) as (_, url), http_of(tmp_path, url) as http:
+    with lambda_gateway(tmp_path) as again, http_of(tmp_path, again.ready.url) as http:
 
         def done() -> set[str]:
             found = http.get("/api/v1/functions/slow/invocations", params={"status": "ok"}).json()["invocations"]
             return {item["request_id"] for item in found}
 
-        wait_until(lambda: done() >= asked)
+        wait_until(lambda: done() >= asked, every_s=0.05)
         stats = http.get("/api/v1/functions/slow").json()["stats"]
         assert (stats["waiting"], stats["dead_letters"]) == (0, 0)
 

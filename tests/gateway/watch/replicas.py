@@ -31,7 +31,7 @@ from metaros.clock import ManualClock, SystemClock
 __all__ = ["START_S", "Replica", "Replicas", "open_replicas"]
 
 START_S = 1_700_000_000
-CONFIG = JudgeConfig(lasting=LastingConfig(learn_s=100, epoch_s=50))
+CONFIG = JudgeConfig(lasting=LastingConfig(learn_s=40, epoch_s=20))
 SERIES = (Series("imu.x", "/imu", "x"), Series("left.motor_temperature.temperature", "/left/motor", "temperature"))
 EPOCH = 7
 

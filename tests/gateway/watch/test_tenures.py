@@ -17,7 +17,7 @@ from tests.gateway.watch.replicas import open_replicas
 from tests.support.fake_mesh import FakeMeshes
 from tests.support.postgres import PostgresServer
 
-LEARN_S = 120
+LEARN_S = 60
 
 
 async def test_a_robot_that_moves_is_judged_by_one_at_a_time_and_goes_on_to_the_last_bit(
@@ -37,7 +37,7 @@ async def test_a_robot_that_moves_is_judged_by_one_at_a_time_and_goes_on_to_the_
             assert moving.judges("r2") == ["b"]
         await calm.run(LEARN_S + 30, at_once=20)
         assert moving.judged("a") == calm.judged("z")
-        assert moving.judged("a")["imu.x"][3] == 100
+        assert moving.judged("a")["imu.x"][3] == 40
         moving.link("r1", "c")
         await moving.run(20, shift=60.0, robots=("r1", "r2"))
         await calm.run(20, shift=60.0)
@@ -87,7 +87,7 @@ async def test_what_goes_on_after_a_kill_stays_the_same_open_alert(tmp_path: Pat
         await world.run(12, shift=60.0)
         world.by_name["a"].alive = False
         world.link("r1", "b")
-        await world.run(200, shift=60.0, at_once=5)  # longer than the desk waits for what is told again
+        await world.run(200, shift=60.0, at_once=10)  # longer than the desk waits for what is told again
         (alert,) = [alert for alert in await world.alerts() if alert.cause == "heat"]
         assert (alert.state, alert.times, alert.clear_ns) == ("open", 1, 0)
         assert alert.gateway == world.by_name["b"].store.gateway_id
@@ -99,7 +99,7 @@ async def test_what_began_and_was_stored_before_the_kill_but_judged_by_nobody_is
 ) -> None:
     async with open_replicas(tmp_path, postgres.schema(), "a", "b") as world:
         world.link("r1", "a")
-        await world.run(LEARN_S, at_once=20)
+        await world.run(120, at_once=20)  # long enough for a state to be saved
         for second in range(world.second, world.second + 12):
             world.submit("r1", "a", second=second, shift=60.0)
         await world.by_name["a"].stored()
@@ -119,7 +119,7 @@ async def test_a_gateway_that_hung_and_comes_back_judges_and_saves_nothing_of_wh
 ) -> None:
     async with open_replicas(tmp_path, postgres.schema(), "a", "b") as world:
         world.link("r1", "a")
-        await world.run(100, at_once=20)
+        await world.run(60, at_once=20)
         a, b = world.by_name["a"], world.by_name["b"]
         late = await a.tenures._dump(dict(a.tenures.held), 1e9)
         a.alive = False  # it hangs
@@ -145,7 +145,7 @@ async def test_a_robot_whose_gateway_died_and_that_comes_nowhere_is_offline_once
 ) -> None:
     async with open_replicas(tmp_path, postgres.schema(), "a", "b", "c") as world:
         world.link("r1", "a")
-        await world.run(60)
+        await world.run(60, at_once=10)  # long enough for a state to be saved
         world.by_name["a"].alive = False
         world.home["r1"] = ""
         await world.run(25)
@@ -166,9 +166,9 @@ async def test_a_robot_that_is_away_from_all_stays_with_its_gateway_and_that_one
 ) -> None:
     async with open_replicas(tmp_path, postgres.schema(), "a", "b") as world:
         world.link("r1", "a")
-        await world.run(30)
+        await world.run(20, at_once=10)
         world.link("r1", "")
-        await world.run(60)
+        await world.run(60, at_once=5)
         assert world.judges("r1") == ["a"]
         assert world.opened() == {("r1", "offline"): 1}
 
@@ -194,12 +194,12 @@ async def test_a_gateway_that_is_started_again_at_once_goes_on(tmp_path: Path, p
     url = postgres.schema()
     async with open_replicas(tmp_path, url, "a") as world:
         world.link("r1", "a")
-        await world.run(200, at_once=20)
+        await world.run(80, at_once=20)
         before = world.judged("a")
         world.by_name["a"].alive = False
     async with open_replicas(tmp_path, url, "a") as world:
-        world.second = 200
-        world.clock.advance(201.0)
+        world.second = 80
+        world.clock.advance(81.0)
         world.link("r1", "a")
         await world.run(1, robots=())
         assert world.judged("a") == before
@@ -211,7 +211,7 @@ async def test_what_cannot_be_read_is_learned_anew_and_said_once(
     url = postgres.schema()
     async with open_replicas(tmp_path / "first", url, "a") as world:
         world.link("r1", "a")
-        await world.run(60)
+        await world.run(60, at_once=20)
     async with open_replicas(tmp_path / "second", url, "b") as world:
         spoil = "UPDATE watch_states SET state = ?"
         await world.by_name["b"].store.run(lambda engine: engine.execute(spoil, b"nonsense"))
