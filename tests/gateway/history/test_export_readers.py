@@ -1,8 +1,9 @@
-"""20 s of three robots through the gateway, exported, and read by PyPI's `mcap` and by `rosbags`: the very bytes."""
+"""Seconds of three robots through the gateway, exported, and read by PyPI's `mcap` and by `rosbags`: the very bytes."""
 
 from __future__ import annotations
 
 import asyncio
+import functools
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import httpx
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 from gateway.api.rest.export import MEDIA_TYPE
 from gateway.objects import open_objects
@@ -23,13 +25,13 @@ from tests.gateway.harness import DATA, EPOCH, ScriptedAgent, channel, client, r
 from tests.gateway.history.source import compact_all
 
 ROBOTS = ("sim_1", "sim_2", "sim_3")
-SPAN_S = 20
+SPAN_S = 8
 DAY = {"start": "2026-09-21T00:00:00Z", "end": "2026-09-22T00:00:00Z"}
 START_NS = 1_790_000_000 * 10**9
 TOPICS = {  # name: type, rate in Hz
     "odom": ("nav_msgs/msg/Odometry", 20),
     "scan": ("sensor_msgs/msg/LaserScan", 5),
-    "imu": ("sensor_msgs/msg/Imu", 50),
+    "imu": ("sensor_msgs/msg/Imu", 25),
     "battery_state": ("sensor_msgs/msg/BatteryState", 1),
     "/diagnostics": ("std_msgs/msg/String", 2),  # one name, three robots
 }
@@ -64,8 +66,8 @@ async def publish(agent: ScriptedAgent, robot: int) -> Published:
             (START_NS + n * step_ns + robot * 1000 + number, encode(message(type_name, robot, n)))
             for n in range(SPAN_S * rate_hz)
         ]
-        for first in range(0, len(samples), 7 * rate_hz):
-            some = samples[first : first + 7 * rate_hz]
+        for first in range(0, len(samples), 3 * rate_hz):
+            some = samples[first : first + 3 * rate_hz]
             batch = pack_batch(number, EPOCH, first + 1, [stamp for stamp, _ in some], [data for _, data in some])
             await agent.send(batches=link_pb2.Batches(batches=[batch]))
         await acknowledged(agent, number, len(samples))
@@ -91,7 +93,7 @@ async def saved(http: httpx.AsyncClient, path: Path, **query: Any) -> None:
     await asyncio.to_thread(path.write_bytes, data)
 
 
-async def test_export_of_20_s_of_3_robots_is_what_was_published(tmp_path: Path) -> None:
+async def test_an_export_of_3_robots_is_what_was_published(tmp_path: Path) -> None:
     path = tmp_path / "export.mcap"
     async with running_gateway(tmp_path) as ready, client(ready) as http:
         published: Published = {}
@@ -99,7 +101,7 @@ async def test_export_of_20_s_of_3_robots_is_what_was_published(tmp_path: Path) 
             async with ScriptedAgent(ready, robot) as agent:
                 published |= await publish(agent, number)
         await saved(http, path, robot=list(ROBOTS), **DAY)
-    assert sum(len(samples) for samples in published.values()) == 3 * SPAN_S * 78
+    assert sum(len(samples) for samples in published.values()) == 3 * SPAN_S * 53
     assert with_mcap(path) == published
     await asyncio.to_thread(check_with_rosbags, path, published)
     assert await asyncio.to_thread(compacted, tmp_path / "data") > 0
@@ -134,10 +136,16 @@ def with_mcap(path: Path) -> Published:
     return found
 
 
+@functools.cache
+def typestore() -> Typestore:
+    """What rosbags knows by itself; it reads all of it anew each time."""
+    return get_typestore(Stores.ROS2_HUMBLE)
+
+
 def check_with_rosbags(path: Path, published: Published) -> None:
     """rosbags opens it, reads the same bytes, and decodes them by the definitions in the file."""
     found: Published = {}
-    with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+    with AnyReader([path], default_typestore=typestore()) as reader:
         assert reader.message_count == sum(len(samples) for samples in published.values())
         for connection, stamp_ns, data in reader.messages():
             found.setdefault(connection.topic, []).append((stamp_ns, bytes(data)))

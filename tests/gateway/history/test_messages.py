@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.history.messages import merged
@@ -47,6 +47,7 @@ def stored(content: Content) -> dict[StoredRun, StoredBatch]:
     return made
 
 
+@settings(max_examples=30)
 @given(RUNS, st.integers(0, 50), st.integers(0, 50), st.booleans(), st.sampled_from([0, 40, 1 << 20]))
 def test_messages_come_in_order(content: Content, low: int, high: int, newest_first: bool, hold_bytes: int) -> None:
     made = stored(content)

@@ -6,7 +6,7 @@ import asyncio
 import json
 import logging
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.ops.logs import JsonFormatter, TextFormatter, asked_by, tell_of
@@ -44,6 +44,7 @@ def test_an_error_comes_with_its_traceback() -> None:
     assert "ValueError: evil" in json.loads(line)["error"]
 
 
+@settings(max_examples=50)
 @given(st.text(st.characters(codec=None)), st.text(st.characters(codec=None)))
 def test_whatever_a_name_holds_it_is_one_printable_line(text: str, name: str) -> None:
     with asked_by(lambda: {"principal": name}):

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
+import pytest_asyncio
 
 from gateway.api import models_recordings as models
+from gateway.main import Ready
 from gateway.recordings.incoming import PartialFile
 from metaros._proto import link_pb2
 from metaros.clock import SystemClock
@@ -19,12 +22,33 @@ from tests.gateway.harness import BACKFILL, CONTROL, DATA, channel, client, runn
 from tests.gateway.recordings.robot import PART, RecordingRobot, content
 from tests.support.waiting import wait_until_async
 
+shared = pytest.mark.asyncio(loop_scope="module")
+NUMBERS = itertools.count(1)
 BLOB = content(3 * 1024 * 1024 + 17)
 
 
-async def save(http: httpx.AsyncClient, **body: Any) -> dict[str, Any]:
-    """Ask for a recording of sim_1."""
-    answer = await http.post("/api/v1/robots/sim_1/recordings", json=body or {"last_s": 60})
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def ready(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Ready]:
+    """A gateway that the tests of this file share; its robots are their own."""
+    async with running_gateway(tmp_path_factory.mktemp("gateway")) as ready:
+        yield ready
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def http(ready: Ready) -> AsyncIterator[httpx.AsyncClient]:
+    async with client(ready) as http:
+        yield http
+
+
+@pytest.fixture
+def name() -> str:
+    """A robot that no other test has."""
+    return f"sim_{next(NUMBERS)}"
+
+
+async def save(http: httpx.AsyncClient, robot: str = "sim_1", **body: Any) -> dict[str, Any]:
+    """Ask for a recording."""
+    answer = await http.post(f"/api/v1/robots/{robot}/recordings", json=body or {"last_s": 60})
     assert answer.status_code == 202, answer.text
     return dict(answer.json())
 
@@ -45,12 +69,13 @@ def in_state(state: str) -> Callable[[dict[str, Any]], bool]:
     return lambda shown: bool(shown["state"] == state)
 
 
-async def test_the_last_minute_of_an_online_robot(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
-        asked = await save(http, last_s=60, topics=["/sim_1/**"])
+@shared
+async def test_the_last_minute_of_an_online_robot(ready: Ready, http: httpx.AsyncClient, name: str) -> None:
+    async with RecordingRobot(ready, name) as robot:
+        asked = await save(http, name, last_s=60, topics=[f"/{name}/**"])
         command = await robot.asked()
         saving = command.save_recording
-        assert (saving.recording_id, saving.last_ns, list(saving.topics)) == (asked["id"], 60 * 10**9, ["/sim_1/**"])
+        assert (saving.recording_id, saving.last_ns, list(saving.topics)) == (asked["id"], 60 * 10**9, [f"/{name}/**"])
         assert saving.to_ns - saving.from_ns == 60 * 10**9
         assert abs(saving.to_ns - SystemClock().wall_ns()) < 60 * 10**9
         await when(http, asked["id"], in_state("cutting"))
@@ -67,8 +92,8 @@ async def test_the_last_minute_of_an_online_robot(tmp_path: Path) -> None:
         answer = await http.get(shown["url"])
         assert answer.content == BLOB
         assert answer.headers["content-type"] == "application/mcap"
-        assert 'filename="sim_1_1970-01-01T00-00-05Z.mcap"' in answer.headers["content-disposition"]
-        await wait_until_async(lambda: not list((tmp_path / "data" / "incoming").iterdir()))
+        assert f'filename="{name}_1970-01-01T00-00-05Z.mcap"' in answer.headers["content-disposition"]
+        await wait_until_async(lambda: not list((ready.data_dir / "incoming").glob(f"*{asked['id']}*")))
         models.RecordingList.model_validate_json((await http.get("/api/v1/recordings")).content)
 
 
@@ -86,10 +111,11 @@ RANGES: tuple[tuple[dict[str, str], int, int, int], ...] = (
 )
 
 
-async def test_ranges_of_a_file(tmp_path: Path) -> None:
+@shared
+async def test_ranges_of_a_file(ready: Ready, http: httpx.AsyncClient, name: str) -> None:
     wrong = []
-    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
-        asked = await save(http)
+    async with RecordingRobot(ready, name) as robot:
+        asked = await save(http, name)
         await robot.offer(asked["id"], BLOB)
         await robot.deliver(asked["id"], BLOB)
         path = f"/api/v1/recordings/{asked['id']}/file.mcap"
@@ -105,53 +131,55 @@ async def test_ranges_of_a_file(tmp_path: Path) -> None:
     assert wrong == []
 
 
-async def test_asked_while_the_robot_is_away(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http:
-        async with RecordingRobot(ready) as robot:
-            pass
-        asked = await save(http)
-        assert asked["state"] == "requested"
-        async with RecordingRobot(ready, number=2) as robot:
-            command = await robot.asked()
-            first = command.save_recording
-            assert (first.recording_id, first.last_ns) == (asked["id"], 0)
-        # It left without an answer, and is asked for the very same span when it comes back.
-        async with RecordingRobot(ready, number=3) as robot:
-            again = (await robot.asked()).save_recording
-            assert again == first
-            await robot.offer(asked["id"], BLOB)
-            assert (await robot.deliver(asked["id"], BLOB)).stored
+@shared
+async def test_asked_while_the_robot_is_away(ready: Ready, http: httpx.AsyncClient, name: str) -> None:
+    async with RecordingRobot(ready, name) as robot:
+        pass
+    asked = await save(http, name)
+    assert asked["state"] == "requested"
+    async with RecordingRobot(ready, name, number=2) as robot:
+        command = await robot.asked()
+        first = command.save_recording
+        assert (first.recording_id, first.last_ns) == (asked["id"], 0)
+    # It left without an answer, and is asked for the very same span when it comes back.
+    async with RecordingRobot(ready, name, number=3) as robot:
+        again = (await robot.asked()).save_recording
+        assert again == first
+        await robot.offer(asked["id"], BLOB)
+        assert (await robot.deliver(asked["id"], BLOB)).stored
 
 
-async def test_a_lost_link_goes_on_where_it_was(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http:
-        async with RecordingRobot(ready) as robot:
-            asked = await save(http)
-            await robot.offer(asked["id"], BLOB)
-            assert (await robot.wanted()).offset == 0
-            await robot.part(asked["id"], BLOB, 0)
-            await robot.part(asked["id"], BLOB, PART)
-            while (await robot.wanted()).offset < 2 * PART:
-                continue
-        assert (await when(http, asked["id"], in_state("transferring")))["received_bytes"] == 2 * PART
-        async with RecordingRobot(ready, number=2) as robot:
-            await robot.offer(asked["id"], BLOB)
-            assert (await robot.wanted()).offset == 2 * PART
-            await robot.offer(asked["id"], BLOB)
-            assert (await robot.deliver(asked["id"], BLOB)).stored
+@shared
+async def test_a_lost_link_goes_on_where_it_was(ready: Ready, http: httpx.AsyncClient, name: str) -> None:
+    async with RecordingRobot(ready, name) as robot:
+        asked = await save(http, name)
+        await robot.offer(asked["id"], BLOB)
+        assert (await robot.wanted()).offset == 0
+        await robot.part(asked["id"], BLOB, 0)
+        await robot.part(asked["id"], BLOB, PART)
+        while (await robot.wanted()).offset < 2 * PART:
+            continue
+    assert (await when(http, asked["id"], in_state("transferring")))["received_bytes"] == 2 * PART
+    async with RecordingRobot(ready, name, number=2) as robot:
+        await robot.offer(asked["id"], BLOB)
+        assert (await robot.wanted()).offset == 2 * PART
+        await robot.offer(asked["id"], BLOB)
+        assert (await robot.deliver(asked["id"], BLOB)).stored
 
 
-async def test_an_offer_is_answered_before_the_other_lanes_are_open(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http:
-        async with RecordingRobot(ready):
-            asked = await save(http)
-        robot = RecordingRobot(ready, number=2)
-        try:
-            await robot.open(BACKFILL)
-            await robot.offer(asked["id"], BLOB)
-            assert (await robot.wanted()).offset == 0
-        finally:
-            await robot.__aexit__()
+@shared
+async def test_an_offer_is_answered_before_the_other_lanes_are_open(
+    ready: Ready, http: httpx.AsyncClient, name: str
+) -> None:
+    async with RecordingRobot(ready, name):
+        asked = await save(http, name)
+    robot = RecordingRobot(ready, name, number=2)
+    try:
+        await robot.open(BACKFILL)
+        await robot.offer(asked["id"], BLOB)
+        assert (await robot.wanted()).offset == 0
+    finally:
+        await robot.__aexit__()
 
 
 async def test_the_gateway_restarts_in_the_middle(tmp_path: Path) -> None:
@@ -175,55 +203,58 @@ async def test_the_gateway_restarts_in_the_middle(tmp_path: Path) -> None:
         assert (await http.get(f"/api/v1/recordings/{asked['id']}/file.mcap")).content == BLOB
 
 
-async def test_a_robot_that_has_nothing(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
+@shared
+async def test_a_robot_that_has_nothing(ready: Ready, http: httpx.AsyncClient, name: str) -> None:
+    async with RecordingRobot(ready, name) as robot:
         for code in ("nothing_there", "black_box_off", "Strange Words!"):
-            asked = await save(http)
+            asked = await save(http, name)
             await robot.answer(await robot.asked(), code=code)
             shown = await when(http, asked["id"], in_state("failed"))
             assert shown["code"] == (code if code.islower() else "failed")
             assert shown["message"]
 
 
-async def test_a_cut_found_broken_later(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
-        asked = await save(http)
+@shared
+async def test_a_cut_found_broken_later(ready: Ready, http: httpx.AsyncClient, name: str) -> None:
+    async with RecordingRobot(ready, name) as robot:
+        asked = await save(http, name)
         await robot.answer(await robot.asked())
         await robot.send(BACKFILL, recording=link_pb2.RecordingPart(recording_id=asked["id"], failed="damaged"))
         assert (await robot.wanted()).unwanted
         assert (await when(http, asked["id"], in_state("failed")))["code"] == "damaged"
 
 
-async def test_what_nobody_asked_for_is_not_taken(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http:
-        async with RecordingRobot(ready) as robot, RecordingRobot(ready, "sim_2", session=b"2" * 16) as other:
-            await robot.offer("01ARZ3NDEKTSV4RRFFQ69G5FAV", BLOB)
-            assert (await robot.wanted()).unwanted
-            asked = await save(http)
-            await other.offer(asked["id"], BLOB)  # another robot's
-            assert (await other.wanted()).unwanted
-            await robot.offer(asked["id"], BLOB, size_bytes=2**40)
-            assert (await robot.wanted()).unwanted
-            assert (await when(http, asked["id"], in_state("failed")))["code"] == "too_large"
+@shared
+async def test_what_nobody_asked_for_is_not_taken(ready: Ready, http: httpx.AsyncClient, name: str) -> None:
+    async with RecordingRobot(ready, name) as robot, RecordingRobot(ready, "sim_2", session=b"2" * 16) as other:
+        await robot.offer("01ARZ3NDEKTSV4RRFFQ69G5FAV", BLOB)
+        assert (await robot.wanted()).unwanted
+        asked = await save(http, name)
+        await other.offer(asked["id"], BLOB)  # another robot's
+        assert (await other.wanted()).unwanted
+        await robot.offer(asked["id"], BLOB, size_bytes=2**40)
+        assert (await robot.wanted()).unwanted
+        assert (await when(http, asked["id"], in_state("failed")))["code"] == "too_large"
 
 
-async def test_a_part_without_form_ends_the_session(tmp_path: Path) -> None:
+@shared
+async def test_a_part_without_form_ends_the_session(ready: Ready, name: str) -> None:
     recording = "01ARZ3NDEKTSV4RRFFQ69G5FAV"
     parts: tuple[dict[str, Any], ...] = (
         {"recording_id": "../../etc/passwd"},
         {"recording_id": recording, "sha256": b"short"},
         {"recording_id": recording, "data": b"x" * (PART + 1)},
     )
-    async with running_gateway(tmp_path) as ready:
-        for number, part in enumerate(parts, 1):
-            async with RecordingRobot(ready, number=number) as robot:
-                await robot.send(BACKFILL, recording=link_pb2.RecordingPart(**part))
-                assert (await robot.next("goodbye", BACKFILL)).goodbye.code == "protocol", part
+    for number, part in enumerate(parts, 1):
+        async with RecordingRobot(ready, name, number=number) as robot:
+            await robot.send(BACKFILL, recording=link_pb2.RecordingPart(**part))
+            assert (await robot.next("goodbye", BACKFILL)).goodbye.code == "protocol", part
 
 
-async def test_deleting(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
-        asked = await save(http)
+@shared
+async def test_deleting(ready: Ready, http: httpx.AsyncClient, name: str) -> None:
+    async with RecordingRobot(ready, name) as robot:
+        asked = await save(http, name)
         await robot.offer(asked["id"], BLOB)
         assert (await robot.wanted()).offset == 0
         await robot.part(asked["id"], BLOB, 0)
@@ -232,10 +263,10 @@ async def test_deleting(tmp_path: Path) -> None:
         assert (await http.delete(path, headers=json)).json() == {"ok": True}
         while not (await robot.wanted()).unwanted:
             continue
-        await wait_until_async(lambda: not list((tmp_path / "data" / "incoming").iterdir()))
+        await wait_until_async(lambda: not list((ready.data_dir / "incoming").glob(f"*{asked['id']}*")))
         assert (await http.get(path)).status_code == 404
         assert (await http.delete(path, headers=json)).status_code == 404
-        kept = await save(http)
+        kept = await save(http, name)
         await robot.offer(kept["id"], BLOB)
         await robot.deliver(kept["id"], BLOB)
         assert (await http.delete(f"/api/v1/recordings/{kept['id']}", headers=json)).status_code == 200
@@ -273,7 +304,8 @@ async def test_four_at_a_time_and_sixteen_in_all(tmp_path: Path) -> None:
         assert (await http.get("/api/v1/recordings?robot=nobody")).json()["recordings"] == []
 
 
-async def test_requests_that_cannot_be(tmp_path: Path) -> None:
+@shared
+async def test_requests_that_cannot_be(ready: Ready, http: httpx.AsyncClient, name: str) -> None:
     bodies: tuple[dict[str, Any], ...] = (
         {},
         {"last_s": 0},
@@ -284,22 +316,25 @@ async def test_requests_that_cannot_be(tmp_path: Path) -> None:
         {"last_s": 60, "topics": ["/a"] * 65},
         {"last_s": 60, "what": 1},
     )
-    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready):
-        answers = [await http.post("/api/v1/robots/sim_1/recordings", json=body) for body in bodies]
+    async with RecordingRobot(ready, name):
+        answers = [await http.post(f"/api/v1/robots/{name}/recordings", json=body) for body in bodies]
         said = [(answer.status_code, answer.json()["code"]) for answer in answers]
         assert said == [(400, "invalid_request")] * len(bodies)
-        assert (await http.get("/api/v1/recordings")).json() == {"recordings": [], "next": None}
+        listed = await http.get("/api/v1/recordings", params={"robot": name})
+        assert listed.json() == {"recordings": [], "next": None}
         answer = await http.post("/api/v1/robots/nobody/recordings", json={"last_s": 60})
         assert (answer.status_code, answer.json()["code"]) == (404, "unknown_robot")
 
 
-async def test_a_file_that_is_gone_ends_the_download_early(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
-        asked = await save(http)
+@shared
+async def test_a_file_that_is_gone_ends_the_download_early(ready: Ready, http: httpx.AsyncClient, name: str) -> None:
+    async with RecordingRobot(ready, name) as robot:
+        asked, folder = await save(http, name), ready.data_dir / "objects" / "recordings"
+        others = set(folder.glob("*"))
         await robot.offer(asked["id"], BLOB)
         await robot.deliver(asked["id"], BLOB)
-        for path in (tmp_path / "data" / "objects" / "recordings").iterdir():
-            path.unlink()
+        (path,) = set(folder.glob("*")) - others
+        path.unlink()
         with pytest.raises(httpx.RemoteProtocolError):
             await http.get(f"/api/v1/recordings/{asked['id']}/file.mcap")
         assert (await http.get("/healthz")).status_code == 200
@@ -336,10 +371,11 @@ async def test_a_disk_that_hangs_holds_nobody_up(tmp_path: Path, monkeypatch: py
             assert (await robot.deliver(asked["id"], BLOB)).stored
 
 
-async def test_times_that_no_calendar_shows(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, client(ready) as http, RecordingRobot(ready) as robot:
+@shared
+async def test_times_that_no_calendar_shows(ready: Ready, http: httpx.AsyncClient, name: str) -> None:
+    async with RecordingRobot(ready, name) as robot:
         for size_bytes, stamp_ns in enumerate((-(2**63), 2**63 - 1)):
-            asked = await save(http)
+            asked = await save(http, name)
             await robot.offer(asked["id"], BLOB, from_ns=stamp_ns, to_ns=stamp_ns, messages=2**64 - 1)
             shown = await when(http, asked["id"], in_state("transferring"))
             assert (shown["first"], shown["last"], shown["messages"]) == (None, None, 2**63 - 1)
@@ -347,7 +383,7 @@ async def test_times_that_no_calendar_shows(tmp_path: Path) -> None:
             await robot.send(CONTROL, statistics=link_pb2.TopicStatistics(link=link_pb2.LinkStatistics(black_box=box)))
             facts = {"size_bytes": size_bytes, "quota_bytes": 7, "lost": 1}
             async with asyncio.timeout(60):
-                while (told := (await http.get("/api/v1/robots/sim_1")).json()["link"]["black_box"]) is None or (
+                while (told := (await http.get(f"/api/v1/robots/{name}")).json()["link"]["black_box"]) is None or (
                     told["size_bytes"] != size_bytes
                 ):
                     continue

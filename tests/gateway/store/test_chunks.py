@@ -27,7 +27,7 @@ def back(*chunks: EncodedChunk) -> tuple[list[int], list[int]]:
 
 
 @given(st.lists(st.lists(st.tuples(STAMPS, VALUES), min_size=1, max_size=60), max_size=6), st.booleans())
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_every_bit_comes_back_in_the_order_of_stamps(rows: list[list[tuple[int, float]]], closed: bool) -> None:
     chunks, stamps, bits = [], [], []
     for some in rows:

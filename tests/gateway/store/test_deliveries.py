@@ -30,6 +30,7 @@ from gateway.store.engine import StoreEngine
 from gateway.store.queue_purge import purge_queue
 from gateway.store.queue_totals import totals
 from gateway.store.schema import ROW_BYTES
+from gateway.store.sqlite import SqliteEngine
 from metaros.errors import TooLargeError
 from metaros.limits import LIMITS
 
@@ -290,8 +291,9 @@ def test_two_connections_never_lease_the_same(connect: Callable[[], StoreEngine]
 
 def test_leasing_costs_as_much_with_a_long_backlog_as_with_a_short_one(engine: StoreEngine) -> None:
     """By the plans: every query of the dispatcher's is a search in an index, none looks through the table."""
-    for start in range(0, 20_000, 5000):
-        stored(engine, *(one("big", dedup=str(number)) for number in range(start, start + 5000)))
+    count = 1000 if isinstance(engine, SqliteEngine) else 20_000  # a file's plans are the same however long it is
+    for start in range(0, count, 1000):
+        stored(engine, *(one("big", dedup=str(number)) for number in range(start, start + 1000)))
     stored(engine, one("small"))
     asking = _Explaining(engine)
     with engine.transaction(write=True):

@@ -54,6 +54,7 @@ def test_fewer_than_three_points(points: int) -> None:
     assert lttb(np.arange(9.0), np.arange(9.0), points).tolist() == [0, 8][:points]
 
 
+@settings(max_examples=50)
 @given(st.lists(st.lists(st.integers(-5, 5), min_size=1, max_size=9), min_size=1, max_size=9))
 def test_extremes_are_the_first_smallest_and_largest_of_each_span(spans: list[list[int]]) -> None:
     starts = np.cumsum([0, *map(len, spans)])[:-1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.store.retention import CLASSES, ClassLimit, Going, Holding, Retention, Usage, class_limits, plan
@@ -93,6 +93,7 @@ def test_only_what_goes_is_read() -> None:
     assert len(read) == 3 * len(CLASSES)
 
 
+@settings(max_examples=50)
 @given(
     st.lists(st.tuples(st.sampled_from(CLASSES), st.integers(0, 100), st.integers(1, 50)), max_size=60),
     st.integers(0, 1500),
