@@ -1,6 +1,6 @@
 """A robot's nodes keep their processes over everything that may end beside them; run by `test_node_survival.py`.
 
-`python -m tests.support.survival_story FOLDER CUT_S` inside namespaces of its own (`INSIDE`): their network is ours, so
+`python -m tests.support.survival_story FOLDER` inside namespaces of its own (`INSIDE`): their network is ours, so
 that the link can be cut by the kernel, and no process of theirs outlives them.
 """
 
@@ -17,23 +17,21 @@ from typing import Any
 
 import psutil
 
-from edge_agent.update.slots import Slots
 from metaros.errors import UnavailableError
 from metaros.supervise.client import ask
 from metaros.supervise.program import running_pid
 from tests.support.netns import INSIDE as NETWORK
 from tests.support.netns import run
+from tests.support.processes import alive
 from tests.support.stack import Stack
-from tests.support.tuf_repository import make_bundle
 from tests.support.waiting import wait_until
-from tests.system.test_update_rollout import TRIAL, Desk, sign_and_publish
-from tests.system.test_update_slots import build_wheel
+from tests.system.test_update_rollout import Desk
 
 __all__ = ["INSIDE"]
 
 INSIDE = (*NETWORK, "--pid", "--mount-proc")
-ROBOT, VERSION, WITHIN_S = "arm_1", "2.1.0", 300.0
-DEAD_AFTER_S = 15.0  # the gateway calls a silent robot offline then
+ROBOT, WITHIN_S = "arm_1", 300.0
+HEARTBEAT_S = 0.5  # the gateway calls a robot offline that is silent for three of them
 PARENT = """
 import subprocess, sys, time
 child = subprocess.Popen([sys.executable, "-S", "-c", "import time; time.sleep(3600)"])
@@ -44,7 +42,7 @@ NODES = {"plain": "import time; time.sleep(3600)", "parent": PARENT}
 
 
 class Story:
-    """One enrolled robot under the loader, and its gateway."""
+    """One robot and its gateway."""
 
     def __init__(self, stack: Stack) -> None:
         self.stack = stack
@@ -56,15 +54,11 @@ class Story:
         """All programs, and nodes by the twin."""
         stack = self.stack
         stack.router()
-        self.gateway = stack.gateway()
+        self.gateway = stack.gateway("--heartbeat-s", f"{HEARTBEAT_S:g}")
         config = stack.folder / "agent.toml"
         rows = [f"[[allowed]]\nname = '{name}'\ncommand = {json.dumps(self.argv(name))}\n" for name in NODES]
         config.write_text('transport = "grpc"\n[black_box]\nenabled = false\n' + "".join(rows))
-        token = self.metaros.json(f"robot token --robot {ROBOT}")["token"]
-        self.metaros(f"agent enrol {token} --name {ROBOT} --state-dir {self.state}")
-        where = ("--zenoh-port", str(stack.zenoh_port), "--zenoh-profile", "open", "--state-dir", str(self.state))
-        options = ("--name", ROBOT, "--namespace", f"/{ROBOT}", "--no-host-metrics", "--config", str(config), *where)
-        self.agent = stack.start("agent", "agent-slot", *TRIAL, *options, ready=False)
+        self.agent = stack.agent(ROBOT, "--state-dir", str(self.state), "--config", str(config))
         wait_until(self.online, timeout_s=WITHIN_S)
         document = {"nodes": {name: {"allowed": name} for name in NODES}}
         path = stack.folder / "twin.json"
@@ -111,22 +105,21 @@ class Story:
 
     # -- what may end ----------------------------------------------------------------------------------------------
 
-    def cut(self, cut_s: float) -> None:
-        """No packet of the link gets through for so long; nobody is told."""
+    def cut(self) -> None:
+        """No packet of the link gets through, and nobody is told, until the gateway has given the robot up."""
         run("nft add table inet fault")
         for hook in ("input", "output"):
             run(f"nft add chain inet fault {hook} {{ type filter hook {hook} priority 0 ; }}")
             for end in ("sport", "dport"):
                 run(f"nft add rule inet fault {hook} tcp {end} {self.stack.grpc_port} drop")
-        healed_s = time.monotonic() + cut_s
-        if cut_s > 2 * DEAD_AFTER_S:
-            wait_until(lambda: not self.online(), timeout_s=cut_s)
-            self.say("the gateway no longer calls the robot online")
-        wait_until(lambda: time.monotonic() > healed_s, timeout_s=2 * cut_s, every_s=0.2)
+        wait_until(lambda: not self.online(), timeout_s=WITHIN_S)
+        self.say("the gateway no longer calls the robot online")
+        healed_s = time.monotonic() + 6 * HEARTBEAT_S  # and the agent the link dead
+        wait_until(lambda: time.monotonic() > healed_s)
         assert self.pids() == self.before, f"during the cut: {self.nodes()}"
         run("nft delete table inet fault")
         wait_until(self.online, timeout_s=WITHIN_S)
-        self.same(f"the link was cut for {cut_s:g} s")
+        self.same("the link was cut")
 
     def restart_gateway(self) -> None:
         """Killed, and another one on the same data."""
@@ -135,33 +128,19 @@ class Story:
         wait_until(self.online, timeout_s=WITHIN_S)
         self.same("another gateway")
 
-    def kill_agent(self, what: str) -> None:
+    def kill_agent(self) -> None:
         """kill -9, and started again as a system does."""
-        session, agent = self.session(), self.agent
-        agent.kill()
-        self.same(f"{what}: kill -9 of the agent")
-        self.stack.programs.remove(agent)
-        self.agent = self.stack.start("agent", *agent.arguments, ready=False)
+        session = self.session()
+        self.agent.kill()
+        self.same("kill -9 of the agent")
+        self.agent = self.stack.restart(self.agent)
         wait_until(lambda: self.online() and self.session() > session, timeout_s=WITHIN_S)
-        self.same(f"{what}: another agent")
+        self.same("another agent")
 
     def session(self) -> int:
         """The number of its link's session: each agent begins another one."""
         found = self.stack.get(f"/api/v1/robots/{ROBOT}")
         return int(found["link"]["session"]) if found and found["link"] else 0
-
-    def update(self) -> None:
-        """A signed new version of the agent, by a rollout."""
-        bundle = self.stack.folder / f"metaros-{VERSION}.zip"
-        bundle.write_bytes(make_bundle(VERSION, wheels=dict([build_wheel(self.stack.folder / "build", VERSION)])))
-        sign_and_publish(self.metaros, self.stack.folder / "updates", [bundle])
-        started = self.metaros.json(f"rollout start {VERSION} --all --waves 100%")["id"]
-        done = ("done", "halted")
-        wait_until(lambda: self.metaros.json(f"rollout show {started}")["state"] in done, timeout_s=WITHIN_S)
-        assert self.metaros.json(f"rollout show {started}")["state"] == "done", self.metaros(f"rollout show {started}")
-        current = Slots(self.state).read()
-        assert (current.version, current.state) == (VERSION, "good")
-        self.same(f"the agent is version {VERSION}")
 
     def kill_supervisor(self) -> None:
         """The end of all of them; the agent starts another one, and that one the nodes."""
@@ -176,28 +155,18 @@ class Story:
         self.say("and the agent has brought them back")
 
 
-def alive(pid: int) -> bool:
-    """Whether it runs; a dead one that nobody has buried does not."""
-    try:
-        return bool(psutil.Process(pid).status() != psutil.STATUS_ZOMBIE)
-    except psutil.NoSuchProcess:
-        return False
-
-
-def main(folder: Path, cut_s: float) -> None:
+def main(folder: Path) -> None:
     """The whole story."""
     subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
     os.environ["HOME"] = str(folder)
     with Stack(folder) as stack:
         story = Story(stack)
         story.begin()
-        story.kill_agent("the base's version")
-        story.cut(cut_s)
+        story.kill_agent()
+        story.cut()
         story.restart_gateway()
-        story.update()
-        story.kill_agent(f"version {VERSION}")
         story.kill_supervisor()
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), float(sys.argv[2]))
+    main(Path(sys.argv[1]))
