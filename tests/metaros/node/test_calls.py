@@ -59,18 +59,18 @@ def adder(server, client_node):
 
 
 def test_a_thousand_calls_at_once_need_no_thread_each(adder):
-    before = threading.active_count()
+    most = threading.active_count() + 5  # others' come and go: an answer to `metaros top`, one of Zenoh's own
 
     async def all_of_them() -> list[int]:
         calls = [adder.call_async(AddTwoInts.Request(a=n, b=1), timeout_s=60) for n in range(1000)]
         answers = asyncio.gather(*calls)
         await asyncio.sleep(0)
-        assert threading.active_count() <= before
+        assert threading.active_count() < most
         return [answer.sum for answer in await answers]
 
     assert asyncio.run(all_of_them()) == list(range(1, 1001))
     futures = [adder.call_future(AddTwoInts.Request(a=n, b=2), timeout_s=60) for n in range(1000)]
-    assert threading.active_count() <= before + 1
+    assert threading.active_count() < most
     assert [future.result(60).sum for future in futures] == list(range(2, 1002))
 
 
