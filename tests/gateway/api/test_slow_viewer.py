@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import socket
 from pathlib import Path
 from time import monotonic
 
@@ -13,9 +14,19 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
 from gateway.domain.records import split_records
+from gateway.main import Ready
 from tests.gateway.harness import DATA, ScriptedAgent, channel, hear, hear_bytes, open_socket, running_gateway, say
 
 MIB = 1 << 20
+
+
+def small_socket(ready: Ready) -> socket.socket:
+    """A connection whose system takes little that nobody reads."""
+    made = socket.socket()
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+    made.connect((ready.host, ready.http_port))
+    made.setblocking(False)
+    return made
 
 
 async def test_a_viewer_that_takes_nothing_is_cut_and_costs_little(tmp_path: Path) -> None:
@@ -56,10 +67,10 @@ async def count_until_closed(viewer: ClientConnection) -> int:
 
 
 async def test_a_slow_viewer_loses_the_oldest_and_is_told(tmp_path: Path) -> None:
-    sent = 100  # more than the system's buffers between the two take
+    sent = 40  # more than the gateway's system takes that nobody reads
     async with running_gateway(tmp_path, viewer_stall_s=120) as ready, ScriptedAgent(ready) as agent:
         await agent.announce(channel(1, "/sim_1/image", "std_msgs/msg/String"))
-        async with open_socket(ready, "/api/v1/stream", max_queue=1) as viewer:
+        async with open_socket(ready, "/api/v1/stream", max_queue=1, sock=small_socket(ready)) as viewer:
             await say(viewer, op="subscribe", id=1, robots="*", topics="/**", mode="queue", queue_bytes=1000)
             await say(viewer, op="subscribe", id=1, robots="*", topics="/**")
             await hear(viewer, "error")
