@@ -1,4 +1,4 @@
-"""Hundreds of edits at two gateways at once, while robots move between them: every robot ends at what is desired."""
+"""A hundred edits at two gateways at once, while robots move between them: every robot ends at what is desired."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ ROBOTS = {"a1": "lab", "a2": "lab", "b1": "hall", "b2": "hall"}
 
 
 @pytest.mark.integration
-async def test_hundreds_of_edits_at_two_gateways_while_robots_move(tmp_path: Path, postgres: PostgresServer) -> None:
+async def test_a_hundred_edits_at_two_gateways_while_robots_move(tmp_path: Path, postgres: PostgresServer) -> None:
     url, fleet, model = postgres.schema(), ModelFleet(), Model(ROBOTS)
     async with AsyncExitStack() as stack:
         rigs = [await stack.enter_async_context(rig_on(url, tmp_path / str(n), fleet)) for n in range(2)]
@@ -26,9 +26,9 @@ async def test_hundreds_of_edits_at_two_gateways_while_robots_move(tmp_path: Pat
         for name, site in ROBOTS.items():
             await rigs[0].robot(name, site=site)
         names = sorted(ROBOTS)
-        for turn in range(6):
+        for turn in range(4):
             async with asyncio.TaskGroup() as group:
-                for number in range(50):
+                for number in range(30):
                     step = ("patch" if number % 3 else "patch if unchanged", names[(number * 7 + turn) % 4])
                     group.create_task(model.edit(rigs[number % 2].twins, step))
             name = names[turn % 4]
@@ -37,7 +37,7 @@ async def test_hundreds_of_edits_at_two_gateways_while_robots_move(tmp_path: Pat
             rigs[home[name]].cut(name)
             home[name] = 1 - home[name]
             rigs[home[name]].link(name)
-        assert model.edits == 300
+        assert model.edits == 120
 
         def done() -> bool:
             for name, at in home.items():
@@ -53,4 +53,4 @@ async def test_hundreds_of_edits_at_two_gateways_while_robots_move(tmp_path: Pat
     total = sum(
         len(rows) for robot in fleet.robots.values() for rows in orjson.loads(robot.document)["parameters"].values()
     )
-    assert total >= 180  # those of every edit that was accepted
+    assert total >= 72  # those of every edit that was accepted

@@ -98,10 +98,10 @@ async def test_who_signs_in_elsewhere_has_no_password_here(gate: Gate) -> None:
         await gate.accounts.change_own_password(eve, "", PASSWORD, address="10.0.0.1")
 
 
-async def test_of_a_hundred_who_follow_one_link_one_comes_in(gate: Gate) -> None:
+async def test_of_thirty_who_follow_one_link_one_comes_in(gate: Gate) -> None:
     await gate.user()
     _, link = await gate.accounts.make_link("ada")
-    tried = [gate.accounts.follow_link(link.token, address=f"10.0.0.{n}") for n in range(100)]
+    tried = [gate.accounts.follow_link(link.token, address=f"10.0.0.{n}") for n in range(30)]
     done = await asyncio.gather(*tried, return_exceptions=True)
     assert sum(not isinstance(one, BaseException) for one in done) == 1
     assert {type(one) for one in done if isinstance(one, BaseException)} == {CredentialsError}

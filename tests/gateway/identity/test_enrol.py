@@ -80,11 +80,11 @@ async def test_tokens_that_are_not_good_are_refused_by_name(tmp_path: Path, stor
         assert await said("mr1.nothing") == "token_unknown"
 
 
-async def test_of_a_hundred_robots_at_once_one_is_enrolled(tmp_path: Path, store_url: str) -> None:
+async def test_of_thirty_robots_at_once_one_is_enrolled(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         token, _ = await desks.enrol.make_token(made_by="ada")
-        tries = (code(desks.enrol.enrol(token.text, f"r{n}", ask(new_key()))) for n in range(100))
-        assert sorted(await asyncio.gather(*tries)) == ["", *["token_used"] * 99]
+        tries = (code(desks.enrol.enrol(token.text, f"r{n}", ask(new_key()))) for n in range(30))
+        assert sorted(await asyncio.gather(*tries)) == ["", *["token_used"] * 29]
 
 
 async def test_a_lost_answer_is_given_again(tmp_path: Path, store_url: str) -> None:

@@ -9,8 +9,8 @@ from collections import Counter
 from gateway.domain.delivery import DeadFilter, Delivery, Done, Policy, Result, Retry, Share
 from tests.gateway.queue.world import Told, World, one
 
-LIVES = 12
-EACH = 60  # accepted in one life
+LIVES = 9
+EACH = 36  # accepted in one life
 SEED = 1  # load_tests/campaign_functions.py draws others
 
 
@@ -46,7 +46,7 @@ async def test_random_deaths_lose_nothing(any_world: World) -> None:
         await world.crash(desk)
 
     last = await world.desk(Told(act=act), name="a", seed=SEED)
-    for _ in range(60):
+    for _ in range(12):
         await world.drive(last)
         world.clock.advance(10.0)
     assert set(ends) == set(accepted)

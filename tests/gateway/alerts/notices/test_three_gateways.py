@@ -26,7 +26,7 @@ async def test_each_alert_is_told_once_whoever_dies(tmp_path: Path, shared_url: 
 
         async def step(judge: World) -> None:
             """Every gateway that lives has its turn, all at once."""
-            clock.advance(1)
+            clock.advance(2.5)
             await asyncio.gather(*(sender.take_turn() for sender in senders.values()))
             judge.desk.tick()
             await judge.desk.save()
@@ -37,12 +37,12 @@ async def test_each_alert_is_told_once_whoever_dies(tmp_path: Path, shared_url: 
         for number in range(3):
             judge = worlds[list(senders)[-1]]  # the one that was started last
             await judge.tell(opened(robot=f"r{number}"))
-            for _ in range(20):
+            for _ in range(8):
                 await step(judge)
             sent.append("opened")
             assert receiver.types == sent
             await judge.tell(cleared(robot=f"r{number}"))
-            for _ in range(40):
+            for _ in range(16):
                 await step(judge)
             sent.append("resolved")
             assert receiver.types == sent
