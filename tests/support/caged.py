@@ -107,11 +107,14 @@ class Caged:
         assert self.launched.listener is not None
         accepting = asyncio.ensure_future(asyncio.get_running_loop().sock_accept(self.launched.listener))
         ending = asyncio.ensure_future(self.launched.wait())
-        await asyncio.wait([accepting, ending], return_when=asyncio.FIRST_COMPLETED)
-        ending.cancel()
-        if not accepting.done():
-            accepting.cancel()
-            raise EndedError(await self.launched.wait())
+        try:
+            await asyncio.wait([accepting, ending], return_when=asyncio.FIRST_COMPLETED)
+            if not accepting.done():
+                raise EndedError(await self.launched.wait())
+        finally:  # before the listener is closed: the loop would take the next one of its number for it
+            ending.cancel()
+            if accepting.cancel():
+                await asyncio.gather(accepting, return_exceptions=True)
         self._connection, _ = accepting.result()
         self._reader, self._writer = await asyncio.open_connection(sock=self._connection)
 

@@ -1,6 +1,6 @@
 """A gateway to be killed: starts workers by a zygote and by exec, each with children of its own, and tells their ids.
 
-`python -m tests.support.doomed_gateway LEVEL FOLDER`: a line of JSON, then it waits for its end.
+`python -m tests.support.doomed_gateway FOLDER LEVEL...`: a line of JSON, then it waits for its end.
 """
 
 from __future__ import annotations
@@ -8,6 +8,9 @@ from __future__ import annotations
 import asyncio
 import json
 import sys
+from collections.abc import Sequence
+from contextlib import AsyncExitStack
+from itertools import product
 from pathlib import Path
 
 from metaros.functions.sandbox.level import Level
@@ -31,15 +34,19 @@ result = len(os.read(reader, 1) + os.read(reader, 1))
 """
 
 
-async def main(level: Level, folder: Path) -> None:
+async def main(folder: Path, levels: Sequence[Level]) -> None:
     zygote = Zygote()
     await zygote.start()
-    async with Caged(level, folder / "one", zygote=zygote) as one, Caged(level, folder / "two") as two:
-        for worker in (one, two):
+    async with AsyncExitStack() as stack:
+        keepers = []
+        for level, server in product(levels, (zygote, None)):
+            caged = Caged(level, folder / f"{level.name}-{server is None}", zygote=server)
+            worker = await stack.enter_async_context(caged)
             await worker.ask(CHILDREN, leaving=level >= Level.L2)
-        print(json.dumps({"zygote": zygote.pid, "keepers": [w.launched.root_pid for w in (one, two)]}), flush=True)
+            keepers.append(worker.launched.root_pid)
+        print(json.dumps({"zygote": zygote.pid, "keepers": keepers}), flush=True)
         await asyncio.Event().wait()
 
 
 if __name__ == "__main__":
-    asyncio.run(main(Level(int(sys.argv[1])), Path(sys.argv[2])))
+    asyncio.run(main(Path(sys.argv[1]), [Level(int(number)) for number in sys.argv[2:]]))

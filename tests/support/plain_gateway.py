@@ -1,4 +1,4 @@
-"""A gateway that is no root, and a worker that tries to get at it: `-m tests.support.plain_gateway LEVEL FOLDER`."""
+"""A gateway that is no root, and a worker that tries to get at it: `-m tests.support.plain_gateway FOLDER LEVEL...`."""
 
 from __future__ import annotations
 
@@ -6,12 +6,16 @@ import asyncio
 import json
 import os
 import sys
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from metaros.functions.probe import probe
 from metaros.functions.sandbox.level import Level
 from metaros.functions.zygote import Zygote
 from tests.support.caged import Caged, CagedError, listening
+from tests.support.waiting import wait_until_async
 
 TRY = """
 def tried(f, *a):
@@ -54,8 +58,10 @@ except BlockingIOError:
 """
 
 
-async def main(level: Level, folder: Path) -> None:
-    found = {"probe": (await asyncio.to_thread(probe)).reasons[level]}
+async def attacked(level: Level, folder: Path) -> dict[str, Any]:
+    """What the worker got."""
+    found: dict[str, Any] = {"probe": (await asyncio.to_thread(probe)).reasons[level]}
+    await asyncio.to_thread(folder.mkdir)
     (folder / "secret").write_text("s3cret")
     zygote = Zygote()
     await zygote.start()
@@ -80,8 +86,23 @@ async def main(level: Level, folder: Path) -> None:
                 found["memory"] = error.kind
             found["children"] = await one.ask(BOMB)
     await zygote.close()
-    print(json.dumps(found))
+    await wait_until_async(lambda: own_processes() == [os.getpid()])  # they count for the next worker's limit
+    return found
+
+
+def own_processes() -> list[int]:
+    """All of this user."""
+    pids = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            if entry.stat().st_uid == os.getuid():
+                pids.append(int(entry.name))
+    return pids
+
+
+async def main(folder: Path, levels: Sequence[Level]) -> None:
+    print(json.dumps({level.name: await attacked(level, folder / level.name) for level in levels}))
 
 
 if __name__ == "__main__":
-    asyncio.run(main(Level(int(sys.argv[1])), Path(sys.argv[2])))
+    asyncio.run(main(Path(sys.argv[1]), [Level(int(number)) for number in sys.argv[2:]]))

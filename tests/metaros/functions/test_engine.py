@@ -10,10 +10,12 @@ import os
 import signal
 import time
 from collections.abc import AsyncIterator
+from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 from typing import Any
 
 import pytest
+import pytest_asyncio
 
 from metaros.errors import FieldError, LaunchError, TooLargeError
 from metaros.functions.calls import FunctionSpec, Invocation
@@ -27,6 +29,7 @@ from metaros.functions.faults import (
 from metaros.functions.launch import Confinement, Launched, Program, Usage, launch
 from metaros.functions.logs import LogPiece
 from metaros.functions.sandbox.level import Level
+from metaros.functions.zygote import Zygote
 from metaros.limits import LIMITS
 from tests.support.functions import Bench, alive, running_engine
 from tests.support.waiting import wait_until_async
@@ -42,10 +45,18 @@ def handler(event, context):
 """
 
 
-@pytest.fixture
-async def bench(tmp_path: Path) -> AsyncIterator[Bench]:
-    async with running_engine(tmp_path, limits=dataclasses.replace(LIMITS, function_watch_s=0.05)) as bench:
+pytestmark = pytest.mark.asyncio(loop_scope="module")
+
+
+@pytest_asyncio.fixture(loop_scope="module")
+async def bench(zygote: Zygote, tmp_path: Path) -> AsyncIterator[Bench]:
+    async with engine(zygote, tmp_path, function_watch_s=0.05) as bench:
         yield bench
+
+
+def engine(zygote: Zygote, folder: Path, **limits: Any) -> AbstractAsyncContextManager[Bench]:
+    """One with limits of its own; the fork server is shared."""
+    return running_engine(folder, launch=zygote.fork, limits=dataclasses.replace(LIMITS, **limits))
 
 
 class Gate:
@@ -99,8 +110,8 @@ async def test_busy_workers_are_joined_by_others_up_to_the_most(bench: Bench) ->
     await gates[1].open()
 
 
-async def test_too_many_waiting_are_throttled(tmp_path: Path) -> None:
-    async with running_engine(tmp_path, limits=dataclasses.replace(LIMITS, function_waiting=1)) as bench:
+async def test_too_many_waiting_are_throttled(zygote: Zygote, tmp_path: Path) -> None:
+    async with engine(zygote, tmp_path, function_waiting=1) as bench:
         spec = bench.spec(HELD, max_workers=1)
         gates = [await held(bench, spec, "a"), Gate(bench, spec, "b")]
         await wait_until_async(lambda: bench.engine.status().pools[0].waiting == 1)
@@ -111,9 +122,8 @@ async def test_too_many_waiting_are_throttled(tmp_path: Path) -> None:
             await gate.open()
 
 
-async def test_who_waits_too_long_is_throttled(tmp_path: Path) -> None:
-    limits = dataclasses.replace(LIMITS, function_wait_s=0.2, function_watch_s=0.02)
-    async with running_engine(tmp_path, limits=limits) as bench:
+async def test_who_waits_too_long_is_throttled(zygote: Zygote, tmp_path: Path) -> None:
+    async with engine(zygote, tmp_path, function_wait_s=0.2, function_watch_s=0.02) as bench:
         spec = bench.spec(HELD, max_workers=1)
         gate = await held(bench, spec, "a")
         with pytest.raises(ThrottledError):
@@ -137,17 +147,16 @@ async def test_reserved_concurrency_counts_all_versions(bench: Bench) -> None:
         await bench.invoke(bench.spec(PID, reserved=0))
 
 
-async def test_calls_in_memory_are_bounded(tmp_path: Path) -> None:
-    async with running_engine(tmp_path, limits=dataclasses.replace(LIMITS, function_waiting_bytes=1000)) as bench:
+async def test_calls_in_memory_are_bounded(zygote: Zygote, tmp_path: Path) -> None:
+    async with engine(zygote, tmp_path, function_waiting_bytes=1000) as bench:
         with pytest.raises(ThrottledError):
             await bench.invoke(bench.spec(PID), "x" * 1000)
         assert (await bench.invoke(bench.spec(PID), "x" * 900)).ok
         assert (await bench.invoke(bench.spec(PID), "x" * 900)).ok
 
 
-@pytest.mark.parametrize(
-    ("given", "error"),
-    [
+async def test_what_is_no_call(bench: Bench) -> None:
+    table: list[tuple[dict[str, Any], type[Exception]]] = [
         ({"request_id": "a\r\nb: c"}, FieldError),
         ({"request_id": ""}, FieldError),
         ({"arn": "a\nb"}, FieldError),
@@ -155,12 +164,11 @@ async def test_calls_in_memory_are_bounded(tmp_path: Path) -> None:
         ({"client_context": "{"}, FieldError),
         ({"client_context": json.dumps("x" * 20_000)}, FieldError),
         ({"payload": b"x" * (LIMITS.function_payload_bytes + 1)}, TooLargeError),
-    ],
-)
-async def test_what_is_no_call(bench: Bench, given: dict[str, Any], error: type[Exception]) -> None:
-    call = Invocation(**({"request_id": "r", "payload": b"1"} | given))
-    with pytest.raises(error):
-        await bench.engine.invoke(bench.spec(PID), call)
+    ]
+    for given, error in table:
+        call = Invocation(**({"request_id": "r", "payload": b"1"} | given))
+        with pytest.raises(error):
+            await bench.engine.invoke(bench.spec(PID), call)
     assert bench.engine.status().pools == ()
 
 
@@ -186,15 +194,16 @@ async def test_a_worker_killed_while_it_works(bench: Bench) -> None:
     assert "SIGKILL" in json.loads(outcome.payload)["errorMessage"]
 
 
-async def test_a_fork_server_that_was_killed_is_replaced(bench: Bench) -> None:
-    spec = bench.spec(PID)
-    pid = await bench.returned(spec)
-    zygote = bench.engine._starter._zygote  # type: ignore[union-attr]
-    assert zygote is not None
-    os.kill(zygote.pid, signal.SIGKILL)
-    await wait_until_async(lambda: not zygote.alive and not alive(pid))
-    await wait_until_async(lambda: bench.engine.status().pools[0].workers == 0)
-    assert await bench.returned(spec) != pid
+async def test_a_fork_server_that_was_killed_is_replaced(tmp_path: Path) -> None:
+    async with running_engine(tmp_path) as bench:
+        spec = bench.spec(PID)
+        pid = await bench.returned(spec)
+        zygote = bench.engine._starter._zygote  # type: ignore[union-attr]
+        assert zygote is not None
+        os.kill(zygote.pid, signal.SIGKILL)
+        await wait_until_async(lambda: not zygote.alive and not alive(pid))
+        await wait_until_async(lambda: bench.engine.status().pools[0].workers == 0)
+        assert await bench.returned(spec) != pid
 
 
 async def test_closed_while_calls_run_and_wait(tmp_path: Path) -> None:
@@ -233,7 +242,7 @@ def handler(word, c):
 """
     word = f"word{os.getpid()}{level}"
     async with running_engine(tmp_path, level=level) as bench:
-        assert (await bench.invoke(bench.spec(source, timeout_s=1.0), word + "slow")).error_type == "Sandbox.Timeout"
+        assert (await bench.invoke(bench.spec(source, timeout_s=0.5), word + "slow")).error_type == "Sandbox.Timeout"
         await wait_until_async(lambda: not with_word(word))
         assert (await bench.invoke(bench.spec(source), word)).ok
         await wait_until_async(lambda: with_word(word))
@@ -272,24 +281,23 @@ async def test_warm_workers_that_fail_are_not_tried_without_end(bench: Bench) ->
     assert bench.engine.status().pools[0].cold_starts <= 1 + (time.monotonic() - began_s)  # a second at least, each
 
 
-async def test_idle_workers_go(tmp_path: Path) -> None:
-    limits = dataclasses.replace(LIMITS, function_idle_s=0.1, function_watch_s=0.02)
-    async with running_engine(tmp_path, limits=limits) as bench:
+async def test_idle_workers_go(zygote: Zygote, tmp_path: Path) -> None:
+    async with engine(zygote, tmp_path, function_idle_s=0.1, function_watch_s=0.02) as bench:
         pid = await bench.returned(bench.spec(PID))
         await wait_until_async(lambda: not alive(pid))
         await wait_until_async(lambda: bench.engine.status().pools == ())
 
 
-async def test_a_worker_is_replaced_after_its_calls(tmp_path: Path) -> None:
-    async with running_engine(tmp_path, limits=dataclasses.replace(LIMITS, function_calls=3)) as bench:
+async def test_a_worker_is_replaced_after_its_calls(zygote: Zygote, tmp_path: Path) -> None:
+    async with engine(zygote, tmp_path, function_calls=3) as bench:
         spec = bench.spec(PID, max_workers=1)
         pids = [await bench.returned(spec) for _ in range(7)]
         assert [len({*pids[at : at + 3]}) for at in (0, 3)] == [1, 1]
         assert len({*pids}) == 3
 
 
-async def test_a_full_engine_takes_workers_from_who_idles(tmp_path: Path) -> None:
-    async with running_engine(tmp_path, most_workers=1) as bench:
+async def test_a_full_engine_takes_workers_from_who_idles(zygote: Zygote, tmp_path: Path) -> None:
+    async with running_engine(tmp_path, launch=zygote.fork, most_workers=1) as bench:
         one, two = bench.spec(HELD), bench.spec(HELD)
         first = await held(bench, one, "a")
         second = Gate(bench, two, "b")
@@ -301,7 +309,7 @@ async def test_a_full_engine_takes_workers_from_who_idles(tmp_path: Path) -> Non
         await (await held(bench, one, "c")).open()
 
 
-async def test_a_slow_init_is_tried_once_more_within_the_timeout(tmp_path: Path) -> None:
+async def test_a_slow_init_is_tried_once_more_within_the_timeout(zygote: Zygote, tmp_path: Path) -> None:
     source = """
 import os, time
 if not os.path.exists({flag!r}):
@@ -310,10 +318,10 @@ if not os.path.exists({flag!r}):
 def handler(e, c):
     return "up"
 """
-    async with running_engine(tmp_path, limits=dataclasses.replace(LIMITS, function_init_s=1.0)) as bench:
+    async with engine(zygote, tmp_path, function_init_s=0.5) as bench:
         spec = bench.spec(source.format(flag=str(bench.shared / "flag")))
         assert await bench.returned(spec) == "up"
-        outcome = await bench.invoke(bench.spec("import time\ntime.sleep(60)", timeout_s=1.0))
+        outcome = await bench.invoke(bench.spec("import time\ntime.sleep(60)", timeout_s=0.3))
         assert outcome.error_type == "Sandbox.Timeout"
 
 
@@ -333,8 +341,8 @@ async def test_a_start_without_fork_server(tmp_path: Path) -> None:
         assert await bench.returned(bench.spec("def handler(e, c): return e"), 5) == 5
 
 
-async def test_closed_while_a_worker_starts(tmp_path: Path) -> None:
-    async with running_engine(tmp_path) as bench:
+async def test_closed_while_a_worker_starts(zygote: Zygote, tmp_path: Path) -> None:
+    async with engine(zygote, tmp_path) as bench:
         spec = bench.spec("import time\ntime.sleep(600)\n")
         call = asyncio.create_task(bench.invoke(spec))
         await wait_until_async(lambda: [pool.starting for pool in bench.engine.status().pools] == [1])
@@ -358,7 +366,7 @@ def never_again():
         time.sleep(600)
     runtime_client.Connection.post = once
 """
-    spec = bench.spec(source, timeout_s=1.0, max_workers=1)
+    spec = bench.spec(source, timeout_s=0.5, max_workers=1)
     stuck = await bench.returned(spec, True)
     assert await bench.returned(spec, False) != stuck
     await wait_until_async(lambda: not alive(stuck))
@@ -399,9 +407,8 @@ def handler(e, c):
     await wait_until_async(lambda: not list((bench.folder / "engine" / "tmp").iterdir()))
 
 
-async def test_a_call_does_not_pay_for_what_one_before_it_used(tmp_path: Path) -> None:
-    limits = dataclasses.replace(LIMITS, function_watch_s=3600.0)
-    async with running_engine(tmp_path, limits=limits) as bench:
+async def test_a_call_does_not_pay_for_what_one_before_it_used(zygote: Zygote, tmp_path: Path) -> None:
+    async with engine(zygote, tmp_path, function_watch_s=3600.0) as bench:
         spec = bench.spec(PID, memory_mb=100)
         pid = await bench.returned(spec)
         (worker,) = bench.engine._pools[spec.key].workers

@@ -6,20 +6,22 @@ import asyncio
 import dataclasses
 import json
 from collections.abc import AsyncIterator
-from pathlib import Path
 
 import pytest
+import pytest_asyncio
 
 from metaros.functions.calls import Invocation, Outcome
 from metaros.limits import LIMITS
 from tests.support.functions import Bench, running_engine
 from tests.support.waiting import wait_until_async
 
+pytestmark = pytest.mark.asyncio(loop_scope="module")
 
-@pytest.fixture
-async def bench(tmp_path: Path) -> AsyncIterator[Bench]:
+
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def bench(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Bench]:
     limits = dataclasses.replace(LIMITS, function_stream_bytes=25_000_000, function_stream_burst_bytes=64_000_000)
-    async with running_engine(tmp_path, limits=limits) as bench:
+    async with running_engine(tmp_path_factory.mktemp("bench"), limits=limits) as bench:
         yield bench
 
 
@@ -74,7 +76,7 @@ async def test_who_ends_in_mid_stream(bench: Bench) -> None:
 
 
 async def test_who_is_too_slow(bench: Bench) -> None:
-    spec = bench.spec("import time\ndef handler(e, c):\n    yield 'a'\n    time.sleep(60)\n", timeout_s=1.0)
+    spec = bench.spec("import time\ndef handler(e, c):\n    yield 'a'\n    time.sleep(60)\n", timeout_s=0.5)
     pieces, outcome = await bench.stream(spec)
     assert (pieces, outcome.error_type) == (b"a", "Sandbox.Timeout")
 
@@ -106,7 +108,7 @@ def handler(path, context):
         yield b"x" * 100_000
         with open(path, "w") as f: f.write(str(i))
 """
-    told = bench.shared / "told"
+    told = bench.shared / "pieces"
     told.touch()
     told.chmod(0o666)
     pieces = bench.engine.stream(bench.spec(source), Invocation(request_id="r", payload=json.dumps(str(told)).encode()))
@@ -133,4 +135,4 @@ def handler(path, context):
     await anext(pieces)
     await pieces.aclose()
     await wait_until_async(lambda: told.read_text() == "done")
-    await wait_until_async(lambda: not bench.engine.status().pools[0].busy)
+    await wait_until_async(lambda: not bench.pool(spec).busy)

@@ -6,9 +6,7 @@ import asyncio
 import json
 import os
 import signal
-import subprocess
 import sys
-from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
@@ -18,18 +16,14 @@ from metaros.functions.launch import Confinement, Program
 from metaros.functions.sandbox.level import Level
 from metaros.functions.zygote import Zygote, zygote_works
 from tests.support.caged import LEVELS, Caged, here
+from tests.support.processes import started
 from tests.support.waiting import wait_until, wait_until_async
 
-pytestmark = pytest.mark.skipif(not zygote_works(), reason="Linux")
+pytestmark = [
+    pytest.mark.skipif(not zygote_works(), reason="Linux"),
+    pytest.mark.asyncio(loop_scope="module"),
+]
 ROOT = Path(__file__).resolve().parents[3]
-
-
-@pytest.fixture
-async def zygote() -> AsyncIterator[Zygote]:
-    server = Zygote()
-    await server.start()
-    yield server
-    await server.close()
 
 
 def processes_below(pid: int) -> list[int]:
@@ -78,21 +72,16 @@ async def test_many_workers_at_once(zygote: Zygote, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
-@pytest.mark.parametrize(
-    ("code", "status"),
-    [
-        ("import os\nos._exit(3)", 3),
-        ("import os\nos.kill(os.getpid(), 9)", -9),
-        ("import os\nos.kill(os.getpid(), 11)", -11),
-        ("import os\nos.abort()", -6),
-    ],
-)
-async def test_how_a_worker_ends_is_told(zygote: Zygote, level: Level, code: str, status: int, tmp_path: Path) -> None:
-    async with Caged(level, tmp_path / "a", zygote=zygote) as cage:
-        asking = asyncio.ensure_future(cage.ask(code))
-        assert await cage.launched.wait() == status
-        asking.cancel()
-        await asyncio.gather(asking, return_exceptions=True)
+async def test_how_a_worker_ends_is_told(zygote: Zygote, level: Level, tmp_path: Path) -> None:
+    ends = {"os._exit(3)": 3, "os.kill(os.getpid(), 9)": -9, "os.kill(os.getpid(), 11)": -11, "os.abort()": -6}
+    told = {}
+    for number, code in enumerate(ends):
+        async with Caged(level, tmp_path / str(number), zygote=zygote) as cage:
+            asking = asyncio.ensure_future(cage.ask(f"import os\n{code}"))
+            told[code] = await cage.launched.wait()
+            asking.cancel()
+            await asyncio.gather(asking, return_exceptions=True)
+    assert told == ends
 
 
 def code_that_ends_when_told(folder: Path) -> Path:
@@ -143,20 +132,24 @@ async def test_a_killed_zygote_takes_its_workers_along(level: Level, tmp_path: P
     await zygote.close()
 
 
-@pytest.mark.parametrize("level", LEVELS, ids=lambda level: level.name)
-def test_a_killed_gateway_leaves_no_process(level: Level, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "tests.support.doomed_gateway", str(int(level)), str(tmp_path)]
-    gateway = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
-    assert gateway.stdout is not None
-    with gateway.stdout as told:
-        told_ids = json.loads(told.readline())
-    tree = processes_below(gateway.pid)
-    # two servers, and of each worker its keeper, itself, and two children
-    assert len(tree) == 2 + 2 * 4
-    assert {told_ids["zygote"], *told_ids["keepers"]} <= set(tree)
-    gateway.kill()
-    gateway.wait()
-    wait_until(lambda: not any(runs(pid) for pid in tree))
+async def test_a_killed_gateway_leaves_no_process(tmp_path: Path) -> None:
+    await asyncio.to_thread(kill_a_gateway, tmp_path)
+
+
+def kill_a_gateway(tmp_path: Path) -> None:
+    """And wait until all that it had is gone."""
+    levels = [str(int(level)) for level in LEVELS]
+    command = [sys.executable, "-m", "tests.support.doomed_gateway", str(tmp_path), *levels]
+    with started(command, cwd=ROOT, stderr=None) as gateway:
+        assert gateway.stdout is not None
+        told_ids = json.loads(gateway.stdout.readline())
+        tree = processes_below(gateway.pid)
+        # a server, and one a level; and of each worker its keeper, itself, and two children
+        assert len(tree) == 1 + len(LEVELS) + 2 * len(LEVELS) * 4
+        assert {told_ids["zygote"], *told_ids["keepers"]} <= set(tree)
+        gateway.kill()
+        gateway.wait()
+        wait_until(lambda: not any(runs(pid) for pid in tree))
 
 
 async def test_a_sandbox_that_cannot_be_made_is_told_and_leaves_nothing(zygote: Zygote, tmp_path: Path) -> None:

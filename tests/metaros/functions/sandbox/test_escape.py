@@ -13,21 +13,26 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
+import pytest_asyncio
 
+from metaros.functions.zygote import Zygote
 from tests.support.caged import LEVELS, Caged, CagedError, EndedError, here, listening
 from tests.support.waiting import wait_until_async
 
-pytestmark = pytest.mark.skipif(os.name != "posix" or not Path("/proc").is_dir(), reason="Linux")
+pytestmark = [
+    pytest.mark.skipif(os.name != "posix" or not Path("/proc").is_dir(), reason="Linux"),
+    pytest.mark.asyncio(loop_scope="module"),
+]
 L1, L2, L3 = LEVELS
 MIB = 1 << 20
 AS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 
 
-@pytest.fixture(params=LEVELS, ids=lambda level: level.name)
-async def caged(request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterator[Caged]:
+@pytest_asyncio.fixture(params=LEVELS, ids=lambda level: level.name, loop_scope="module")
+async def caged(zygote: Zygote, request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterator[Caged]:
     if not await here(request.param):
         pytest.skip(f"{request.param.name} is not on this machine")
-    async with Caged(request.param, tmp_path / "one", disk_bytes=32 * MIB, processes=16) as worker:
+    async with Caged(request.param, tmp_path / "one", zygote=zygote, disk_bytes=32 * MIB, processes=16) as worker:
         yield worker
 
 
@@ -207,8 +212,8 @@ result = dict(
     assert (data / "private").read_text() == "s3cret"
 
 
-async def test_other_workers(caged: Caged, tmp_path: Path) -> None:
-    async with Caged(caged.level, tmp_path / "victim") as victim:
+async def test_other_workers(caged: Caged, zygote: Zygote, tmp_path: Path) -> None:
+    async with Caged(caged.level, tmp_path / "victim", zygote=zygote) as victim:
         await victim.ask("""
             import os
             with open(os.environ["TMPDIR"] + "/mine", "w") as f:
@@ -334,7 +339,7 @@ async def test_memory_over_its_limit(caged: Caged) -> None:
     assert caged.launched.usage().memory_bytes > 40 * MIB
 
 
-async def test_a_fork_bomb_and_its_end(caged: Caged, tmp_path: Path) -> None:
+async def test_a_fork_bomb_and_its_end(caged: Caged, zygote: Zygote, tmp_path: Path) -> None:
     children = await caged.ask("""
         import os, signal
         result = []
@@ -349,7 +354,7 @@ async def test_a_fork_bomb_and_its_end(caged: Caged, tmp_path: Path) -> None:
     """)
     assert 1 <= len(children) <= 16
     if AS_ROOT or caged.level == L3:  # counted for each worker alone
-        async with Caged(caged.level, tmp_path / "other") as other:
+        async with Caged(caged.level, tmp_path / "other", zygote=zygote) as other:
             assert await other.ask("import subprocess\nresult = subprocess.run(['true']).returncode") == 0
     tree = descendants(caged.launched.root_pid)
     assert len(tree) >= len(children)
