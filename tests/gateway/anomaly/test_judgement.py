@@ -21,8 +21,8 @@ from gateway.anomaly.vector import VectorConfig
 from gateway.domain.finding import Edge
 from tests.gateway.anomaly.cellfeed import quick
 
-CONFIG = JudgeConfig(lasting=quick(LastingConfig(learn_s=1200, epoch_s=600)))
-LEARN_S = 450
+CONFIG = JudgeConfig(lasting=quick(LastingConfig(learn_s=800, epoch_s=400)))
+LEARN_S = 280
 MOTOR, WAVE, CALM = "left.motor_temperature.temperature", "imu.angular_velocity.z", "odom.twist.twist.linear.x"
 TOPICS = {MOTOR: "/left/motor_temperature", WAVE: "/imu", CALM: "/odom"}
 

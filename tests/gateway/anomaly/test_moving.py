@@ -19,11 +19,11 @@ from gateway.domain.finding import Edge
 from tests.gateway.anomaly.cellfeed import quick
 
 START_S = 1_000_000_000
-BAD_S, END_S = 320, 540  # all is learned by then; the end
+BAD_S, END_S = 200, 370  # all is learned by then; the end
 CONFIG = JudgeConfig(
-    bank=BankConfig(times=3.0, learn_s=240.0),
-    lasting=quick(LastingConfig(learn_s=1000, epoch_s=500)),
-    vector=VectorConfig(learn=60, refresh=10, period_s=2.0),
+    bank=BankConfig(times=3.0, learn_s=150.0),
+    lasting=quick(LastingConfig(learn_s=600, epoch_s=300)),
+    vector=VectorConfig(learn=60, refresh=10, period_s=1.0),
 )
 MOTOR, WAVE = "left.motor_temperature.temperature", "imu.angular_velocity.z"
 ODOM, CHARGE = "odom.x", "battery.percentage"
@@ -38,12 +38,12 @@ def rows_of(robot: str, second: int) -> list[Rows]:
     values = np.array((40.0, 0.0, 0.5, 0.8)) + np.array((0.15, 0.15, 0.15, 0.01)) * rng.normal(size=(5, 4))
     bad = second - BAD_S if robot == "r1" else -1
     sway = 0.6 * np.sin(second / 7.0)  # what belongs together
-    values += np.array((sway, sway, -sway if 10 <= bad < 60 else sway, 0.0))
-    silent, frozen, rare = 40 <= bad < 80, 100 <= bad < 140, 110 <= bad < 180
-    if 70 <= bad < 120:
+    values += np.array((sway, sway, -sway if 10 <= bad < 50 else sway, 0.0))
+    silent, frozen, rare = 50 <= bad < 75, 80 <= bad < 115, 60 <= bad < 110
+    if 50 <= bad < 90:
         values[:, 0] += 50.0
         values[:, 1] += 3.0
-    if 130 <= bad < 180:
+    if 95 <= bad < 130:
         values[:, 1] *= 5.0
     if frozen:
         values[:, 2] = 0.625
@@ -62,7 +62,7 @@ class Judges:
     def __init__(self, count: int, robots: Iterable[str], others: int = 0) -> None:
         self.judges = [Judge(CONFIG) for _ in range(count)]
         for judge in self.judges:
-            judge._detectors.flat = Flat(changes=200)  # what froze is judged sooner than after half an hour
+            judge._detectors.flat = Flat(changes=130)  # what froze is judged sooner than after half an hour
         for number in range(others):  # so that numbers differ
             self.judges[-1].slot(f"other{number}", "x.y", "/x")
         self.owner = dict.fromkeys(robots, self.judges[0])
@@ -90,14 +90,14 @@ class Judges:
 
     def _facts(self, judge: Judge, robot: str, now_s: float) -> None:
         bad = self.second - BAD_S if robot == "r1" else -1
-        if not 140 <= bad < 185:
+        if not 110 <= bad < 155:
             judge.heard(robot, now_s)
         if bad in (20, 25, 30, 35):
             for up in (False, True, False, True):
                 judge.link(robot, up, now_s)
             judge.gap(robot, "/scan", 5, now_s)
             judge.node(robot, "driver", "restarted", now_s)
-        judge.rates(robot, {"/camera/image": 4.0 if 60 <= bad < 160 else 30.0}, now_s)
+        judge.rates(robot, {"/camera/image": 4.0 if 40 <= bad < 110 else 30.0}, now_s)
 
     def move(self, robot: str, judge: Judge, state: bytes | None = None) -> None:
         """With the rows that the state does not have, as the store has them."""
@@ -166,7 +166,7 @@ def test_scores_findings_and_all_that_is_learned_are_the_same_after_any_moves(ca
 
 def test_after_a_kill_what_came_since_the_state_was_saved_is_found_once(calm: tuple[Judges, Judges]) -> None:
     moving, stayed = calm
-    for _ in range(11):
+    for _ in range(8):
         state = moving.owner["r1"].dump_robot("r1")
         before = len(moving.edges)
         moving.run(17, facts=False)

@@ -12,10 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import boto3
 import httpx
 import pytest
-from botocore.config import Config
 
 from gateway.identity.local import LOCAL_KEY_FILE
 from tests.support.lambda_gateway import ROLE, lambda_gateway, zipped
@@ -58,6 +56,9 @@ def http_of(folder: Path, url: str) -> httpx.Client:
 
 def lambda_of(http: httpx.Client, url: str) -> Any:
     """A boto3 client, with a new key."""
+    import boto3  # heavy
+    from botocore.config import Config
+
     made = http.post("/api/v1/keys", json={"name": "crash", "role": "admin", "scopes": ["lambda"]})
     key_id, secret = made.json()["key"].removeprefix("mrk_").split("_")
     return boto3.client(
