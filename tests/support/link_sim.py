@@ -132,12 +132,13 @@ class World:
 
     def carry(self, count: int) -> None:
         """Frames arrive, lane by lane in order, the lanes in any."""
+        random, links = self.rng.random, self._links
         for _ in range(count):
-            lane = LANES[int(self.rng.random() * 3)]
-            for agent, link in self._links:
+            lane = LANES[int(random() * 3)]
+            for agent, link in links:
                 if link.up[lane]:
                     self.gateway.receive(link, lane, link.up[lane].popleft())
-                if agent.link is link:
+                if link.down[lane] and agent.link is link:
                     agent.hear(lane)
 
     def commit(self) -> None:

@@ -192,9 +192,10 @@ class Agent:
                 self.outbox.append(self.channels[TOPICS[kind]], "bulk" if kind else "event", stamp, bytes(size))
 
     def flush(self) -> None:
-        """Everything gathered goes to the disk."""
+        """What is due goes to the disk."""
         for name in LOGS:
-            run_steps(steps(self.outbox, self.disk, name))
+            if self.outbox.due_s(name) == 0.0:
+                run_steps(steps(self.outbox, self.disk, name))
 
     def connect(self) -> None:
         """A new session on a new link, if it is time for one."""
