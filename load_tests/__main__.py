@@ -36,6 +36,7 @@ BENCHMARKS = {
     "restart": "kill -9 of a supervised node to the first message of its replacement, against bare python with zenoh",
     "rules": "one event among 1,000 and 10,000 event patterns, beside asking each and moto's matcher",
     "service": "service round trips and action goals against raw eclipse-zenoh queries",
+    "start": "how long programs take to start, beside python -c pass and another copy of this repository",
     "storage": "bytes on the gateway's disk for an hour of a robot, beside raw CDR and a rosbags MCAP file",
     "timer": "how late timers are called, per executor",
     "twin": "a change of a thousand robots' desired states: accepted, and lived by",

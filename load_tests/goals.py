@@ -105,6 +105,10 @@ GOALS: tuple[Goal, ...] = (
         most=150,
         peer="bare Python and eclipse-zenoh",
     ),
+    *(
+        Goal(benchmark="start", figure=f"{program}, of python -c pass", unit="×")
+        for program in ("metaros --help", "metaros topic list", "metaros gateway", "metaros up")
+    ),
     Goal(benchmark="memory", figure="growth, typed, subscriber", unit="bytes a message"),
     Goal(benchmark="broker", figure="64 B through the hub", unit="/s", peer="pyzmq zmq.proxy", less=False),
     Goal(benchmark="record", figure="1080p written", unit="/s", peer="mcap", less=False),
