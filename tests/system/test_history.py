@@ -14,8 +14,8 @@ from tests.support.command_line import run_metaros
 from tests.support.stack import Stack
 from tests.support.waiting import wait_until
 
-ROBOTS = ("sim_1", "sim_2", "sim_3")
-SPAN_S = 20
+ROBOTS = ("sim_1", "sim_2")
+SPAN_S = 6
 Samples = dict[str, dict[int, bytes]]  # by topic: payload by the source's stamp
 
 
@@ -30,22 +30,21 @@ def published(folder: Path) -> Samples:
 
 
 @pytest.mark.integration
-def test_three_robots_come_back_as_they_were_published(tmp_path: Path) -> None:
-    with Stack(tmp_path) as stack:
+def test_robots_come_back_as_they_were_published(shared_gateway: Stack, tmp_path: Path) -> None:
+    with shared_gateway.beside(tmp_path) as stack:
         stack.router()
-        stack.gateway()
         bag = tmp_path / "bag"
-        stack.sim(robots=3)
+        stack.sim(robots=len(ROBOTS))
         for robot in ROBOTS:
-            stack.agent(robot)
-        wait_until(lambda: stack.online() == set(ROBOTS), timeout_s=60)
+            stack.agent(f"kept_{robot}", namespace=f"/{robot}")
+        wait_until(lambda: stack.online() >= {f"kept_{robot}" for robot in ROBOTS}, timeout_s=60)
         recorder = stack.start(
             "recorder", "bag", "record", "--all", "--target", str(bag), "--duration", str(SPAN_S), ready=False
         )
         wait_until(lambda: recorder.process.poll() is not None, timeout_s=SPAN_S + 120)
         assert recorder.process.returncode == 0, recorder.output
         path = tmp_path / "export.mcap"
-        options = [option for robot in ROBOTS for option in ("--robot", robot)]
+        options = [option for robot in ROBOTS for option in ("--robot", f"kept_{robot}")]
         printed = run_metaros("history", "export", str(path), *options, "--start", "-10m", "--gateway", stack.url)
         assert str(path) in printed
         check(path, published(bag))
@@ -54,7 +53,7 @@ def test_three_robots_come_back_as_they_were_published(tmp_path: Path) -> None:
         messages = run_metaros(
             "history",
             "messages",
-            "sim_2",
+            "kept_sim_2",
             "--topics",
             "odom",
             "--start",
