@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from gateway.ops.metric_table import METRICS
+from tests.support.tables import cases
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "howto" / "monitor_with_prometheus.md"
@@ -30,7 +31,7 @@ LABELS |= {
 }
 
 
-@pytest.mark.parametrize("expression", [*EXPRESSIONS, *TABLE])
+@cases("expression", [*EXPRESSIONS, *TABLE])
 def test_it_asks_for_metrics_and_labels_that_there_are(expression: str) -> None:
     names = re.findall(r"\bmetaros_\w+", expression)
     assert names or "up{" in expression

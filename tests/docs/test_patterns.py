@@ -7,14 +7,13 @@ import re
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from metaros.rules.index import PatternIndex
 from metaros.rules.leaf import OPERATORS
 from metaros.rules.pattern import compile_pattern
 from metaros.rules.schedule import Schedule
 from metaros.rules.when import When
 from metaros.rules.when_text import KEYS
+from tests.support.tables import cases
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "reference" / "patterns.md").read_text()
 ENTRIES = re.findall(r"^\| `(.+?)` \| `(\[.*?\])` \| `(\[.*\])` \|$", PAGE, re.MULTILINE)
@@ -27,7 +26,7 @@ def blocks(language: str) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize(("entry", "holds", "not_for"), ENTRIES)
+@cases(("entry", "holds", "not_for"), ENTRIES)
 def test_a_row_holds_for_what_it_says(entry: str, holds: str, not_for: str) -> None:
     document: dict[str, Any] = {"field": [json.loads(entry)]}
     pattern, index = compile_pattern(document), PatternIndex()
@@ -48,7 +47,7 @@ def test_every_operator_and_key_is_there() -> None:
     assert [name for name in KEYS if f"| `{name}` |" not in PAGE] == []
 
 
-@pytest.mark.parametrize("expression", SCHEDULES)
+@cases("expression", SCHEDULES)
 def test_a_schedule_acts_some_day(expression: str) -> None:
     assert Schedule.parse(expression, "Europe/Paris").next_after(1_766_000_000_000_000_000) is not None
 
@@ -61,6 +60,6 @@ def test_the_examples_are_read() -> None:
     assert When.parse(when).hysteresis is not None
 
 
-@pytest.mark.parametrize("text", blocks("python"))
+@cases("text", blocks("python"))
 def test_the_snippets_run(text: str) -> None:
     exec(compile(text, "patterns.md", "exec"), {})

@@ -15,6 +15,7 @@ from metaros.functions.sandbox.level import Level
 from tests.docs.console import commands_of
 from tests.support.deployed import options_of
 from tests.support.stack import Stack
+from tests.support.tables import cases
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ("howto/one_host.md", "howto/upgrade.md", "topics/production.md", "topics/threat_model.md")
@@ -27,7 +28,7 @@ def fenced(text: str) -> list[str]:
     return [line.removeprefix("$ ") for block in blocks for line in block.replace("\\\n", " ").splitlines()]
 
 
-@pytest.mark.parametrize("page", PAGES)
+@cases("page", PAGES)
 def test_commands_of_ours_are_as_the_page_says(page: str) -> None:
     text = (ROOT / "docs" / page).read_text()
     said = [line for line in fenced(text) if re.search(r"(^|/|\b)metaros [a-z]", line) and "| grep" not in line]
@@ -37,7 +38,7 @@ def test_commands_of_ours_are_as_the_page_says(page: str) -> None:
     assert said or page == "topics/threat_model.md"
 
 
-@pytest.mark.parametrize("page", PAGES)
+@cases("page", PAGES)
 def test_files_of_ours_are_where_the_page_says(page: str) -> None:
     text = (ROOT / "docs" / page).read_text()
     named = set(re.findall(r"\b((?:deploy|tests)/[\w./-]*\w)", text))

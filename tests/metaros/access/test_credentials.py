@@ -11,6 +11,7 @@ import pytest
 
 from metaros.access.credentials import credentials_file, forget_key, key_for, save_key
 from metaros.errors import ConfigError
+from tests.support.tables import cases
 
 
 @pytest.fixture(autouse=True)
@@ -88,9 +89,9 @@ def test_many_who_write_at_once_lose_nothing() -> None:
     assert [key_for(f"http://127.0.0.1:{port}") for port in range(1, 41)] == [f"mrk_{port}" for port in range(1, 41)]
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[]", '{"gateways": 3}', "not json"])
+@cases("text", ["", "{}", "[]", '{"gateways": 3}', "not json"])
 def test_a_damaged_file_says_so(text: str) -> None:
-    credentials_file().parent.mkdir()
+    credentials_file().parent.mkdir(exist_ok=True)
     credentials_file().write_text(text)
     credentials_file().chmod(0o600)
     with pytest.raises(ConfigError, match="damaged"):

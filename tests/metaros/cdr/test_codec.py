@@ -12,6 +12,7 @@ import pytest
 from metaros.cdr import codec
 from metaros.errors import DecodeError, DefinitionError, FieldError, UnknownTypeError
 from metaros.idl import Catalogue, default_catalogue, message_class, parse_msg, type_hash
+from tests.support.tables import cases
 
 LITTLE = b"\0\1\0\0"
 
@@ -73,9 +74,9 @@ def test_arrays_are_views_of_the_bytes_where_they_are_aligned() -> None:
     assert np.shares_memory(scan.decode(data).ranges, np.frombuffer(data, np.uint8))
 
 
-@pytest.mark.parametrize("count", [1, 3, 20_000])
-@pytest.mark.parametrize("frame", ["", "a", "ab", "abc", "abcd"])
-@pytest.mark.parametrize("shift", [0, 1, 4])
+@cases("count", [1, 3, 20_000])
+@cases("frame", ["", "a", "ab", "abc", "abcd"])
+@cases("shift", [0, 1, 4])
 def test_arrays_are_always_aligned(count: int, frame: str, shift: int) -> None:
     cls = message_class("sensor_msgs/msg/JointState")
     message = cls(name=[frame], position=np.arange(count, dtype=float), effort=np.arange(count, dtype=float))
@@ -97,7 +98,7 @@ def test_big_endian_is_accepted() -> None:
     assert floats.decode(b"\0\0\0\0" + body).data.tolist() == [1.5, 2.5]
 
 
-@pytest.mark.parametrize("padding", [0, 1, 2, 3])
+@cases("padding", [0, 1, 2, 3])
 def test_up_to_three_bytes_of_padding_are_tolerated(padding: int) -> None:
     text = codec("std_msgs/msg/String")
     data = text.encode(message_class("std_msgs/msg/String")(data="abc"))
@@ -109,7 +110,7 @@ def test_more_bytes_are_not() -> None:
         codec("std_msgs/msg/Bool").decode(LITTLE + b"\1" + bytes(4))
 
 
-@pytest.mark.parametrize(
+@cases(
     ("data", "complaint"),
     [
         (b"", "the header alone"),
@@ -139,7 +140,7 @@ def test_text_that_is_not_utf8_is_replaced() -> None:
     assert codec("std_msgs/msg/String").decode(memoryview(data)).data == "a\ufffdCx"
 
 
-@pytest.mark.parametrize("name", ["sensor_msgs/msg/LaserScan", "nav_msgs/msg/Path", "sensor_msgs/msg/JointState"])
+@cases("name", ["sensor_msgs/msg/LaserScan", "nav_msgs/msg/Path", "sensor_msgs/msg/JointState"])
 def test_huge_sequence_lengths_allocate_nothing(name: str) -> None:
     data = codec(name).encode(message_class(name)())
     for position in range(4, len(data) - 3, 4):
@@ -182,7 +183,7 @@ def test_booleans_other_than_one() -> None:
     assert found.b.dtype == np.bool_
 
 
-@pytest.mark.parametrize(
+@cases(
     ("name", "values", "complaint"),
     [
         ("std_msgs/msg/String", {"data": 5}, "data: expected a str, got int"),
@@ -261,7 +262,7 @@ def test_a_type_that_would_explode_is_refused() -> None:
         codec("p/msg/M29", catalogue)
 
 
-@pytest.mark.parametrize("mark", ["", "[]"])
+@cases("mark", ["", "[]"])
 def test_a_type_that_is_too_deep_is_refused(mark: str) -> None:
     catalogue = Catalogue()
     catalogue.add(parse_msg("int32 a", "p/msg/M0"))

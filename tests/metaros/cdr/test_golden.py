@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from metaros.cdr import codec
 from metaros.cdr.decoder import build_fast_decoder, build_general_decoder
 from metaros.cdr.encoder import build_encoder
 from metaros.idl import default_catalogue
+from tests.support.tables import cases
 
 VECTORS = json.loads((Path(__file__).parents[2] / "data" / "ros2_vectors.json").read_text())
 REAL: dict[str, list[str]] = VECTORS["real_ros2_jazzy_cdr"]["vectors"]
@@ -57,7 +57,7 @@ def wire_cases() -> list[tuple[str, str]]:
     return cases
 
 
-@pytest.mark.parametrize("name", REAL)
+@cases("name", REAL)
 def test_real_nodes_bytes_survive(name: str) -> None:
     encode = build_encoder(name, default_catalogue(), never)
     fast = build_fast_decoder(name, default_catalogue(), never)
@@ -76,21 +76,21 @@ def test_how_many_vectors_there_are() -> None:
     assert (len(REAL), count) == (93, 279)
 
 
-@pytest.mark.parametrize(("name", "payload"), wire_cases())
+@cases(("name", "payload"), wire_cases())
 def test_wire_and_fast_cdr_vectors_survive(name: str, payload: str) -> None:
     data = bytes.fromhex(payload)
     assert codec(name).encode(codec(name).decode(data)) == data
 
 
-@pytest.mark.parametrize("name", sorted(REAL.keys() & ROSBAGS.fielddefs.keys()))
+@cases("name", sorted(REAL.keys() & ROSBAGS.fielddefs.keys()))
 def test_rosbags_reads_the_same_values(name: str) -> None:
     for text in REAL[name]:
         data = bytes.fromhex(text)
         same(codec(name).decode(data), ROSBAGS.deserialize_cdr(data, name))
 
 
-@pytest.mark.parametrize("name", LARGE_TYPES)
-@pytest.mark.parametrize("frame", ["", "a", "ab", "abc", "abcd", "abcde", "abcdef", "abcdefg"])
+@cases("name", LARGE_TYPES)
+@cases("frame", ["", "a", "ab", "abc", "abcd", "abcde", "abcdef", "abcdefg"])
 def test_rosbags_agrees_at_every_alignment(name: str, frame: str) -> None:
     compiled = codec(name)
     message = filled(compiled.decode(compiled.encode(default(name))), frame, 3)

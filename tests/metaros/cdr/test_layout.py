@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.cdr.layout import CODES, Position, size_of
 
 
+@settings(max_examples=40)
 @given(st.integers(0, 1000), st.sampled_from([1, 2, 4, 8]), st.sampled_from([1, 2, 4, 8]), st.integers(0, 99))
 def test_positions_are_right_about_real_offsets(offset: int, modulus: int, alignment: int, size: int) -> None:
     known = Position(modulus, offset % modulus)
@@ -17,6 +18,7 @@ def test_positions_are_right_about_real_offsets(offset: int, modulus: int, align
     assert known.after(size).residue == (offset + size) % modulus
 
 
+@settings(max_examples=40)
 @given(st.integers(0, 99), st.integers(0, 99), st.sampled_from([1, 2, 4, 8]), st.sampled_from([1, 2, 4, 8]))
 def test_meeting_keeps_what_both_know(one: int, other: int, first: int, second: int) -> None:
     met = Position(first, one % first).meet(Position(second, other % second))

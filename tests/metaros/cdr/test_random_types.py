@@ -19,7 +19,7 @@ from metaros.idl.arrays import DTYPES
 from tests.metaros.cdr.strategies import catalogues, messages
 
 NAME = "p/msg/M2"
-QUICK = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+QUICK = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 
 
 def reference_bytes(message: Any, catalogue: Catalogue) -> bytes:

@@ -9,6 +9,7 @@ import pytest
 from metaros.cdr import codec, field_reader
 from metaros.errors import DecodeError, FieldError, UnknownTypeError
 from metaros.idl import Catalogue, default_catalogue, message_class, parse_msg
+from tests.support.tables import cases
 
 
 def test_odometry() -> None:
@@ -65,7 +66,7 @@ def test_skipping_strides() -> None:
         assert field_reader(cls, ["a", "b"])(data) == (9.0, 2.5)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("path", "complaint"),
     [
         ("x", "no field 'x'; its fields are: header"),
@@ -97,7 +98,7 @@ def test_too_many_paths_and_unknown_types() -> None:
         field_reader("p/msg/Nope", ["a"])
 
 
-@pytest.mark.parametrize("data", [b"", b"\0\1\0\0", b"\0\7\0\0" + bytes(400), b"\0\1\0\0" + bytes(8) + b"\xff" * 40])
+@cases("data", [b"", b"\0\1\0\0", b"\0\7\0\0" + bytes(400), b"\0\1\0\0" + bytes(8) + b"\xff" * 40])
 def test_malformed_bytes(data: bytes) -> None:
     with pytest.raises(DecodeError):
         field_reader("sensor_msgs/msg/Imu", ["linear_acceleration.x"])(data)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.cdr.wide import decode_wide, encode_wide
 
 
+@settings(max_examples=40)
 @given(st.text(st.characters(exclude_categories=["Cs"])), st.sampled_from(["<", ">"]))
 def test_round_trip(text: str, order: str) -> None:
     data = encode_wide(text, order)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from itertools import combinations, pairwise
 from typing import Any
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.cli.graph_layers import columns_of
 from metaros.cli.graph_layout import Box, Plan, Rect, lay_out
+from tests.support.tables import cases
 
 GROUPS = ("", "/arm", "/base", "/eye")
 
@@ -111,6 +111,6 @@ def test_unlinked_parts_stand_beside_each_other() -> None:
     assert len({frame.y for frame in plan.groups.values()}) > 1
 
 
-@pytest.mark.parametrize("boxes", [{}, {"alone": Box(50, 30, "/a")}])
+@cases("boxes", [{}, {"alone": Box(50, 30, "/a")}])
 def test_nothing_and_one(boxes: dict[str, Box]) -> None:
     assert isinstance(lay_out(boxes, []), Plan)

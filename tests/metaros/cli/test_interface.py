@@ -12,6 +12,7 @@ import yaml
 from metaros.cli.main import main
 from metaros.idl import message_class, type_hash
 from metaros.idl.json import from_json
+from tests.support.tables import cases
 
 
 def interface(*arguments: str) -> tuple[int, str, str]:
@@ -58,7 +59,7 @@ def test_hash_is_one_word_for_a_message_and_a_table_for_an_action() -> None:
     ]
 
 
-@pytest.mark.parametrize(
+@cases(
     ("arguments", "word"),
     [
         (("package", "std_srv"), "did you mean std_srvs"),

@@ -11,9 +11,10 @@ import pytest
 from metaros.cli.options import Format
 from metaros.cli.output import Output, human_bytes, human_seconds
 from tests.support.command_line import program
+from tests.support.tables import cases
 
 
-@pytest.mark.parametrize(
+@cases(
     ("count", "text"),
     [
         (0, "0 B"),
@@ -29,7 +30,7 @@ def test_bytes_for_people(count: float, text: str) -> None:
     assert human_bytes(count) == text
 
 
-@pytest.mark.parametrize(("seconds", "text"), [(0.4, "0 s"), (59.9, "59 s"), (61, "1 min 1 s"), (7500, "2 h 5 min")])
+@cases(("seconds", "text"), [(0.4, "0 s"), (59.9, "59 s"), (61, "1 min 1 s"), (7500, "2 h 5 min")])
 def test_ages_for_people(seconds: float, text: str) -> None:
     assert human_seconds(seconds) == text
 
@@ -44,7 +45,7 @@ def test_an_empty_table_is_nothing_in_a_pipe(capsys: pytest.CaptureFixture[str])
     assert capsys.readouterr().out == ""
 
 
-@pytest.mark.parametrize(("no_color", "styled"), [("", True), ("1", False)])
+@cases(("no_color", "styled"), [("", True), ("1", False)])
 def test_colours_on_a_terminal_only_and_not_with_no_color(no_color: str, styled: bool) -> None:
     reader, writer = pty.openpty()
     env = {**os.environ, "TERM": "xterm-256color"}

@@ -11,6 +11,7 @@ import yaml
 from metaros.cli.render import field_of, message_yaml, plain
 from metaros.errors import FieldError
 from metaros.idl import message_class
+from tests.support.tables import cases
 
 
 def make(name: str, **values: Any) -> Any:
@@ -52,14 +53,12 @@ def test_an_empty_list_and_an_empty_message() -> None:
     assert message_yaml(make("std_msgs/msg/Empty")) == ""
 
 
-@pytest.mark.parametrize(
-    "text", ["", "plain", "true", "1.5", "a: b", "# no", "two\nlines", "quote's", "ü", "null", "x" * 300]
-)
+@cases("text", ["", "plain", "true", "1.5", "a: b", "# no", "two\nlines", "quote's", "ü", "null", "x" * 300])
 def test_text_reads_back_as_text(text: str) -> None:
     assert yaml.safe_load(message_yaml(make("std_msgs/msg/String", data=text))) == {"data": text}
 
 
-@pytest.mark.parametrize("number", [0.0, -1.5, 1e300, 5e-324, math.inf, -math.inf])
+@cases("number", [0.0, -1.5, 1e300, 5e-324, math.inf, -math.inf])
 def test_numbers_read_back(number: float) -> None:
     shown = message_yaml(make("std_msgs/msg/Float64", data=number)).removeprefix("data: ")
     assert float(shown.replace(".inf", "inf")) == number
@@ -77,7 +76,7 @@ def test_a_field_by_its_path() -> None:
     assert plain(field_of(scan, "ranges")) == [1.0, 2.0]
 
 
-@pytest.mark.parametrize(
+@cases(
     ("path", "word"),
     [
         ("pose.pos", "pose, covariance"),

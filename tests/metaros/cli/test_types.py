@@ -8,9 +8,10 @@ from metaros.cli.types import example, full_type, parse_values
 from metaros.errors import FieldError, UnknownTypeError, UsageError
 from metaros.idl import message_class
 from metaros.idl.json import from_json
+from tests.support.tables import cases
 
 
-@pytest.mark.parametrize(
+@cases(
     ("typed", "kind", "full"),
     [
         ("std_msgs/msg/String", "msg", "std_msgs/msg/String"),
@@ -22,9 +23,7 @@ def test_the_short_form_is_accepted(typed: str, kind: str, full: str) -> None:
     assert full_type(typed, kind) == full
 
 
-@pytest.mark.parametrize(
-    ("typed", "hint"), [("std_msgs/Strng", "std_msgs/msg/String"), ("Odometry", "nav_msgs/msg/Odometry")]
-)
+@cases(("typed", "hint"), [("std_msgs/Strng", "std_msgs/msg/String"), ("Odometry", "nav_msgs/msg/Odometry")])
 def test_a_typo_gets_a_hint(typed: str, hint: str) -> None:
     with pytest.raises(UnknownTypeError, match=hint):
         full_type(typed)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from metaros.cli.up_plan import Plan, Replica, first_free_robot, host_robot_name, launches
+from tests.support.tables import cases
 
 
 def plan(**changes: object) -> Plan:
@@ -86,7 +85,7 @@ def test_every_process_is_in_the_domain() -> None:
     assert {row.env["ROS_DOMAIN_ID"] for row in launches(plan(domain=7))} == {"7"}
 
 
-@pytest.mark.parametrize(
+@cases(
     ("hostname", "name"),
     [
         ("desk", "desk"),
@@ -102,7 +101,7 @@ def test_a_host_name_becomes_a_robot_name(hostname: str, name: str) -> None:
     assert host_robot_name(hostname) == name
 
 
-@pytest.mark.parametrize(
+@cases(
     ("names", "first"),
     [
         ([], 1),
@@ -117,7 +116,7 @@ def test_numbering_goes_on_after_the_highest(names: list[str], first: int) -> No
     assert first_free_robot(names) == first
 
 
-@pytest.mark.parametrize(
+@cases(
     ("host", "url"),
     [("127.0.0.1", "http://127.0.0.1:8080"), ("0.0.0.0", "http://127.0.0.1:8080"), ("::1", "http://[::1]:8080")],
 )

@@ -10,6 +10,7 @@ from metaros.access import contexts, credentials
 from metaros.access.address import DEFAULT_URL
 from metaros.client.access import find_access
 from metaros.errors import ConfigError
+from tests.support.tables import cases
 
 KEY = "mrk_" + "1" * 16 + "_" + "2" * 64
 OTHER = "mrk_" + "3" * 16 + "_" + "4" * 64
@@ -56,7 +57,7 @@ def test_roots_of_a_file(home: Path) -> None:
     assert find_access("https://fleet.example", ca=home / "root.pem").roots_pem() == b"pem"
 
 
-@pytest.mark.parametrize("text", ["ftp://x", "http://", "http://x:port"])
+@cases("text", ["ftp://x", "http://", "http://x:port"])
 def test_what_is_no_address(text: str) -> None:
     with pytest.raises(ConfigError, match="not the address"):
         find_access(text)

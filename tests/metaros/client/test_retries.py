@@ -9,6 +9,7 @@ import pytest
 from metaros.client.retries import MAX_WAIT_S, Retries, StreamRetries
 from metaros.clock import ManualClock
 from metaros.errors import MetarosError, PeerError, RefusedError, UnavailableError
+from tests.support.tables import cases
 
 BUSY = RefusedError("later", status=503, reason="overloaded")
 
@@ -19,14 +20,14 @@ def wait_s(error: MetarosError, attempt: int = 1, **options: object) -> float | 
     return Retries().wait_s(attempt, error, **chosen)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("error", [BUSY, UnavailableError("nobody"), RefusedError("", status=429)])
+@cases("error", [BUSY, UnavailableError("nobody"), RefusedError("", status=429)])
 def test_what_may_pass_is_tried_again_if_it_may_be_sent_twice(error: MetarosError) -> None:
     assert wait_s(error) is not None
     assert wait_s(error, idempotent=False) is None
     assert wait_s(error, 4) is None, "four attempts are all"
 
 
-@pytest.mark.parametrize("error", [RefusedError("no", status=404), RefusedError("no", status=500), PeerError("what")])
+@cases("error", [RefusedError("no", status=404), RefusedError("no", status=500), PeerError("what")])
 def test_what_will_not_pass_is_told_at_once(error: MetarosError) -> None:
     assert wait_s(error) is None
 

@@ -16,6 +16,7 @@ from metaros.convert import compressed_to_numpy, numpy_to_compressed
 from metaros.convert.compressed import image_file_size
 from metaros.errors import ConfigError, DecodeError, FieldError, TooLargeError
 from metaros.interfaces.sensor_msgs.msg import CompressedImage
+from tests.support.tables import cases
 
 PNG_HEAD = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR"
 
@@ -28,7 +29,7 @@ def gradient(channels: int = 3, dtype: str = "u1") -> Any:
     return planes if channels > 1 else planes[..., 0]
 
 
-@pytest.mark.parametrize(
+@cases(
     ("channels", "dtype", "encoding"), [(1, "u1", ""), (3, "u1", ""), (4, "u1", ""), (1, "u2", ""), (3, "u1", "rgb8")]
 )
 def test_png_gives_the_very_pixels_back(channels: int, dtype: str, encoding: str) -> None:
@@ -41,7 +42,7 @@ def test_png_gives_the_very_pixels_back(channels: int, dtype: str, encoding: str
     assert image_file_size(heard.data.tobytes()) == (32, 24)
 
 
-@pytest.mark.parametrize("channels", [1, 3])
+@cases("channels", [1, 3])
 def test_jpeg_comes_close_and_colours_keep_their_places(channels: int) -> None:
     pytest.importorskip("cv2")
     pixels = gradient(channels)
@@ -67,7 +68,7 @@ def test_a_bomb_is_refused_by_its_header_alone() -> None:
         compressed_to_numpy(CompressedImage(format="jpeg", data=jpeg))
 
 
-@pytest.mark.parametrize(
+@cases(
     "data",
     [b"", b"GIF89a", b"\xff\xd8\xff", b"\xff\xd8\xff\xe0\0\0", PNG_HEAD, PNG_HEAD + bytes(8), b"\xff\xd8\xff\xd9"],
 )
@@ -85,7 +86,7 @@ def test_a_damaged_file_is_a_decode_error() -> None:
         compressed_to_numpy(CompressedImage(data=PNG_HEAD + struct.pack(">II", 4, 4) + b"\x08\x02\0\0\0" + end))
 
 
-@pytest.mark.parametrize(
+@cases(
     ("pixels", "options", "message"),
     [
         (gradient(), {"format": "gif"}, "format: 'gif' is neither"),

@@ -15,6 +15,7 @@ from metaros.convert import image_to_numpy, numpy_to_image
 from metaros.convert.encodings import encoding_of
 from metaros.errors import DecodeError, FieldError
 from metaros.interfaces.sensor_msgs.msg import Image
+from tests.support.tables import cases
 
 ENCODINGS = [
     *(f"{name}{depth}" for name in ("mono", "rgb", "bgr", "rgba", "bgra") for depth in (8, 16)),
@@ -36,7 +37,7 @@ def picture(encoding: str, height: int = 4, width: int = 6) -> Any:
     return values.reshape((height, width, kind.channels) if kind.channels > 1 else (height, width))
 
 
-@pytest.mark.parametrize("encoding", ENCODINGS)
+@cases("encoding", ENCODINGS)
 def test_pixels_come_back_over_the_wire_uncopied(encoding: str) -> None:
     pixels = picture(encoding)
     message = numpy_to_image(pixels, encoding, stamp_ns=1_500_000_000, frame_id="cam")
@@ -47,8 +48,8 @@ def test_pixels_come_back_over_the_wire_uncopied(encoding: str) -> None:
     assert (back == pixels).all()
 
 
-@pytest.mark.parametrize("encoding", ["mono8", "mono16", "bgr8", "32FC3", "rgba16"])
-@pytest.mark.parametrize("padding", [1, 5, 64])
+@cases("encoding", ["mono8", "mono16", "bgr8", "32FC3", "rgba16"])
+@cases("padding", [1, 5, 64])
 def test_padding_at_row_ends_is_left_out_without_a_copy(encoding: str, padding: int) -> None:
     pixels = picture(encoding)
     message = numpy_to_image(pixels, encoding)
@@ -62,7 +63,7 @@ def test_padding_at_row_ends_is_left_out_without_a_copy(encoding: str, padding: 
     assert (image_to_numpy(message) == pixels).all()
 
 
-@pytest.mark.parametrize("encoding", ["mono16", "bgr16", "32FC1", "64FC2", "16SC3"])
+@cases("encoding", ["mono16", "bgr16", "32FC1", "64FC2", "16SC3"])
 def test_the_other_byte_order_is_turned(encoding: str) -> None:
     pixels = picture(encoding)
     message = numpy_to_image(pixels, encoding)
@@ -80,9 +81,7 @@ def test_cut_out_and_foreign_arrays_are_taken() -> None:
     assert image_to_numpy(numpy_to_image(np.zeros((0, 5), np.uint8))).shape == (0, 5)
 
 
-@pytest.mark.parametrize(
-    ("dtype", "encoding"), [("u1", "mono8"), ("u2", "mono16"), ("i2", "16SC1"), ("f4", "32FC1"), ("f8", "64FC1")]
-)
+@cases(("dtype", "encoding"), [("u1", "mono8"), ("u2", "mono16"), ("i2", "16SC1"), ("f4", "32FC1"), ("f8", "64FC1")])
 def test_flat_images_need_no_encoding(dtype: str, encoding: str) -> None:
     assert numpy_to_image(np.zeros((2, 3), dtype)).encoding == encoding
 
@@ -101,7 +100,7 @@ def test_colours_are_reordered() -> None:
     assert (image_to_numpy(numpy_to_image(grey), "bgr16")[..., 1] == grey).all()
 
 
-@pytest.mark.parametrize("encoding", ["bayer_rggb8", "bayer_bggr8", "bayer_gbrg8", "bayer_grbg8"])
+@cases("encoding", ["bayer_rggb8", "bayer_bggr8", "bayer_gbrg8", "bayer_grbg8"])
 def test_a_bayer_pattern_of_pure_red_is_red(encoding: str) -> None:
     pytest.importorskip("cv2")
     pattern = np.array([[255 * (letter == "r") for letter in encoding[6:10]]], np.uint8).reshape(2, 2)
@@ -118,7 +117,7 @@ def test_yuv_becomes_colours() -> None:
     assert (image_to_numpy(numpy_to_image(yuyv[..., ::-1], "uyvy"), "rgb8") == 255).all()
 
 
-@pytest.mark.parametrize(
+@cases(
     ("shape", "dtype", "encoding", "message"),
     [
         ((2, 3, 3), "u1", "", 'say which encoding, such as "bgr8"'),
@@ -134,7 +133,7 @@ def test_what_is_no_image_is_refused(shape: Any, dtype: str, encoding: str, mess
         numpy_to_image(np.zeros(shape, dtype), encoding)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("change", "message"),
     [
         ({"encoding": "h264"}, "is no array of pixels that is known here"),

@@ -19,6 +19,7 @@ from metaros.convert import (
 from metaros.errors import DecodeError, FieldError
 from metaros.interfaces.foxglove_msgs.msg import CompressedVideo, RawAudio
 from metaros.interfaces.metaros_msgs.msg import VideoPacket
+from tests.support.tables import cases
 
 H264_KEY = b"\0\0\0\1\x67\x42\0\0\0\1\x68\xce\0\0\1\x65\x88\x84"
 H264_DELTA = b"\0\0\0\1\x41\x9a\x02"
@@ -26,7 +27,7 @@ H265_KEY = b"\0\0\0\1\x40\x01\0\0\1\x26\x01\xaf"
 H265_DELTA = b"\0\0\1\x02\x01\xd0"
 
 
-@pytest.mark.parametrize("shape", [(480,), (480, 1), (480, 2), (0, 2)])
+@cases("shape", [(480,), (480, 1), (480, 2), (0, 2)])
 def test_samples_come_back(shape: tuple[int, ...]) -> None:
     samples = (np.arange(np.prod(shape)) * 77 % 65536 - 32768).astype(np.int16).reshape(shape)
     message = numpy_to_audio(samples, 48_000, stamp_ns=5)
@@ -46,7 +47,7 @@ def test_floats_are_scaled_and_cut_off() -> None:
     assert back[:3, 0].tolist() == [0.0, 0.5, -1.0]
 
 
-@pytest.mark.parametrize(
+@cases(
     ("samples", "rate", "message"),
     [
         (np.zeros(4, "u1"), 8000, "samples are int16 or floats, not uint8"),
@@ -61,7 +62,7 @@ def test_what_is_no_audio_is_refused(samples: Any, rate: int, message: str) -> N
         numpy_to_audio(samples, rate)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("change", "message"),
     [
         ({"format": "opus"}, "the audio format 'opus' is not pcm-s16"),
@@ -79,7 +80,7 @@ def test_audio_of_a_careless_peer_is_a_decode_error(change: dict[str, Any], mess
         audio_to_numpy(audio, np.int32)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("data", "name", "key"),
     [
         (H264_KEY, "h264", True),

@@ -14,6 +14,7 @@ from metaros.cdr import codec
 from metaros.convert import numpy_to_points, points_rgb, points_to_numpy, points_xyz
 from metaros.errors import DecodeError, FieldError
 from metaros.interfaces.sensor_msgs.msg import PointCloud2, PointField
+from tests.support.tables import cases
 
 LIDAR = np.dtype(
     {
@@ -62,7 +63,7 @@ def test_a_structured_cloud_with_gaps_crosses_uncopied() -> None:
     assert xyz.tolist() == np.stack([points["x"], points["y"], points["z"]], axis=-1).tolist()
 
 
-@pytest.mark.parametrize(
+@cases(
     ("columns", "fields", "names"),
     [(3, (), "x y z"), (4, (), "x y z intensity"), (5, ("x", "y", "z", "ring", "t"), "x y z ring t")],
 )
@@ -102,7 +103,7 @@ def test_an_image_of_points_keeps_its_rows_even_padded_ones() -> None:
     assert points_xyz(cloud, skip_nan=True).shape == (6, 3)
 
 
-@pytest.mark.parametrize("big", [False, True])
+@cases("big", [False, True])
 def test_colours_are_packed_as_viewers_expect_them(big: bool) -> None:
     points = np.ones((3, 3), np.float32)
     rgb = np.array([[255, 0, 1], [0, 128, 2], [9, 8, 7]], np.uint8)
@@ -130,7 +131,7 @@ def test_fields_of_several_numbers_and_empty_clouds() -> None:
     assert (empty.width, points_xyz(empty).shape, points_xyz(turned(empty)).shape) == (0, (0, 3), (0, 3))
 
 
-@pytest.mark.parametrize(
+@cases(
     ("points", "options", "message"),
     [
         (np.zeros((2, 5), "f4"), {}, "5 columns need as many names"),
@@ -146,7 +147,7 @@ def test_what_is_no_cloud_is_refused(points: Any, options: dict[str, Any], messa
         numpy_to_points(points, **options)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("change", "message"),
     [
         ({"point_step": 8}, "ends behind the 8 bytes of a point"),

@@ -18,6 +18,7 @@ from metaros.convert import (
 )
 from metaros.errors import DecodeError, FieldError
 from metaros.interfaces.metaros_msgs.msg import QuantizedCloud
+from tests.support.tables import cases
 
 POINTS = np.array([[-1.5, 2.0, 0.25, 7.4], [3.21, -4.0, 9.0, 300.0], [0.0, 0.0, 0.0, -2.0]], np.float32)
 
@@ -65,7 +66,7 @@ def test_from_and_to_a_point_cloud() -> None:
     assert [field.name for field in again.fields] == ["x", "y", "z", "intensity"]
 
 
-@pytest.mark.parametrize(
+@cases(
     "absurd",
     [
         QuantizedCloud(count=2**32 - 1, step_m=0.01, data=bytes(70)),
@@ -80,7 +81,7 @@ def test_what_contradicts_itself_is_refused(absurd: QuantizedCloud) -> None:
         quantized_to_numpy(absurd)
 
 
-@pytest.mark.parametrize("step_m", [0.0, -1.0, float("nan"), float("inf")])
+@cases("step_m", [0.0, -1.0, float("nan"), float("inf")])
 def test_a_step_that_is_none_is_refused(step_m: float) -> None:
     with pytest.raises(FieldError):
         numpy_to_quantized(POINTS, step_m=step_m)

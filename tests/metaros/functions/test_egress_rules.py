@@ -6,6 +6,7 @@ import pytest
 
 from metaros.errors import FieldError
 from metaros.functions.egress_rules import EgressRules, may_reach, parse_bound, parse_egress
+from tests.support.tables import cases
 
 PUBLIC, PRIVATE, LINK = "93.184.216.34", "10.1.2.3", "169.254.169.254"
 
@@ -15,7 +16,7 @@ def allowed(text: str, host: str, port: int, address: str) -> bool:
     return check is not None and check(address)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("text", "host", "port"),
     [
         ("hooks.slack.com", "hooks.slack.com", 443),
@@ -34,7 +35,7 @@ def test_what_a_pattern_means(text: str, host: str, port: int) -> None:
     assert not allowed(text, host, port, LINK)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("text", "host", "port"),
     [
         ("hooks.slack.com", "hooks.slack.com", 8080),
@@ -66,7 +67,7 @@ def test_private_is_asked_for() -> None:
         assert not allowed("private:db.lan:5432", "db.lan", 5432, address)
 
 
-@pytest.mark.parametrize(
+@cases(
     "address",
     [
         *(
@@ -88,12 +89,12 @@ def test_what_is_not_public(address: str) -> None:
     assert not may_reach(address, private=False)
 
 
-@pytest.mark.parametrize("address", [PUBLIC, "1.1.1.1", "2606:4700:4700::1111", "64:ff9b::101:101", "::ffff:1.1.1.1"])
+@cases("address", [PUBLIC, "1.1.1.1", "2606:4700:4700::1111", "64:ff9b::101:101", "::ffff:1.1.1.1"])
 def test_what_is_public(address: str) -> None:
     assert may_reach(address, private=False)
 
 
-@pytest.mark.parametrize(
+@cases(
     "text",
     [
         *(

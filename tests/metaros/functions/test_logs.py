@@ -14,6 +14,7 @@ from metaros.functions.calls import FunctionSpec
 from metaros.functions.log_pump import LogPump, ThreadPump
 from metaros.functions.logs import FrameReader, LineReader, LogPiece, WorkerLog
 from metaros.limits import LIMITS
+from tests.support.tables import cases
 from tests.support.waiting import wait_until_async
 
 SPEC = FunctionSpec(key="k", name="f", version="3", arn="arn", handler="a.b", code_dir=Path())
@@ -26,7 +27,7 @@ def frame(message: bytes, kind: int = 0xA55A0003) -> bytes:
     return kind.to_bytes(4, "big") + len(message).to_bytes(4, "big") + bytes(8) + message
 
 
-@pytest.mark.parametrize("size", [1, 5, 16, 1000])
+@cases("size", [1, 5, 16, 1000])
 def test_frames_in_pieces_of_any_size(size: int) -> None:
     reader = FrameReader(30)
     data = frame(b"two\nlines\n") + frame(b"no end", 0xA55A0017) + frame(b"x" * 50) + frame(b"") + frame(b"last")

@@ -17,6 +17,7 @@ import pytest
 from metaros.errors import PackageError
 from metaros.functions.package import check_zip, discard, unpack
 from metaros.limits import LIMITS
+from tests.support.tables import cases
 
 SMALL = dataclasses.replace(
     LIMITS, function_zip_bytes=100_000, function_unpacked_bytes=1_000_000, function_files=10, function_path_chars=40
@@ -47,7 +48,7 @@ def test_the_facts_of_a_package() -> None:
     assert facts.code_sha256 == base64.b64encode(hashlib.sha256(data).digest()).decode()
 
 
-@pytest.mark.parametrize(
+@cases(
     ("name", "said"),
     [
         ("../evil.py", "lead nowhere else"),
@@ -72,7 +73,7 @@ def test_a_name_behind_a_nul_is_seen() -> None:
         check_zip(data)
 
 
-@pytest.mark.parametrize("kind", [stat.S_IFLNK, stat.S_IFIFO, stat.S_IFCHR, stat.S_IFSOCK])
+@cases("kind", [stat.S_IFLNK, stat.S_IFIFO, stat.S_IFCHR, stat.S_IFSOCK])
 def test_links_and_devices_are_refused(kind: int) -> None:
     with pytest.raises(PackageError, match="links and devices"):
         check_zip(packed((linked("link", kind), b"/etc/shadow")))

@@ -13,6 +13,7 @@ from metaros.functions.client_context import context_of
 from metaros.functions.client_errors import Failure, Fault
 from metaros.functions.client_logs import LogSink
 from metaros.functions.runtime_client import find_handler
+from tests.support.tables import cases
 
 
 def test_a_handler_in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -23,7 +24,7 @@ def test_a_handler_in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert find_handler("of_test_folder.inside.handler")(None, None) == "found"
 
 
-@pytest.mark.parametrize(
+@cases(
     ("name", "kind"),
     [
         ("nodot", "Runtime.MalformedHandlerName"),
@@ -85,7 +86,7 @@ def test_a_context() -> None:
     assert "deadline" not in repr(context)
 
 
-@pytest.mark.parametrize("text", ["{", "nonsense"])
+@cases("text", ["{", "nonsense"])
 def test_a_context_that_is_no_json(text: str) -> None:
     with pytest.raises(Fault) as caught:
         context_of({"lambda-runtime-client-context": text})

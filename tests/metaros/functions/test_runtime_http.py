@@ -8,6 +8,7 @@ import pytest
 
 from metaros.functions.runtime_http import BadRequestError, Request, RequestReader, reply
 from metaros.limits import LIMITS
+from tests.support.tables import cases
 
 LIMITED = dataclasses.replace(LIMITS, function_head_bytes=1000, function_response_bytes=100)
 CHUNKED = b"POST /a HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n3;x=y\r\nabc\r\n2\r\nde\r\n0\r\nError-Type: E\r\n\r\n"
@@ -42,7 +43,7 @@ def test_each_kind_of_request() -> None:
     assert (plain.method, plain.target, plain.body) == (b"GET", b"/c", b"")
 
 
-@pytest.mark.parametrize("size", [1, 2, 3, 7, 64])
+@cases("size", [1, 2, 3, 7, 64])
 def test_pieces_of_any_size(size: int) -> None:
     whole, split = Reading(), Reading()
     for data in (CHUNKED, SIZED, PLAIN) * 3:
@@ -62,7 +63,7 @@ def test_a_body_that_is_taken_piece_by_piece() -> None:
     assert reading.requests[0].body == b""
 
 
-@pytest.mark.parametrize("size", [100, 101])
+@cases("size", [100, 101])
 def test_a_body_at_its_limit_and_over(size: int) -> None:
     reading = Reading()
     reading.reader.feed(b"POST /a HTTP/1.1\r\nContent-Length: %d\r\n\r\n" % size + b"x" * size)
@@ -77,7 +78,7 @@ def test_who_waits_for_leave_to_send_is_told() -> None:
     assert reading.went_on == 1
 
 
-@pytest.mark.parametrize(
+@cases(
     "data",
     [
         b"nonsense\r\n\r\n",
@@ -93,7 +94,7 @@ def test_who_waits_for_leave_to_send_is_told() -> None:
         b"x" * 1004,
     ],
 )
-@pytest.mark.parametrize("size", [1, 10_000])
+@cases("size", [1, 10_000])
 def test_what_is_no_request(data: bytes, size: int) -> None:
     reading = Reading()
 
@@ -106,7 +107,7 @@ def test_what_is_no_request(data: bytes, size: int) -> None:
     assert reading.requests == []
 
 
-@pytest.mark.parametrize("first", [CHUNKED, SIZED, PLAIN])
+@cases("first", [CHUNKED, SIZED, PLAIN])
 def test_a_request_behind_another_is_refused(first: bytes) -> None:
     """Thousands in one read would be answered at one go, while nothing else is done."""
     reading = Reading()

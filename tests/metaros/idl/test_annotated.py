@@ -23,6 +23,7 @@ from metaros.idl.annotated_names import field_name
 from metaros.idl.json import from_json, to_json
 from metaros.interfaces.geometry_msgs.msg import Point, Vector3
 from metaros.interfaces.std_msgs.msg import Header
+from tests.support.tables import cases
 
 
 class Mode(IntEnum):
@@ -322,7 +323,7 @@ BAD: list[tuple[dict[str, Any], dict[str, Any], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("hints", "values", "message"), BAD)
+@cases(("hints", "values", "message"), BAD)
 def test_what_cannot_be_mapped_is_told_with_class_and_field(
     hints: dict[str, Any], values: dict[str, Any], message: str
 ) -> None:
@@ -362,7 +363,7 @@ def test_no_fields_at_all_are_an_empty_message() -> None:
 FLOATS = st.floats(width=32, allow_nan=False)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     st.builds(
         Battery,

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 import metaros
 from metaros.cdr import codec
 from metaros.idl import Catalogue, FieldType, MessageDefinition, default_catalogue, message_class, schema_text
 from metaros.idl.arrays import DTYPES
+from tests.support.tables import cases
 
 HASHES = json.loads((Path(__file__).parents[2] / "data" / "ros2_rihs01.json").read_text())["distros"]["jazzy"]["hashes"]
 PRIVATE = Catalogue()
@@ -84,7 +84,7 @@ class Imu:
     linear_acceleration_covariance: Annotated[list[float], metaros.Fixed(9)]
 
 
-@pytest.mark.parametrize("cls", [Time, Header, Vector3, Point, Quaternion, Pose, Imu])
+@cases("cls", [Time, Header, Vector3, Point, Quaternion, Pose, Imu])
 def test_known_types_by_hand_have_the_hashes_of_rosidl(cls: Any) -> None:
     assert cls.__metaros_hash__ == HASHES[cls.__metaros_name__]
     assert codec(cls).hash == HASHES[cls.__metaros_name__]

@@ -10,6 +10,7 @@ import pytest
 
 from metaros.errors import FieldError
 from metaros.idl.annotated_names import field_name, is_constant_name, type_name
+from tests.support.tables import cases
 
 PROGRAM = "import metaros\n\n@metaros.message\nclass Thing:\n    x: int = 0\n"
 
@@ -47,20 +48,18 @@ def test_in_an_interpreter_it_is_interactive(monkeypatch: pytest.MonkeyPatch) ->
     assert type_name(type("Thing", (), {"__module__": "__main__"}), "") == "interactive/msg/Thing"
 
 
-@pytest.mark.parametrize(("attribute", "name"), [("x", "x"), ("from_", "from"), ("a1_b2", "a1_b2"), ("type", "type")])
+@cases(("attribute", "name"), [("x", "x"), ("from_", "from"), ("a1_b2", "a1_b2"), ("type", "type")])
 def test_fields_keep_their_names(attribute: str, name: str) -> None:
     assert field_name(attribute) == name
 
 
-@pytest.mark.parametrize("attribute", ["X", "_x", "x_", "x__y", "é", "1x", "myField", "a" * 200])
+@cases("attribute", ["X", "_x", "x_", "x__y", "é", "1x", "myField", "a" * 200])
 def test_names_that_ros_does_not_allow(attribute: str) -> None:
     with pytest.raises(FieldError, match="the name is illegal in ROS"):
         field_name(attribute)
 
 
-@pytest.mark.parametrize(
-    "name", ["Robot/msg/Thing", "r/srv/Thing", "r/msg/thing", "r__x/msg/Thing", "r/msg/Th_ing", "/"]
-)
+@cases("name", ["Robot/msg/Thing", "r/srv/Thing", "r/msg/thing", "r__x/msg/Thing", "r/msg/Th_ing", "/"])
 def test_type_names_that_ros_does_not_allow(name: str) -> None:
     with pytest.raises(FieldError, match="is no message name"):
         type_name(int, name)

@@ -9,9 +9,10 @@ import pytest
 
 from metaros.errors import FieldError
 from metaros.idl.arrays import DTYPES, as_array, same_values
+from tests.support.tables import cases
 
 
-@pytest.mark.parametrize("base", DTYPES)
+@cases("base", DTYPES)
 def test_lists_of_every_type(base: str) -> None:
     values = as_array([1, 0, 1], base)
     assert values.dtype == DTYPES[base]
@@ -36,7 +37,7 @@ def test_casts_keep_values() -> None:
     assert as_array(np.array([]), "int32").dtype == np.int32
 
 
-@pytest.mark.parametrize(
+@cases(
     ("value", "base"),
     [
         ([2], "bool"),

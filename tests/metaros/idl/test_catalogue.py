@@ -19,6 +19,7 @@ from metaros.idl import (
     release_catalogue,
     type_hash,
 )
+from tests.support.tables import cases
 
 
 def test_what_is_shipped() -> None:
@@ -34,7 +35,7 @@ def test_what_is_shipped() -> None:
     assert 7 not in catalogue
 
 
-@pytest.mark.parametrize(
+@cases(
     ("name", "kind"),
     [
         ("std_msgs/msg/String", MessageDefinition),
@@ -53,7 +54,7 @@ def test_derived_interfaces_have_their_own_names(name: str, kind: type) -> None:
     assert fresh.get(name).name == name
 
 
-@pytest.mark.parametrize("name", ["std_msgs/msg/Nope", "std_srvs/srv/Nope_Request", "x", "", "a/b/c/d"])
+@cases("name", ["std_msgs/msg/Nope", "std_srvs/srv/Nope_Request", "x", "", "a/b/c/d"])
 def test_unknown_names(name: str) -> None:
     with pytest.raises(UnknownTypeError):
         default_catalogue().get(name)

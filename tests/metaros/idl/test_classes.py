@@ -10,6 +10,7 @@ import pytest
 
 from metaros.errors import FieldError
 from metaros.idl import Catalogue, Message, message_class, parse_msg, type_hash
+from tests.support.tables import cases
 
 
 def make(text: str, name: str = "p/msg/N") -> type:
@@ -64,7 +65,7 @@ def test_arrays_become_numpy_when_set() -> None:
     assert scan.ranges.dtype == np.float32
 
 
-@pytest.mark.parametrize("value", [[300], [-1], [1.5], "text", [None], 7, {"a": 1}, np.array([1.5]), np.array([256])])
+@cases("value", [[300], [-1], [1.5], "text", [None], 7, {"a": 1}, np.array([1.5]), np.array([256])])
 def test_arrays_that_do_not_fit(value: object) -> None:
     with pytest.raises(FieldError):
         message_class("sensor_msgs/msg/Image")(data=value)

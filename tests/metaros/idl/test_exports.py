@@ -7,9 +7,10 @@ import dataclasses
 import pytest
 
 import metaros.idl as idl
+from tests.support.tables import cases
 
 
-@pytest.mark.parametrize("name", idl.__all__)
+@cases("name", idl.__all__)
 def test_every_name_is_there_and_documented(name: str) -> None:
     assert getattr(idl, name).__doc__ or name == "Definition"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.errors import DefinitionError, MetarosError
@@ -31,6 +31,7 @@ LINES = st.lists(st.sampled_from(WORDS), max_size=5).map(" ".join)
 TEXTS = st.one_of(st.text(max_size=80), st.lists(LINES, max_size=6).map("\n".join))
 
 
+@settings(max_examples=40)
 @given(TEXTS, st.sampled_from(["p/msg/N", "p/srv/N", "p/action/N"]))
 def test_any_text(text: str, name: str) -> None:
     try:
@@ -40,6 +41,7 @@ def test_any_text(text: str, name: str) -> None:
     assert parse_definition(definition_text(definition), name) == definition
 
 
+@settings(max_examples=40)
 @given(TEXTS)
 def test_any_schema_text(text: str) -> None:
     catalogue = Catalogue()
@@ -53,6 +55,7 @@ def test_any_schema_text(text: str) -> None:
     assert again.get("p/msg/N") == catalogue.get("p/msg/N")
 
 
+@settings(max_examples=40)
 @given(st.text(max_size=40))
 def test_any_name(name: str) -> None:
     with contextlib.suppress(DefinitionError):

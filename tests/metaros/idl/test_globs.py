@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.errors import NameError_
 from metaros.idl.globs import Glob
+from tests.support.tables import cases
 
 
-@pytest.mark.parametrize(
+@cases(
     ("pattern", "topic", "expected"),
     [
         ("/chatter", "/chatter", True),
@@ -48,7 +49,7 @@ def test_another_separator() -> None:
     assert not Glob("host.*", separator=".").matches("host.cpu.percent")
 
 
-@pytest.mark.parametrize("pattern", ["", "a b", "{a,b}", "a?", "x" * 300, "é"])
+@cases("pattern", ["", "a b", "{a,b}", "a?", "x" * 300, "é"])
 def test_bad_patterns(pattern: str) -> None:
     with pytest.raises(NameError_):
         Glob(pattern)
@@ -68,6 +69,7 @@ def test_equality() -> None:
 SEGMENTS = st.lists(st.sampled_from(["a", "b", "ab"]), min_size=1, max_size=5)
 
 
+@settings(max_examples=40)
 @given(SEGMENTS, st.data())
 def test_replacing_parts_by_wildcards_still_matches(segments: list[str], data: st.DataObject) -> None:
     cut = data.draw(st.integers(0, len(segments)))

@@ -9,6 +9,7 @@ import pytest
 
 from metaros.errors import DefinitionError, UnknownTypeError
 from metaros.idl import Catalogue, parse_hash, parse_msg, release_catalogue, type_description, type_hash
+from tests.support.tables import cases
 
 HASHES = json.loads((Path(__file__).parents[2] / "data" / "ros2_rihs01.json").read_text())["distros"]
 EXPECTED = {"jazzy": 351, "kilted": 351, "lyrical": 164}
@@ -34,7 +35,7 @@ def test_char_is_hashed_as_uint8() -> None:
     assert description["fields"][0]["type"]["type_id"] == 3
 
 
-@pytest.mark.parametrize(
+@cases(
     ("text", "type_id", "capacity", "string_capacity"),
     [
         ("bool x", 15, 0, 0),
@@ -71,9 +72,7 @@ def test_parse_hash() -> None:
     assert parse_hash(text).hex() == text[7:]
 
 
-@pytest.mark.parametrize(
-    "text", ["", "RIHS01_", "RIHS02_" + "0" * 64, "RIHS01_" + "0" * 63, "RIHS01_" + "0" * 65, "RIHS01_" + "g" * 64]
-)
+@cases("text", ["", "RIHS01_", "RIHS02_" + "0" * 64, "RIHS01_" + "0" * 63, "RIHS01_" + "0" * 65, "RIHS01_" + "g" * 64])
 def test_bad_hashes_are_refused(text: str) -> None:
     with pytest.raises(DefinitionError, match="no RIHS01 hash"):
         parse_hash(text)

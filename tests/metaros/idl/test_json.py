@@ -12,6 +12,7 @@ import pytest
 from metaros.errors import FieldError
 from metaros.idl import Catalogue, default_catalogue, message_class, parse_msg
 from metaros.idl.json import from_dict, from_json, to_json
+from tests.support.tables import cases
 
 
 def test_every_shipped_message_survives() -> None:
@@ -47,7 +48,7 @@ def test_partial_dicts_get_defaults() -> None:
     assert (pose.pose.position.x, pose.pose.orientation.w, pose.header.frame_id) == (2.0, 1.0, "")
 
 
-@pytest.mark.parametrize(
+@cases(
     ("name", "value", "complaint"),
     [
         ("geometry_msgs/msg/PoseStamped", {"pose": {"position": {"q": 2}}}, r"pose\.position\.q: .* has no such field"),

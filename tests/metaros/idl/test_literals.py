@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.idl.literals import format_literal, parse_list, parse_scalar, unquoted_comment_start
+from tests.support.tables import cases
 
 
-@pytest.mark.parametrize(
+@cases(
     ("line", "rest"),
     [
         ("int32 a # b", "int32 a "),
@@ -25,16 +25,19 @@ def test_where_the_comment_begins(line: str, rest: str) -> None:
     assert line[: unquoted_comment_start(line)] == rest
 
 
+@settings(max_examples=40)
 @given(st.text(st.characters(exclude_categories=["Cs"])))
 def test_text_survives(text: str) -> None:
     assert parse_scalar("string", format_literal("string", text)) == text
 
 
+@settings(max_examples=40)
 @given(st.lists(st.text("ab, '\"\\[]#\n")))
 def test_lists_of_text_survive(texts: list[str]) -> None:
     assert parse_list("string", format_literal("string", texts)) == texts
 
 
+@settings(max_examples=40)
 @given(st.floats(allow_nan=False), st.integers(-(2**63), 2**64 - 1), st.booleans())
 def test_numbers_survive(number: float, whole: int, flag: bool) -> None:
     assert parse_scalar("float64", format_literal("float64", number)) == number

@@ -6,14 +6,15 @@ import pytest
 
 from metaros.errors import NameError_
 from metaros.idl import names
+from tests.support.tables import cases
 
 
-@pytest.mark.parametrize("name", ["chatter", "/chatter", "/a/b_2/C", "~/x", "~", "_hidden", "a/_b"])
+@cases("name", ["chatter", "/chatter", "/a/b_2/C", "~/x", "~", "_hidden", "a/_b"])
 def test_good_topics(name: str) -> None:
     assert names.validate_topic(name) == name
 
 
-@pytest.mark.parametrize(
+@cases(
     "name",
     [
         "",
@@ -40,29 +41,29 @@ def test_bad_topics(name: str) -> None:
         names.validate_topic(name)
 
 
-@pytest.mark.parametrize("name", ["talker", "_t", "T1"])
+@cases("name", ["talker", "_t", "T1"])
 def test_good_nodes(name: str) -> None:
     assert names.validate_node(name) == name
 
 
-@pytest.mark.parametrize("name", ["", "a/b", "/a", "1a", "a b", "a\n"])
+@cases("name", ["", "a/b", "/a", "1a", "a b", "a\n"])
 def test_bad_nodes(name: str) -> None:
     with pytest.raises(NameError_):
         names.validate_node(name)
 
 
-@pytest.mark.parametrize("name", ["/", "/a", "/a/b"])
+@cases("name", ["/", "/a", "/a/b"])
 def test_good_namespaces(name: str) -> None:
     assert names.validate_namespace(name) == name
 
 
-@pytest.mark.parametrize("name", ["", "a", "/a/", "//", "/1", "~"])
+@cases("name", ["", "a", "/a/", "//", "/1", "~"])
 def test_bad_namespaces(name: str) -> None:
     with pytest.raises(NameError_):
         names.validate_namespace(name)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("name", "namespace", "expected"),
     [
         ("odom", "/", "/odom"),

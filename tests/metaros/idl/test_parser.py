@@ -6,6 +6,7 @@ import pytest
 
 from metaros.errors import DefinitionError
 from metaros.idl import Constant, Field, FieldType, MessageDefinition, parse_action, parse_msg, parse_srv
+from tests.support.tables import cases
 
 NAME = "a_msgs/msg/Thing"
 
@@ -14,7 +15,7 @@ def fields(text: str) -> tuple[Field, ...]:
     return parse_msg(text, NAME).fields
 
 
-@pytest.mark.parametrize(
+@cases(
     ("text", "expected"),
     [
         ("int32 x", FieldType("int32")),
@@ -40,7 +41,7 @@ def test_field_types(text: str, expected: FieldType) -> None:
     assert fields(f"{expected.text()} x") == (Field("x", expected),)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("text", "default"),
     [
         ("int32 x 5", 5),
@@ -68,7 +69,7 @@ def test_defaults(text: str, default: object) -> None:
     assert type(field.default) is type(default)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("text", "value"),
     [
         ("int32 X=5", 5),
@@ -111,7 +112,7 @@ def test_an_action() -> None:
     assert action.feedback.fields[0].type.base == "a_msgs/msg/Other"
 
 
-@pytest.mark.parametrize(
+@cases(
     ("text", "complaint"),
     [
         ("int32", "expected `type name`"),
@@ -155,7 +156,7 @@ def test_bad_text_names_the_interface_and_the_line(text: str, complaint: str) ->
     assert NAME in str(caught.value)
 
 
-@pytest.mark.parametrize("name", ["", "String", "std_msgs/String", "Std/msg/String", "a/msg/b/c", "a/srv"])
+@cases("name", ["", "String", "std_msgs/String", "Std/msg/String", "a/msg/b/c", "a/srv"])
 def test_bad_names(name: str) -> None:
     with pytest.raises(DefinitionError):
         parse_msg("int32 a", name)

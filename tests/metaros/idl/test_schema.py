@@ -14,6 +14,7 @@ from metaros.idl import (
     schema_text,
     type_hash,
 )
+from tests.support.tables import cases
 
 
 def test_the_layout_of_a_schema() -> None:
@@ -28,7 +29,7 @@ def test_the_layout_of_a_schema() -> None:
     ]
 
 
-@pytest.mark.parametrize("kind", ["msg", "srv", "action"])
+@cases("kind", ["msg", "srv", "action"])
 def test_every_shipped_interface_survives_its_text(kind: str) -> None:
     catalogue = default_catalogue()
     for name in catalogue.names(kind):

@@ -5,18 +5,17 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import pytest
-
 from metaros.cdr.layout import MAX_DEPTH, MAX_INLINED_FIELDS
 from metaros.cdr.paths import MAX_PATHS
 from metaros.idl import ServiceDefinition, default_catalogue
 from metaros.idl.catalogue import shipped_names
 from metaros.idl.parser import MAX_FIXED, MAX_TEXT_CHARS
+from tests.support.tables import cases
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "reference" / "interfaces.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("example", re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL))
+@cases("example", re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL))
 def test_examples_run(example: str) -> None:
     exec(compile(example, "interfaces.md", "exec"), {"__name__": "example"})
 

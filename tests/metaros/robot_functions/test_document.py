@@ -9,6 +9,7 @@ import pytest
 
 from metaros.errors import ConfigError
 from metaros.robot_functions.document import parse_function
+from tests.support.tables import cases
 
 GOOD = """
 name: dock-when-low
@@ -38,7 +39,7 @@ def test_a_good_one() -> None:
     assert (second.name, second.topic, second.pattern, second.when) == ("words", "/sim_1/word", None, None)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("change", "said"),
     [
         ({"name": "Dock Now"}, "name"),
@@ -66,7 +67,7 @@ def test_what_is_wrong_is_named(change: dict[str, Any], said: str) -> None:
         parse_function(json.dumps(document))
 
 
-@pytest.mark.parametrize("text", ["[1]", "a: [", "", "name: x", "!!python/object:os.system {}"])
+@cases("text", ["[1]", "a: [", "", "name: x", "!!python/object:os.system {}"])
 def test_what_is_no_document_is_refused(text: str) -> None:
     with pytest.raises(ConfigError):
         parse_function(text)

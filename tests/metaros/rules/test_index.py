@@ -14,11 +14,12 @@ from metaros.rules.errors import PatternError
 from metaros.rules.index import PatternIndex
 from metaros.rules.pattern import compile_pattern
 from tests.metaros.rules.cases import event, pattern
+from tests.support.tables import cases
 
 SEEDS = st.integers(min_value=0, max_value=2**32)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(SEEDS, st.integers(1, 40))
 def test_it_finds_what_each_pattern_says(seed: int, count: int) -> None:
     rng = random.Random(seed)
@@ -32,7 +33,7 @@ def test_it_finds_what_each_pattern_says(seed: int, count: int) -> None:
         assert sorted(found) == sorted(key for key, made in patterns.items() if made.matches(about))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(SEEDS, st.lists(st.tuples(st.integers(0, 12), st.booleans()), max_size=60))
 def test_patterns_come_and_go(seed: int, changes: list[tuple[int, bool]]) -> None:
     rng = random.Random(seed)
@@ -59,7 +60,7 @@ def test_a_set_of_rules_as_fleets_have_it() -> None:
     assert figures.matches > 0.5
 
 
-@pytest.mark.parametrize(
+@cases(
     "entries",
     [
         [{"numeric": ["<", 3]}, {"numeric": [">", 5]}],
@@ -70,9 +71,7 @@ def test_a_set_of_rules_as_fleets_have_it() -> None:
         [{"prefix": {"equals-ignore-case": "A"}}, {"suffix": {"equals-ignore-case": "B"}}, {"equals-ignore-case": "X"}],
     ],
 )
-@pytest.mark.parametrize(
-    "value", [3, 4, 4.5, 6, "x", "X", "ab", "AB", "10.2.3.4", None, True, False, [], [3, "ab"], {}]
-)
+@cases("value", [3, 4, 4.5, 6, "x", "X", "ab", "AB", "10.2.3.4", None, True, False, [], [3, "ab"], {}])
 def test_lists_of_several_entries(entries: list[Any], value: Any) -> None:
     made, index = compile_pattern({"a": entries}), PatternIndex()
     index.put("it", made)
@@ -103,7 +102,7 @@ def test_a_product_of_choices_too_large_for_clauses_is_found_all_the_same() -> N
     assert index.match(about | {"kind": "y"}) == []
 
 
-@pytest.mark.parametrize(
+@cases(
     ("joints", "found"),
     [
         ([{"name": "hip", "torque": 9}], ["both", "name", "quiet"]),

@@ -11,6 +11,7 @@ import pytest
 from metaros.limits import LIMITS
 from metaros.rules.errors import PatternError
 from metaros.rules.pattern import compile_pattern
+from tests.support.tables import cases
 
 Document = dict[str, Any]
 
@@ -42,7 +43,7 @@ def matches(detail: Document, about: Document = EVENT) -> bool:
     return compile_pattern({"detail": detail}).matches(about)
 
 
-@pytest.mark.parametrize(
+@cases(
     "detail",
     [
         {"robot": ["spot-2", "spot-1"]},
@@ -87,7 +88,7 @@ def test_what_holds(detail: Document) -> None:
     assert matches(detail)
 
 
-@pytest.mark.parametrize(
+@cases(
     "detail",
     [
         {"robot": ["SPOT-1"]},
@@ -136,7 +137,7 @@ def test_lists_in_lists_are_one_list() -> None:
     assert matches({"faults": ["hot"]}, {"detail": {"faults": [[["hot"]]]}})
 
 
-@pytest.mark.parametrize(
+@cases(
     ("document", "said"),
     [
         ({}, "an empty object says nothing"),

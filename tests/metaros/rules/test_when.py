@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from metaros.limits import LIMITS
 from metaros.rules.errors import WhenError
 from metaros.rules.when import SLACK_NS, State, Step, When, at_rest, due, group_of, step, value_of
+from tests.support.tables import cases
 
 S = 1_000_000_000
 
@@ -87,7 +88,7 @@ def test_for_without_a_timer_acts_with_the_next_event() -> None:
     assert late.due_ns is None
 
 
-@pytest.mark.parametrize(("edge", "acts"), [("rising", [1, 5]), ("falling", [3]), ("both", [1, 3, 5])])
+@cases(("edge", "acts"), [("rising", [1, 5]), ("falling", [3]), ("both", [1, 3, 5])])
 def test_edges(edge: str, acts: list[float]) -> None:
     assert Group(edge=edge).no(0).at(1, 2).no(3, 4).at(5, 6).acts == acts
 
@@ -114,7 +115,7 @@ def test_hysteresis_upwards_with_a_duration() -> None:
     assert group.acts == [30]
 
 
-@pytest.mark.parametrize("direction", ["above", "below"])
+@cases("direction", ["above", "below"])
 def test_hysteresis_of_one_bound(direction: str) -> None:
     group = Group(hysteresis={"enter": 20, "exit": 20, "direction": direction})
     sign = 1 if direction == "above" else -1
@@ -214,7 +215,7 @@ def test_a_clock_ahead_makes_due_what_waits_once() -> None:
     assert group.at(10**9 + 1).until(10**9 + 100).acts == [10**9]
 
 
-@pytest.mark.parametrize(
+@cases(
     ("document", "said"),
     [
         ({"fore": "5s"}, "fore: there is no such condition; there are for, debounce,"),
@@ -251,7 +252,7 @@ def test_what_is_refused_is_named_by_its_key(document: Any, said: str) -> None:
     assert caught.value.code == "when_invalid"
 
 
-@pytest.mark.parametrize(
+@cases(
     ("text", "length_s"),
     [("5s", 5), ("2m", 120), ("1h", 3600), ("250ms", 0.25), ("1h30m", 5400), ("1d", 86400), (2.5, 2.5)],
 )
@@ -305,7 +306,7 @@ WHENS = st.fixed_dictionaries(
 EVENTS = st.lists(st.tuples(st.integers(0, 8), st.booleans(), st.integers(0, 6)), max_size=40)
 
 
-@settings(deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(WHENS, EVENTS)
 def test_a_state_at_rest_may_be_forgotten(document: dict[str, Any], events: list[tuple[int, bool, int]]) -> None:
     """Dropping it wherever that is allowed changes no act, whatever the conditions; timers end by themselves."""

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from metaros.clock import ManualClock
 from metaros.errors import SealError, SealFormatError, SealKeyError
 from metaros.seal import OVERHEAD_BYTES, Keyring, Opener, Origin, Sealer, SealKey, parse_head
+from tests.support.tables import cases, refusal
 
 CLOCK = ManualClock()
 RING = Keyring((SealKey.make(CLOCK),))
@@ -26,7 +27,7 @@ def test_what_was_sealed_opens_with_the_key_and_is_not_in_the_bytes() -> None:
     assert b"marker" not in SEALED
 
 
-@pytest.mark.parametrize(
+@cases(
     "changed",
     [
         {"robot": "r2"},
@@ -53,12 +54,13 @@ def test_texts_cannot_be_shifted_from_one_field_to_the_next() -> None:
         Opener(RING).open(sealed, replace(one, robot="ab", topic="c"))
 
 
-@pytest.mark.parametrize("bit", range(len(SEALED) * 8))
-def test_each_bit_flipped_anywhere_is_refused(bit: int) -> None:
-    changed = bytearray(SEALED)
-    changed[bit // 8] ^= 1 << bit % 8
-    with pytest.raises(SealError):
-        Opener(RING).open(bytes(changed), ODOM)
+def test_each_bit_flipped_anywhere_is_refused() -> None:
+    def opens(bit: int) -> bool:
+        changed = bytearray(SEALED)
+        changed[bit // 8] ^= 1 << bit % 8
+        return not refusal(SealError, Opener(RING).open, bytes(changed), ODOM)
+
+    assert [bit for bit in range(len(SEALED) * 8) if opens(bit)] == []
 
 
 def test_a_key_that_the_ring_lacks_is_named() -> None:
@@ -72,13 +74,14 @@ def test_a_key_of_that_id_with_another_secret_is_refused() -> None:
         Opener(Keyring((wrong,))).open(SEALED, ODOM)
 
 
+@settings(max_examples=40)
 @given(st.binary(max_size=OVERHEAD_BYTES - 1))
 def test_too_few_bytes_are_no_sealed_payload(data: bytes) -> None:
     with pytest.raises(SealFormatError):
         parse_head(data)
 
 
-@settings(max_examples=2000, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(
     st.one_of(
         st.binary(max_size=200), st.builds(lambda rest: b"\x01" + RING.current.key_id + rest, st.binary(max_size=200))
@@ -89,6 +92,7 @@ def test_any_bytes_are_refused_by_our_own_errors_only(data: bytes) -> None:
         Opener(RING).open(data, ODOM)
 
 
+@settings(max_examples=40)
 @given(st.binary(max_size=4096), st.integers(0, 2**32 - 1), st.integers(0, 2**64 - 1), st.integers(0, 2**64 - 1))
 def test_any_payload_and_numbers_come_back(payload: bytes, stream: int, epoch: int, seq: int) -> None:
     sealed = Sealer(RING, CLOCK).seal(payload, ODOM, stream=stream, epoch=epoch, seq=seq)

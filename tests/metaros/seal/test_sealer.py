@@ -13,7 +13,7 @@ from metaros.limits import LIMITS
 from metaros.seal import Head, Keyring, Opener, Origin, Sealer, SealKey, parse_head
 
 ODOM = Origin(robot="r1", topic="/odom", type_name="nav_msgs/msg/Odometry", type_hash="RIHS01_aa")
-FRAMES = 100_000
+FRAMES = 20_000
 
 
 def used(head: Head) -> tuple[bytes, bytes, int, bytes]:
@@ -21,14 +21,14 @@ def used(head: Head) -> tuple[bytes, bytes, int, bytes]:
     return (head.key_id, head.boot, head.stream, head.nonce)
 
 
-def test_a_hundred_thousand_frames_over_reboots_clones_and_clock_jumps_use_no_nonce_twice() -> None:
+def test_frames_over_reboots_clones_and_clock_jumps_use_no_nonce_twice() -> None:
     ring = Keyring((SealKey.make(ManualClock()),))
     seen: set[tuple[bytes, bytes, int, bytes]] = set()
     for life in range(20):  # each starts from the same disk with the same or an earlier time, as a clone does
         clock = ManualClock(wall_ns=1_700_000_000_000_000_000 - (life % 3) * 10**15, monotonic_s=5.0)
         sealer = Sealer(ring, clock)
         for number in range(FRAMES // 20):
-            if number % 1000 == 0:
+            if number % 200 == 0:
                 clock.jump_wall(-86_400.0)
             sealed = sealer.seal(b"", ODOM, stream=1 + number % 2, epoch=9, seq=1 + number // 2)
             seen.add(used(parse_head(sealed)))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.supervise.lease import GRACE_SHARE, KILL_BEFORE_S, MARGIN_S, Duty, Leases
+from tests.support.tables import cases
 
 GRACE_S = 1.0
 
@@ -21,7 +22,7 @@ def test_without_a_lease_nothing_runs() -> None:
     assert Leases().duty("arm", GRACE_S, 0.0) is Duty.KILL
 
 
-@pytest.mark.parametrize(
+@cases(
     ("now_s", "duty"),
     [
         (100.0, Duty.RUN),
@@ -85,6 +86,7 @@ def test_it_says_when_to_look_again() -> None:
     assert leases.next_s(graces, 110.0) is None
 
 
+@settings(max_examples=40)
 @given(
     st.lists(
         st.tuples(st.floats(0, 5), st.sampled_from(["a", "b"]), st.floats(0, 20), st.floats(0, 20)),

@@ -9,6 +9,7 @@ import pytest
 
 from metaros.clock import ManualClock
 from metaros.supervise.policy import Exit, History, Quarantine, Restart, RestartAt, RestartPolicy, Stop, decide
+from tests.support.tables import cases
 
 CRASH = Exit(code=1)
 
@@ -118,8 +119,8 @@ def test_a_critical_process_is_never_given_up_but_asks_for_a_safe_stop(clock: Ma
     assert [decision.safe_stop for decision in decisions] == [False] * 10 + [True] * 20
 
 
-@pytest.mark.parametrize("restart", list(Restart))
-@pytest.mark.parametrize("critical", [False, True])
+@cases("restart", list(Restart))
+@cases("critical", [False, True])
 def test_a_configuration_error_is_final(restart: Restart, critical: bool) -> None:
     policy = RestartPolicy(restart=restart, critical=critical)
     decision, _ = decide(History(), Exit(code=78), 1.0, Random(1), policy)
@@ -127,7 +128,7 @@ def test_a_configuration_error_is_final(restart: Restart, critical: bool) -> Non
     assert "configuration" in decision.reason
 
 
-@pytest.mark.parametrize(
+@cases(
     ("restart", "exit_", "stops"),
     [
         (Restart.ALWAYS, Exit(code=0), False),
@@ -158,7 +159,7 @@ def test_the_same_seed_gives_the_same_decisions() -> None:
     assert run(7) != run(8)
 
 
-@pytest.mark.parametrize(
+@cases(
     ("returncode", "reason"),
     [
         (0, "exited"),

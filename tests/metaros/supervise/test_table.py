@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.errors import ConfigError
 from metaros.supervise.policy import Restart, RestartPolicy
 from metaros.supervise.table import LaunchTable, parse_table, read_table
+from tests.support.tables import cases
 
 HERE = Path("/somewhere/robot.toml")
 
@@ -59,7 +60,7 @@ def test_a_whole_table() -> None:
 NODE = '[[node]]\nname = "a"\nmodule = "m"\n'
 
 
-@pytest.mark.parametrize(
+@cases(
     ("text", "said"),
     [
         ("", "robot.toml: no [[node]] in it"),
@@ -155,6 +156,7 @@ def toml(value: object) -> str:
     return {True: "true", False: "false"}[value] if isinstance(value, bool) else str(value)
 
 
+@settings(max_examples=40)
 @given(st.lists(st.dictionaries(st.sampled_from(KEYS), VALUES, max_size=4), max_size=3))
 def test_any_table_is_taken_or_refused_with_its_name(nodes: list[dict[str, object]]) -> None:
     text = "".join("[[node]]\n" + "".join(f"{key} = {toml(value)}\n" for key, value in node.items()) for node in nodes)

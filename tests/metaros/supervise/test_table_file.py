@@ -10,6 +10,7 @@ import pytest
 
 from metaros.errors import ConfigError
 from metaros.supervise.table_file import Table, TableFile, read_rows
+from tests.support.tables import cases
 
 
 def rows(*names: str, **values: Any) -> list[dict[str, Any]]:
@@ -52,7 +53,7 @@ def test_rows_come_in_an_order_in_which_they_start() -> None:
     assert [row.name for row in found] == ["a", "b", "c"]
 
 
-@pytest.mark.parametrize(
+@cases(
     ("row", "said"),
     [
         ({"name": "a/b"}, "name"),
@@ -82,7 +83,7 @@ def test_a_row_that_cannot_be_is_refused_by_name(row: dict[str, Any], said: str)
         read_rows([{"name": "a", "argv": ["sleep"], **row}])
 
 
-@pytest.mark.parametrize("found", [None, {}, "rows", [1], rows("a", "a"), rows(*(f"n{i}" for i in range(257)))])
+@cases("found", [None, {}, "rows", [1], rows("a", "a"), rows(*(f"n{i}" for i in range(257)))])
 def test_no_table_at_all(found: object) -> None:
     with pytest.raises(ConfigError):
         read_rows(found)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from hypothesis import settings
 from hypothesis import strategies as st
 
-__all__ = ["DOCUMENTS", "PATCHES", "PLAIN", "VALUES"]
+__all__ = ["DOCUMENTS", "FEW", "PATCHES", "PLAIN", "VALUES"]
 
+FEW = settings(max_examples=30)  # to draw trees is dear, and `make campaign` draws more
 _KEYS = st.sampled_from(["a", "b", "c", "/lidar", "~x", "a/b", "", "é"]) | st.text(
     st.characters(codec="utf-8"), max_size=4
 )

@@ -10,9 +10,11 @@ import pytest
 from hypothesis import given
 
 from metaros.twin import MAX_BYTES, MAX_DEPTH, TwinError, canonical, digest, read, same
-from tests.metaros.twin.documents import DOCUMENTS, VALUES
+from tests.metaros.twin.documents import DOCUMENTS, FEW, VALUES
+from tests.support.tables import cases
 
 
+@FEW
 @given(DOCUMENTS)
 def test_reading_the_bytes_gives_the_document(document: Any) -> None:
     data = canonical(document)
@@ -20,6 +22,7 @@ def test_reading_the_bytes_gives_the_document(document: Any) -> None:
     assert canonical(read(data)) == data
 
 
+@FEW
 @given(VALUES, VALUES)
 def test_two_values_are_the_same_exactly_when_their_bytes_are(one: Any, other: Any) -> None:
     assert same(one, other) == (canonical(one) == canonical(other))
@@ -30,7 +33,7 @@ def test_keys_are_sorted_and_there_are_no_spaces() -> None:
     assert digest({"a": 1}) == hashlib.sha256(b'{"a":1}').digest() == digest(b'{"a":1}')
 
 
-@pytest.mark.parametrize(
+@cases(
     ("text", "said"),
     [
         ('{"a": 1, "a": 1}', "a: this key is there twice"),

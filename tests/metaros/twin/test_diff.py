@@ -7,9 +7,10 @@ from typing import Any
 from hypothesis import given
 
 from metaros.twin import ABSENT, apply, diff, same
-from tests.metaros.twin.documents import DOCUMENTS, PATCHES
+from tests.metaros.twin.documents import DOCUMENTS, FEW, PATCHES
 
 
+@FEW
 @given(PATCHES, PATCHES)
 def test_the_changes_lead_from_one_to_the_other(old: Any, new: Any) -> None:
     changes = diff(old, new)
@@ -17,6 +18,7 @@ def test_the_changes_lead_from_one_to_the_other(old: Any, new: Any) -> None:
     assert bool(changes) != same(old, new)
 
 
+@FEW
 @given(DOCUMENTS)
 def test_a_document_does_not_differ_from_itself(document: Any) -> None:
     assert diff(document, document) == []

@@ -12,7 +12,8 @@ from hypothesis import given
 
 from metaros.twin import Twin, TwinError, canonical, json_schema, parse, parse_part
 from metaros.twin.tables import SECTIONS
-from tests.metaros.twin.documents import PATCHES
+from tests.metaros.twin.documents import FEW, PATCHES
+from tests.support.tables import cases
 
 ROOT = Path(__file__).resolve().parents[3]
 WHOLE: dict[str, Any] = {
@@ -49,7 +50,7 @@ def test_an_absent_section_is_none_and_an_empty_one_is_not() -> None:
     assert parse({"budget": {"bytes_per_s": 0}}).budget_bytes_per_s == 0
 
 
-@pytest.mark.parametrize(
+@cases(
     ("document", "said"),
     [
         ({"node": {}}, "node: unknown key; did you mean 'nodes'?"),
@@ -115,6 +116,7 @@ def test_a_part_may_take_away_and_need_not_say_all() -> None:
         parse({"nodes": {"a": {"allowed": "x", "nice": None}}})
 
 
+@FEW
 @given(PATCHES)
 def test_whatever_is_given_it_is_taken_or_refused(document: Any) -> None:
     for take in (parse, parse_part):

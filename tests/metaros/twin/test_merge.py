@@ -5,11 +5,11 @@ from __future__ import annotations
 import copy
 from typing import Any
 
-import pytest
 from hypothesis import given
 
 from metaros.twin import merge, merge_all, patch_between, same
-from tests.metaros.twin.documents import DOCUMENTS, PATCHES, VALUES
+from tests.metaros.twin.documents import DOCUMENTS, FEW, PATCHES, VALUES
+from tests.support.tables import cases
 
 # RFC 7396, appendix A: original, patch, result.
 EXAMPLES: list[tuple[Any, Any, Any]] = [
@@ -31,17 +31,19 @@ EXAMPLES: list[tuple[Any, Any, Any]] = [
 ]
 
 
-@pytest.mark.parametrize(("base", "patch", "result"), EXAMPLES)
+@cases(("base", "patch", "result"), EXAMPLES)
 def test_the_examples_of_the_rfc(base: Any, patch: Any, result: Any) -> None:
     assert merge(base, patch) == result
 
 
+@FEW
 @given(DOCUMENTS, PATCHES)
 def test_a_patch_twice_is_a_patch_once(base: Any, patch: Any) -> None:
     once = merge(base, patch)
     assert same(merge(once, patch), once)
 
 
+@FEW
 @given(VALUES, VALUES)
 def test_nothing_given_is_changed_and_nothing_is_shared(base: Any, patch: Any) -> None:
     kept = copy.deepcopy((base, patch))
@@ -50,17 +52,20 @@ def test_nothing_given_is_changed_and_nothing_is_shared(base: Any, patch: Any) -
     assert same([base, patch], list(kept))
 
 
+@FEW
 @given(DOCUMENTS, DOCUMENTS)
 def test_the_patch_between_two_leads_from_one_to_the_other(old: Any, new: Any) -> None:
     assert same(merge(old, patch_between(old, new)), new)
     assert patch_between(new, new) == {}
 
 
+@FEW
 @given(PATCHES, PATCHES, PATCHES)
 def test_patches_in_a_row_are_applied_from_the_left(one: Any, two: Any, three: Any) -> None:
     assert same(merge_all([one, two, three]), merge(merge(merge({}, one), two), three))
 
 
+@FEW
 @given(PATCHES, PATCHES)
 def test_no_null_is_left_in_objects(one: Any, two: Any) -> None:
     def nulls(value: Any) -> bool:

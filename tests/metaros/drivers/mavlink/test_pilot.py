@@ -169,6 +169,8 @@ def test_after_a_lost_link_nothing_moves_until_a_new_command(context: metaros.Co
         for _ in range(10):
             velocities.publish(command(1.0))  # while it is away: refused
         wait_until(lambda: int(driver.facts().get("refused_commands", 0)) > 1)
+        pilot.heard_all = False
+        wait_until(lambda: pilot.heard_all)
         pilot.received.clear()
         pilot.silent = False
         wait_until(lambda: driver.state() == "working" and pilot.of_type("HEARTBEAT"))
