@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 from gateway.domain.errors import TwinChangedError, UnknownRevisionError
 from gateway.domain.selector import Selector, check_labels
@@ -20,6 +20,8 @@ from metaros.clock import Clock
 from metaros.twin import Change, diff, digest, read
 
 __all__ = ["Editor", "TwinDesk", "TwinState"]
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,7 +113,7 @@ class TwinDesk:
                 living = entries[0].document if entries else (None if applied else b"{}")
             return TwinState(desired=found.desired, reported=found.reported, labels=labels, living=living)
 
-        return await self._store.read(job)
+        return await self._of_known(job)
 
     async def history(self, robot: str, *, limit: int) -> list[TwinEntry]:
         """The robot's changes, the newest first."""
@@ -122,7 +124,17 @@ class TwinDesk:
                     raise UnknownRobotError.of(robot)
                 return read_history(engine, robot, limit=limit)
 
-        return await self._store.read(job)
+        return await self._of_known(job)
+
+    async def _of_known(self, job: Callable[[StoreEngine], Result]) -> Result:
+        """Read about one robot; where it is not known, once more behind all that is on its way to the store: it may
+        have connected this very moment.
+        """
+        try:
+            return await self._store.read(job)
+        except UnknownRobotError:
+            await self._store.run(lambda engine: None)
+            return await self._store.read(job)
 
     async def edit(
         self, robot: str, edit: Edit, editor: Editor, *, expected: tuple[int, int | None] | None = None, dry_run: bool

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from pathlib import Path
@@ -230,6 +231,22 @@ async def test_labels_of_a_hello_bring_templates(rig: Rig) -> None:
     await rig.twins.desk.edit("r1", Edit(labels={"site": "lab"}), ADMIN, dry_run=False)
     await rig.work(lambda: robot.applied == 3 and robot.state == "applied")
     assert rig.twins.labels_of("r1") == {"site": "lab"}
+
+
+async def test_a_robot_that_has_just_connected_is_known_before_the_store_has_written_it(rig: Rig) -> None:
+    busy = threading.Event()
+    writing = asyncio.ensure_future(rig.store.run(lambda engine: busy.wait(60)))
+    rig.store.submit(RobotWrite(Robot("new", labels={"site": "lab"}), 1))
+    looking = [asyncio.ensure_future(rig.twins.desk.state("new"))]
+    looking.append(asyncio.ensure_future(rig.twins.desk.history("new", limit=1)))
+    done, _ = await asyncio.wait(looking, timeout=0.05)
+    busy.set()
+    await writing
+    state, history = await asyncio.gather(*looking)
+    assert (done, state.labels, history) == (set(), {"site": "lab"}, [])
+    for look in (rig.twins.desk.state("nobody"), rig.twins.desk.history("nobody", limit=1)):
+        with pytest.raises(UnknownRobotError):
+            await look
 
 
 async def test_a_template_names_robots_that_the_store_learns_of_later(rig: Rig) -> None:
