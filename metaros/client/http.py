@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import ssl
 import threading
 from random import Random  # noqa: TID251  (the type of an argument)
 from typing import Any, TypeVar
@@ -38,7 +39,7 @@ class _Sender:
             "headers": {"user-agent": USER_AGENT, **self._access.headers},
             "timeout": self._timeout_s,
             "trust_env": False,
-            "verify": context if context is not None else True,
+            "verify": context or ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT),  # of http: it need not read any roots
         }
 
     def _request(self, ask: Ask[Any]) -> dict[str, Any]:
