@@ -19,6 +19,7 @@ from cryptography.hazmat.primitives import serialization
 
 from gateway.identity.ca import Authority, issue_robot, issue_server, make_intermediate, make_root, pem
 from gateway.identity.master import MasterKey
+from gateway.ingest import lane_shell
 from gateway.main import Ready
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.clock import SystemClock
@@ -207,19 +208,22 @@ async def test_a_proof_is_good_for_one_challenge_and_one_hello(tmp_path: Path, k
 
 
 @pytest.mark.integration
-@pytest.mark.parametrize("kind", KINDS)
-async def test_challenges_that_nobody_answers_end_by_themselves(tmp_path: Path, kind: str) -> None:
-    async with running_gateway(tmp_path, door=RING) as ready:
+async def test_challenges_that_nobody_answers_end_by_themselves(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with running_gateway(tmp_path, door=RING) as ready, contextlib.AsyncExitStack() as stack:
         held, _ = await enrolled(ready)
-        async with contextlib.AsyncExitStack() as stack:
-            hoard = [await stack.enter_async_context(lane(ready, kind)) for _ in range(20)]
+        monkeypatch.setattr(lane_shell, "HELLO_S", 3.0)
+        hoard = [await stack.enter_async_context(lane(ready, kind)) for kind in KINDS for _ in range(20)]
+        for opened in hoard:
+            await opened.send(hello=held.hello())
+        for opened in hoard:
+            assert (await opened.next()).HasField("challenge")
+        async with asyncio.timeout(60):
             for opened in hoard:
-                await opened.send(hello=held.hello())
-                assert (await opened.next()).HasField("challenge")
-            async with asyncio.timeout(60):
-                for opened in hoard:
-                    with contextlib.suppress(Exception):  # however the end of a connection shows on this transport
-                        await opened.next()
+                with contextlib.suppress(Exception):  # however the end of a connection shows on this transport
+                    await opened.next()
+        for kind in KINDS:
             async with lane(ready, kind) as opened:
                 assert await greet(opened, held.hello(), held) == "welcome"
 

@@ -22,6 +22,7 @@ from metaros.errors import MetarosError
 from metaros.interfaces.std_msgs.msg import String
 from metaros.record import open_bag
 from tests.docs.console import Command, World, commands_of, environment, matches
+from tests.gateway.harness import TRUSTS_NOBODY
 from tests.support.command_line import Done, call_metaros
 from tests.support.key_ring import bearer
 from tests.support.waiting import wait_until
@@ -41,6 +42,7 @@ class Fleet:
     """What the page has started, and what was kept of it to try again later."""
 
     world: World
+    http: httpx.Client
     kept: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -66,7 +68,7 @@ class Fleet:
 
     def get(self, path: str, key: str = "") -> httpx.Response:
         """Ask the gateway; as the local admin, unless another key is given."""
-        return httpx.get(self.url + path, headers=bearer(key or self.admin), timeout=60, trust_env=False)
+        return self.http.get(self.url + path, headers=bearer(key or self.admin))
 
     def online(self) -> bool:
         """Whether the gateway has the robot's link."""
@@ -112,8 +114,7 @@ class Fleet:
     def token(self, name: str) -> str:
         """A token for it."""
         body = {"robot": name}
-        path = f"{self.url}/api/v1/enrolment-tokens"
-        made = httpx.post(path, json=body, headers=bearer(self.admin), timeout=60, trust_env=False)
+        made = self.http.post(f"{self.url}/api/v1/enrolment-tokens", json=body, headers=bearer(self.admin))
         assert made.status_code == 201, made.text
         return str(made.json()["token"])
 
@@ -217,7 +218,8 @@ def revoked(fleet: Fleet) -> None:
 
 def before_signing_out(fleet: Fleet) -> None:
     """Ada is signed in."""
-    ada = httpx.Client(base_url=fleet.url, headers={"Origin": fleet.url}, timeout=60, trust_env=False)
+    headers = {"Origin": fleet.url}
+    ada = httpx.Client(base_url=fleet.url, headers=headers, timeout=60, trust_env=False, verify=TRUSTS_NOBODY)
     assert ada.post("/api/v1/auth/login", json={"name": "ada", "password": "correct horse battery"}).status_code == 200
     assert ada.get("/api/v1/auth/me").json()["name"] == "ada"
     fleet.kept["ada"] = ada
@@ -297,8 +299,8 @@ def fleet(zenoh_router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert shown is not None
     (tmp_path / "arm_1.toml").write_text(shown[1])
     world = World(zenoh_router, tmp_path)
-    with world.page():
-        yield Fleet(world)
+    with world.page(), httpx.Client(timeout=60, trust_env=False, verify=TRUSTS_NOBODY) as http:
+        yield Fleet(world, http)
     shutil.rmtree(tmp_path / "kept", ignore_errors=True)
 
 

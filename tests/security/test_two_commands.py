@@ -74,63 +74,67 @@ def start_gateway(stack: Stack) -> Program:
     return stack.start("gateway", *words, "--port", str(stack.http_port), "--grpc-port", str(stack.grpc_port))
 
 
-@pytest.mark.parametrize("transport", ["grpc", "websocket"])
-def test_two_commands_make_a_robot_that_speaks_mtls(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, transport: str
-) -> None:
-    office, robot, data = tmp_path / "office", tmp_path / "robot", tmp_path / "office" / DATA
-    for home in (office, robot):
-        home.mkdir()
-        monkeypatch.setenv("HOME", str(home))
-        monkeypatch.setenv("METAROS_RUNTIME_DIR", str(home / "run"))
-    with Stack(tmp_path) as stack:
-        stack.router()
-        monkeypatch.setenv("HOME", str(office))
-        run(written("metaros user add").replace("~", str(office)), office)
-        start_gateway(stack)
-
-        told = run(written("metaros robot token"), office).splitlines()[0]
-        shape = re.sub(r"mr1\.\S+", "mr1.…", told)
-        shape = re.sub(r"https://\S+", "https://fleet.example:8080", shape)
-        assert shape == written("metaros agent enrol")  # what is printed is what the page shows
-        assert "enrolled arm_1" in run(told, robot)
-
-        monkeypatch.setenv("HOME", str(robot))
-        chosen = tmp_path / "agent.toml"
-        chosen.write_text(f'transport = "{transport}"\n')
-        words = [*shlex.split(written("metaros agent --name"))[1:], "--config", str(chosen), "--no-host-metrics"]
-        agent = stack.start("agent", *words)
-        wait_until(lambda: "link up" in agent.output)
-        wait_until(lambda: "arm_1" in online(stack, data))
-        scheme = "grpcs" if transport == "grpc" else "https"
-        assert re.search(rf"link up: gateway \w+ at {scheme}://\S+ by {transport}", agent.output), agent.output
-
-        identity = IdentityFiles(robot / ".metaros" / "agent" / "arm_1").load()
-        assert identity is not None
-        assert (identity.robot, identity.grpc_tls, identity.system_trust) == ("arm_1", True, False)
-        assert identity.roots == (data / "root.pem").read_text()
-        # Without TLS, and with TLS but no certificate, the robots' port ends it before a frame is read.
-        assert (reach(stack, None), reach(stack, data / "root.pem")) == ("UNAVAILABLE", "UNAVAILABLE")
-
-        listed = run("metaros robot identities -o json", office)
-        assert '"arm_1"' in listed
-        assert '"active"' in listed
-        run('metaros robot revoke arm_1 --reason "lost on the way"', office)
-        wait_until(lambda: "certificate_revoked" in agent.output)
-        wait_until(lambda: "arm_1" not in online(stack, data))
-
-
-def test_who_copies_the_name_alone_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    home, data = tmp_path / "home", tmp_path / "home" / DATA
-    home.mkdir()
+def goes_home(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What starts from now on is of whoever lives there."""
+    home.mkdir(exist_ok=True)
     monkeypatch.setenv("HOME", str(home))
     monkeypatch.setenv("METAROS_RUNTIME_DIR", str(home / "run"))
+
+
+def test_two_commands_make_a_robot_that_speaks_mtls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    office, data = tmp_path / "office", tmp_path / "office" / DATA
     with Stack(tmp_path) as stack:
         stack.router()
-        run(written("metaros user add").replace("~", str(home)), home)
+        goes_home(office, monkeypatch)
+        run(written("metaros user add").replace("~", str(office)), office)
         start_gateway(stack)
-        monkeypatch.setenv("SSL_CERT_FILE", str(data / "root.pem"))  # it even trusts the gateway
+        # Without TLS, and with TLS but no certificate, the robots' port ends it before a frame is read.
+        assert (reach(stack, None), reach(stack, data / "root.pem")) == ("UNAVAILABLE", "UNAVAILABLE")
+        copies_the_name_alone(stack, data, monkeypatch)
+        for transport in ("grpc", "websocket"):
+            goes_home(tmp_path / transport, monkeypatch)
+            speaks_mtls(stack, office, tmp_path / transport, transport)
+
+
+def copies_the_name_alone(stack: Stack, data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody whom nobody enrolled is refused."""
+    goes_home(stack.folder / "thief", monkeypatch)
+    with monkeypatch.context() as patched:
+        patched.setenv("SSL_CERT_FILE", str(data / "root.pem"))  # it even trusts the gateway
         url = f"https://127.0.0.1:{stack.http_port}"
-        thief = stack.start("thief", "agent", "--name", "arm_1", "--gateway", url, "--no-host-metrics")
-        wait_until(lambda: "not_enrolled" in thief.output)
-        assert "link up" not in thief.output
+        thief = stack.start("thief-agent", "agent", "--name", "arm_1", "--gateway", url, "--no-host-metrics")
+    wait_until(lambda: "not_enrolled" in thief.output)
+    assert "link up" not in thief.output
+    thief.kill()
+
+
+def speaks_mtls(stack: Stack, office: Path, robot: Path, transport: str) -> None:
+    """The page's commands, in the office and on the robot; until the office takes the identity away."""
+    data = office / DATA
+    told = run(written("metaros robot token"), office).splitlines()[0]
+    shape = re.sub(r"mr1\.\S+", "mr1.…", told)
+    shape = re.sub(r"https://\S+", "https://fleet.example:8080", shape)
+    assert shape == written("metaros agent enrol")  # what is printed is what the page shows
+    assert "enrolled arm_1" in run(told, robot)
+
+    chosen = robot / "agent.toml"
+    chosen.write_text(f'transport = "{transport}"\n')
+    words = [*shlex.split(written("metaros agent --name"))[1:], "--config", str(chosen), "--no-host-metrics"]
+    agent = stack.start(f"{transport}-agent", *words)
+    wait_until(lambda: "link up" in agent.output)
+    wait_until(lambda: "arm_1" in online(stack, data), every_s=0.1)
+    scheme = "grpcs" if transport == "grpc" else "https"
+    assert re.search(rf"link up: gateway \w+ at {scheme}://\S+ by {transport}", agent.output), agent.output
+
+    identity = IdentityFiles(robot / ".metaros" / "agent" / "arm_1").load()
+    assert identity is not None
+    assert (identity.robot, identity.grpc_tls, identity.system_trust) == ("arm_1", True, False)
+    assert identity.roots == (data / "root.pem").read_text()
+
+    listed = run("metaros robot identities -o json", office)
+    assert '"arm_1"' in listed
+    assert '"active"' in listed
+    run('metaros robot revoke arm_1 --reason "lost on the way"', office)
+    wait_until(lambda: "certificate_revoked" in agent.output)
+    wait_until(lambda: "arm_1" not in online(stack, data), every_s=0.1)
+    agent.kill()
