@@ -18,8 +18,8 @@ from tests.edge_agent.conftest import Robot
 from tests.support.robot_function import Heard, write_function
 from tests.support.waiting import wait_until_async
 
-COUNT = 300
-KILLS = 4
+COUNT = 100
+KILLS = 2
 SLOW = """
 import time
 def handler(event, context):
@@ -68,7 +68,7 @@ async def test_no_event_is_lost_and_only_what_was_at_hand_is_done_twice(
                     words.publish(String(data=str(number)))
                 await wait_until_async(lambda: len(heard.results) + under_way(state)[0] >= COUNT)
             before = len(heard.results)
-            await wait_until_async(lambda before=before: len(heard.results) >= before + 20)
+            await wait_until_async(lambda before=before: len(heard.results) >= before + 10)
             process.kill()
             process.wait(60)
         at_hand += under_way(state)[1]

@@ -18,6 +18,7 @@ import pytest
 from metaros.supervise.client import ask
 from metaros.supervise.program import STOPPED, running_pid
 from metaros.supervise.table_file import TableFile, read_rows
+from tests.support.command_line import call_metaros, program, stop_metaros
 from tests.support.processes import END_S, started
 from tests.support.waiting import wait_until
 
@@ -38,7 +39,7 @@ def supervisor(directory: Path) -> Iterator[subprocess.Popen[str]]:
     """One that is ready."""
     ready = directory / "ready.json"
     ready.unlink(missing_ok=True)
-    argv = [sys.executable, "-m", "metaros", "supervisor", "--state-dir", str(directory), "--status-file", str(ready)]
+    argv = program("supervisor", "--state-dir", str(directory), "--status-file", str(ready))
     with started(argv, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL) as process:
         wait_until(lambda: ready.exists() or process.poll() is not None)
         yield process
@@ -48,12 +49,16 @@ def pids(directory: Path) -> dict[str, int]:
     return {node["name"]: node["pid"] for node in ask(directory, "list")["nodes"] if node["pid"]}
 
 
-def wait_up(directory: Path, *names: str) -> dict[str, int]:
+def are_up(directory: Path, *names: str) -> bool:
     def up(name: str) -> bool:
         path = directory / "logs" / f"{name}.log"
         return path.exists() and b" up\n" in path.read_bytes() and name in pids(directory)
 
-    wait_until(lambda: all(up(name) for name in names))
+    return all(up(name) for name in names)
+
+
+def wait_up(directory: Path, *names: str) -> dict[str, int]:
+    wait_until(lambda: are_up(directory, *names))
     return pids(directory)
 
 
@@ -79,54 +84,47 @@ def test_sigterm_stops_the_nodes_in_order(tmp_path: Path) -> None:
     for one in rows:
         one["argv"] = [sys.executable, "-S", "-c", code, one["name"]]
     put_table(tmp_path, *rows)
-    with supervisor(tmp_path) as process:
-        wait_up(tmp_path, "a", "b", "c")
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(END_S) == 0
+    done = stop_metaros(
+        *("supervisor", "--state-dir", str(tmp_path)),
+        when=lambda _: running_pid(tmp_path) is not None and are_up(tmp_path, "a", "b", "c"),
+        by=signal.SIGTERM,
+    )
+    assert done.code == 0, done.err
     assert said.read_text() == "cba"
     assert not (tmp_path / STOPPED).exists()
     assert running_pid(tmp_path) is None
 
 
-def test_only_one_runs_a_directory(tmp_path: Path) -> None:
+def test_only_one_runs_a_directory_which_has_status_and_stop(tmp_path: Path) -> None:
+    put_table(tmp_path, row("a", version="1.2.0"))
+    place = ("--state-dir", str(tmp_path))
     with supervisor(tmp_path) as process:
         assert running_pid(tmp_path) == process.pid
-        argv = [sys.executable, "-m", "metaros", "supervisor", "--state-dir", str(tmp_path)]
-        second = subprocess.run(argv, capture_output=True, text=True, timeout=END_S)
-        assert second.returncode != 0
-        assert f"process {process.pid}" in second.stderr
+        second = call_metaros("supervisor", *place)
+        assert second.code != 0
+        assert f"process {process.pid}" in second.err
         assert ask(tmp_path, "list")["pid"] == process.pid
-
-
-def test_status_and_stop_from_a_terminal(tmp_path: Path) -> None:
-    put_table(tmp_path, row("a", version="1.2.0"))
-    command = [sys.executable, "-m", "metaros", "supervisor"]
-    with supervisor(tmp_path) as process:
         pid = wait_up(tmp_path, "a")["a"]
-        shown = subprocess.run([*command, "status", "--state-dir", str(tmp_path)], capture_output=True, text=True)
-        assert "running" in shown.stdout
-        assert str(pid) in shown.stdout
-        assert "1.2.0" in shown.stdout
-        shown = subprocess.run(
-            [*command, "status", "--state-dir", str(tmp_path), "-o", "json"], capture_output=True, text=True
-        )
-        assert json.loads(shown.stdout)[0]["nodes"][0]["pid"] == pid
-        stopped = subprocess.run([*command, "stop", "--state-dir", str(tmp_path)], capture_output=True, text=True)
-        assert stopped.stdout.strip() == "stopped"
+        shown = call_metaros("supervisor", "status", *place).out
+        assert "running" in shown
+        assert str(pid) in shown
+        assert "1.2.0" in shown
+        shown = call_metaros("supervisor", "status", *place, "-o", "json").out
+        assert json.loads(shown)[0]["nodes"][0]["pid"] == pid
+        assert call_metaros("supervisor", "stop", *place).out.strip() == "stopped"
         process.wait(END_S)
     assert (tmp_path / STOPPED).exists()
     assert not psutil.pid_exists(pid)
-    shown = subprocess.run([*command, "status", "--state-dir", str(tmp_path)], capture_output=True, text=True)
-    assert shown.returncode == 1
-    assert "no supervisor" in shown.stderr
+    done = call_metaros("supervisor", "status", *place)
+    assert done.code == 1
+    assert "no supervisor" in done.err
 
 
 def test_a_damaged_table_is_said_and_starts_nothing(tmp_path: Path) -> None:
     (tmp_path / "supervisor.json").write_text("{")
-    argv = [sys.executable, "-m", "metaros", "supervisor", "--state-dir", str(tmp_path)]
-    done = subprocess.run(argv, capture_output=True, text=True, timeout=END_S)
-    assert done.returncode != 0
-    assert "supervisor.json" in done.stderr
+    done = call_metaros("supervisor", "--state-dir", str(tmp_path))
+    assert done.code != 0
+    assert "supervisor.json" in done.err
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM")
