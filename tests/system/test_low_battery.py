@@ -27,7 +27,7 @@ HANDLER = """
 import time
 
 def handler(event, context):
-    time.sleep(2.0)  # so that somebody can pull the plug meanwhile
+    time.sleep(1.0)  # so that somebody can pull the plug meanwhile
     detail = event["detail"]
     if detail["value"] > 0.5:
         return {"dock": False}
@@ -88,8 +88,8 @@ def code() -> str:
 
 
 def drain(stack: Stack) -> None:
-    """The simulator's parameter: two percent a second."""
-    value = {"name": "battery_drain", "value": {"type": 3, "double_value": 0.02}}
+    """The simulator's parameter: a tenth a second."""
+    value = {"name": "battery_drain", "value": {"type": 3, "double_value": 0.1}}
     request = {"service": f"/{ROBOT}/base/set_parameters", "type": "rcl_interfaces/srv/SetParameters"}
     asked = {"kind": "call_service", "request": {**request, "request": {"parameters": [value]}}}
     done = ask(stack, "POST", f"/api/v1/robots/{ROBOT}/commands", asked)
