@@ -1,4 +1,4 @@
-"""Every example runs as a user would run it, and so does the README's node."""
+"""How examples are run here, as a user would run them; and the README's node."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-
-import pytest
 
 from tests.support.processes import END_S, started
 from tests.support.waiting import wait_until
@@ -41,11 +39,3 @@ def test_readme_node_hears_itself(zenoh_router: str, tmp_path: Path) -> None:
     script.write_text(block)
     with running([str(script)], zenoh_router.rsplit(":", 1)[1], log):
         wait_until(lambda: "heard hello from pip" in log.read_text(), timeout_s=60)
-
-
-@pytest.mark.parametrize("listener", ["listener.py", "async_listener.py"])
-def test_talker_and_listener(listener: str, zenoh_router: str, tmp_path: Path) -> None:
-    port = zenoh_router.rsplit(":", 1)[1]
-    heard, said = tmp_path / "heard", tmp_path / "said"
-    with running([f"examples/{listener}"], port, heard), running(["examples/talker.py"], port, said):
-        wait_until(lambda: heard.read_text().count("Hello World") >= 2, timeout_s=60)

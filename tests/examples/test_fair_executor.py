@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def test_fair_executor_shares_by_nice_level(zenoh_router: str) -> None:
     done = subprocess.run(
-        [sys.executable, "examples/fair_executor.py", "--seconds", "2"],
+        [sys.executable, "examples/fair_executor.py", "--seconds", "1"],
         cwd=ROOT,
         env={**os.environ, "METAROS_ZENOH_PORT": zenoh_router.rsplit(":", 1)[1]},
         capture_output=True,

@@ -13,6 +13,7 @@ import click
 import typer
 
 from tests.examples.test_examples import ROOT
+from tests.support.command_line import run_metaros
 from tests.support.processes import END_S, started
 
 
@@ -28,8 +29,7 @@ def test_record_and_play(zenoh_router: str, tmp_path: Path) -> None:
     assert "heard again" in said
     files = sorted(path.name for path in (tmp_path / "walk").iterdir())
     assert files == ["metadata.yaml", "walk_0.mcap"]
-    info = [sys.executable, "-m", "metaros", "bag", "info", str(tmp_path / "walk")]
-    assert "/position" in subprocess.run(info, capture_output=True, text=True, timeout=120).stdout
+    assert "/position" in run_metaros("bag", "info", str(tmp_path / "walk"))
 
 
 def blocks(language: str) -> list[str]:
