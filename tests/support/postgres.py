@@ -88,8 +88,15 @@ class PostgresServer:
                 raise RuntimeError((self._folder / "log").read_text()[-2000:])
 
     def kill(self) -> None:
-        """As a crash: the postmaster is gone at once, nothing is written any more."""
-        self._signal(signal.SIGKILL)
+        """As a crash: all of its processes are gone at once, nothing is written any more."""
+        if self.process is not None:
+            self.freeze(True)  # or one that is being forked is missed; and a backend alone would go on for a while
+            rest = psutil.Process(self.process.pid).children()
+            self._signal(signal.SIGKILL)
+            for process in rest:
+                with contextlib.suppress(psutil.NoSuchProcess):
+                    process.kill()
+            psutil.wait_procs(rest, timeout=60)
 
     def stop(self) -> None:
         """End it; what is open is broken off."""
