@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 
 import zenoh
 
+from metaros.clock import SystemClock
 from metaros.errors import MetarosError, PeerError, TimeoutError_, UnavailableError
 from metaros.later import Later
 from metaros.wire import parse_attachment
@@ -18,11 +19,14 @@ if TYPE_CHECKING:
 else:
     asyncio = Later("asyncio")
 
-__all__ = ["FOREVER_S", "Call", "Reply"]
+__all__ = ["FOREVER_S", "GRACE_S", "Call", "Reply"]
 
 T = TypeVar("T")
 FOREVER_S: Final = 1e9  # Zenoh wants a number: a generation, for what may take as long as it takes
-_GRACE_S: Final = 0.5  # Zenoh's own timeout ends a call; ours only guards against a session that died under it
+# Calls with a callback end by a timeout of ours. Zenoh's, for those that nobody waits for, comes later: it calls back
+# on the one thread that Zenoh's publishers of transient_local topics need for their end, which holds Python's lock:
+# whoever closed such a publisher then, as every node's for /rosout, froze the program for ten seconds.
+GRACE_S: Final = 0.5
 _TIMED_OUT: Final = "Timeout"  # what Zenoh puts into the error reply it makes itself
 
 
@@ -40,6 +44,7 @@ class Call:
         self.seq = seq
         self.lost = lost  # the error where the server goes before it answers
         self._service, self._gid, self._timeout_s = service, gid, timeout_s
+        self.due_s = SystemClock.monotonic_s() + timeout_s
         self._lock = threading.Lock()
         self._wakes: list[Callable[[], object]] = []
         self._answer: bytes | None = None
@@ -89,6 +94,13 @@ class Call:
             if self._reading:
                 self.token.cancel()  # type: ignore[no-untyped-call]  # which ends the reader's wait
 
+    def expire(self) -> None:
+        """The time for an answer is over."""
+        if not self.finished:
+            self._refusal = self._refusal or _TIMED_OUT
+            self.finish()
+            self.token.cancel()  # type: ignore[no-untyped-call]
+
     def cancel(self) -> None:
         """Nobody waits any more: a later answer is ignored, and Zenoh forgets the query."""
         self.fail(PeerError(f"the call of {self._service} was cancelled"))
@@ -124,7 +136,8 @@ class Call:
             ended = threading.Event()
             self.when_finished(ended.set)
             try:
-                ended.wait(min(self._timeout_s + _GRACE_S, threading.TIMEOUT_MAX))
+                if not ended.wait(min(max(0.0, self.due_s - SystemClock.monotonic_s()), threading.TIMEOUT_MAX)):
+                    self.expire()
             finally:
                 self._release()
         return self.outcome()
@@ -140,10 +153,10 @@ class Call:
 
             self.when_finished(wake)
             try:
-                async with asyncio.timeout(self._timeout_s + _GRACE_S):
+                async with asyncio.timeout(max(0.0, self.due_s - SystemClock.monotonic_s())):
                     await ended.wait()
             except TimeoutError:
-                pass
+                self.expire()
             finally:
                 self._release()
         return self.outcome()
@@ -161,7 +174,7 @@ class Call:
         raise TimeoutError_(f"no answer from {self._service} within {self._timeout_s:g} s")
 
     def _release(self) -> None:
-        """Where the wait ended before the call did: by Ctrl-C, a cancelled task, or our own guard."""
+        """Where the wait ended before the call did: by Ctrl-C, or a cancelled task."""
         if not self.finished:
             self.token.cancel()  # type: ignore[no-untyped-call]
 

@@ -12,7 +12,7 @@ import zenoh
 
 from metaros.cdr import Codec
 from metaros.errors import ClosedError, FieldError, UnavailableError, UsageError
-from metaros.node.call import FOREVER_S, Call, Reply
+from metaros.node.call import FOREVER_S, GRACE_S, Call, Reply
 from metaros.node.endpoint import Endpoint
 from metaros.node.replies import CallFuture, Replies
 from metaros.wire import QoSProfile, pack_attachment
@@ -106,9 +106,9 @@ class RawClient(Endpoint):
 
     def call_future(self, request: Any, timeout_s: float = DEFAULT_TIMEOUT_S) -> Future[Any]:
         """The same as a future, which can be cancelled; its callbacks run on a thread of this client."""
-        self._replies.start()
         call = self._send(self._request_bytes(request), timeout_s)
         future = CallFuture(call, self._response)
+        self._replies.watch(future)
         call.when_finished(lambda: self._replies.put(future))
         return future
 
@@ -151,7 +151,8 @@ class RawClient(Endpoint):
 
     def _send(self, payload: bytes, timeout_s: float, lost: type[UnavailableError] = UnavailableError) -> Call:
         call = self._start(timeout_s, lost)
-        self._get(call, payload, timeout_s, zenoh.handlers.Callback(call.take, call.finish, indirect=False))
+        answers = zenoh.handlers.Callback(call.take, call.finish, indirect=False)
+        self._get(call, payload, timeout_s + GRACE_S, answers)
         return call
 
     def _start(self, timeout_s: float, lost: type[UnavailableError] = UnavailableError) -> Call:

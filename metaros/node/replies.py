@@ -1,13 +1,20 @@
-"""Futures of calls: completed on a thread of ours, since their callbacks are the user's and Zenoh's threads are not."""
+"""Futures of calls: completed on a thread of ours, since their callbacks are the user's and Zenoh's threads are not.
+
+The same thread ends calls that are out of time.
+"""
 
 from __future__ import annotations
 
+import heapq
+import itertools
 import threading
+import weakref
 from collections.abc import Callable
 from concurrent.futures import Future
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any
 
+from metaros.clock import SystemClock
 from metaros.errors import MetarosError
 from metaros.node.call import Call
 
@@ -19,21 +26,21 @@ class CallFuture(Future[Any]):
 
     def __init__(self, call: Call, convert: Callable[[bytes], Any]) -> None:
         super().__init__()
-        self._call, self._convert = call, convert
+        self.call, self._convert = call, convert
 
     def cancel(self) -> bool:
         """Stop waiting; False when it is done already. The server is not told."""
         cancelled = super().cancel()
         if cancelled:
-            self._call.cancel()
+            self.call.cancel()
         return cancelled
 
     def complete(self) -> None:
-        """Take over the outcome of the call, which has ended."""
-        if not self.set_running_or_notify_cancel():
+        """Take over the outcome of the call, which has ended; does nothing where that was done."""
+        if self.done() or not self.set_running_or_notify_cancel():
             return
         try:
-            self.set_result(self._convert(self._call.outcome()))
+            self.set_result(self._convert(self.call.outcome()))
         except MetarosError as error:
             self.set_exception(error)
 
@@ -43,6 +50,8 @@ class Replies:
 
     def __init__(self, name: str) -> None:
         self._queue: SimpleQueue[CallFuture | None] = SimpleQueue()
+        self._due: list[tuple[float, int, weakref.ref[CallFuture]]] = []  # a heap, of the thread's own
+        self._order = itertools.count()
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._name = f"metaros{name}-replies"
@@ -51,8 +60,9 @@ class Replies:
         """Complete this one soon; never blocks."""
         self._queue.put(future)
 
-    def start(self) -> None:
-        """Make sure that the thread runs."""
+    def watch(self, future: CallFuture) -> None:
+        """End its call when it is out of time; starts the thread with the first one."""
+        self._queue.put(future)
         with self._lock:
             if self._thread is None:
                 self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
@@ -68,5 +78,23 @@ class Replies:
                 thread.join()
 
     def _run(self) -> None:
-        while (future := self._queue.get()) is not None:
-            future.complete()
+        while True:
+            try:
+                future = self._queue.get(timeout=self._patience_s())
+            except Empty:
+                continue
+            if future is None:
+                return
+            if future.call.finished:
+                future.complete()
+            else:
+                heapq.heappush(self._due, (future.call.due_s, next(self._order), weakref.ref(future)))
+
+    def _patience_s(self) -> float | None:
+        """Until the next call is out of time; ends those that are."""
+        now_s = SystemClock.monotonic_s()
+        while self._due and self._due[0][0] <= now_s:
+            future = heapq.heappop(self._due)[2]()
+            if future is not None:
+                future.call.expire()
+        return min(self._due[0][0] - now_s, threading.TIMEOUT_MAX) if self._due else None

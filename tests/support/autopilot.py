@@ -117,6 +117,7 @@ class Autopilot:
         self.deaf_to = 0  # so many commands are lost on the way
         self.refuses = 0  # the MAV_RESULT of its answers
         self.received: list[Any] = []
+        self.heard_all = False  # nothing more is on its way to it
         self._cable = cable
         self._mav = dialect.MAVLink(self, srcSystem=system, srcComponent=component)
         self._ears = dialect.MAVLink(None)
@@ -168,7 +169,9 @@ class Autopilot:
             base |= dialect.MAV_MODE_FLAG_SAFETY_ARMED if self.armed else 0
             state = dialect.MAV_STATE_ACTIVE if self.armed else dialect.MAV_STATE_STANDBY
             self.send(dialect.MAVLink_heartbeat_message(self.vehicle, self.autopilot, base, self.mode, state, 3))
-            for message in self._ears.parse_buffer(self._cable.read()) or []:
+            data = self._cable.read()
+            self.heard_all = not data
+            for message in self._ears.parse_buffer(data) or []:
                 if not self.silent:
                     self.received.append(message)
                     self._obey(message)

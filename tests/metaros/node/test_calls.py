@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
@@ -72,6 +73,22 @@ def test_a_thousand_calls_at_once_need_no_thread_each(adder):
     futures = [adder.call_future(AddTwoInts.Request(a=n, b=2), timeout_s=60) for n in range(1000)]
     assert threading.active_count() < most
     assert [future.result(60).sum for future in futures] == list(range(2, 1002))
+
+
+def test_a_node_closes_while_one_of_its_calls_runs_out_of_time(server, client_node):
+    """Zenoh's thread for time-outs is not in Python then: the end of /rosout would wait for it, with Python's lock."""
+    server.create_service(AddTwoInts, "/deaf", add)  # nobody spins it
+    client = client_node.create_client(AddTwoInts, "/deaf")
+    assert client.wait_for_service(60)
+    out_of_time, never = threading.Event(), threading.Event()
+    future = client.call_future(AddTwoInts.Request(a=1, b=2), timeout_s=0.05)
+    future.call.when_finished(lambda: out_of_time.set() or never.wait(0.2))
+    assert out_of_time.wait(60)
+    began_s = time.monotonic()
+    client_node.close()
+    assert time.monotonic() - began_s < 8.0  # it was ten, for the whole program
+    with pytest.raises(TimeoutError_, match=r"within 0\.05 s"):
+        future.result(60)
 
 
 def test_threads_may_share_a_client(adder):

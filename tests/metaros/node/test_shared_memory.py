@@ -24,10 +24,10 @@ _KILLS = 20
 
 
 @pytest.fixture
-def sharing(zenoh_router: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[metaros.Context]:
+def sharing(island: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[metaros.Context]:
     """A context with shared memory; it and its peers are clients, so all goes through a router that has none."""
     monkeypatch.setenv("ZENOH_CONFIG_OVERRIDE", 'mode="client"')
-    with metaros.Context(domain_id=0, connect=zenoh_router, listen=[], shared_memory="auto") as context:
+    with metaros.Context(domain_id=0, connect=island, listen=[], shared_memory="auto") as context:
         yield context
 
 
@@ -52,9 +52,9 @@ def listening(context: metaros.Context, node: metaros.Node, qos: QoSProfile | in
 
 
 @pytest.mark.parametrize("mode", ["auto", "off"])
-def test_peers_with_and_without_it_get_the_same_through_a_router_that_has_none(sharing, zenoh_router, mode):
+def test_peers_with_and_without_it_get_the_same_through_a_router_that_has_none(sharing, island, mode):
     with (
-        metaros.Context(domain_id=0, connect=zenoh_router, listen=[], shared_memory=mode) as other,
+        metaros.Context(domain_id=0, connect=island, listen=[], shared_memory=mode) as other,
         metaros.Node("receiver", context=other) as node,
     ):
         got = listening(other, node)
@@ -79,10 +79,10 @@ def test_between_two_processes_it_is_shared_memory_indeed():
             assert holder.stdout.readline() == "shared\n"
 
 
-def test_what_is_kept_for_late_subscriptions_is_not_in_the_pool(sharing, zenoh_router):
+def test_what_is_kept_for_late_subscriptions_is_not_in_the_pool(sharing, island):
     kept = QoSProfile(durability=Durability.TRANSIENT_LOCAL, depth=3)
     with (
-        metaros.Context(domain_id=0, connect=zenoh_router, listen=[]) as other,
+        metaros.Context(domain_id=0, connect=island, listen=[]) as other,
         metaros.Node("early", context=sharing) as early,
         metaros.Node("late", context=other) as late,
     ):
@@ -95,9 +95,9 @@ def test_what_is_kept_for_late_subscriptions_is_not_in_the_pool(sharing, zenoh_r
         assert (sharing.session.shared_pool.placed, sharing.session.shared_pool.refused) == (0, 0)
 
 
-def test_a_slow_subscription_that_holds_the_whole_pool_loses_nothing(sharing, zenoh_router):
+def test_a_slow_subscription_that_holds_the_whole_pool_loses_nothing(sharing, island):
     with (
-        metaros.Context(domain_id=0, connect=zenoh_router, listen=[], shared_memory="auto") as other,
+        metaros.Context(domain_id=0, connect=island, listen=[], shared_memory="auto") as other,
         metaros.Node("slow", context=other) as slow,
     ):
         got: list[int] = []
