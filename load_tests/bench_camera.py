@@ -29,7 +29,7 @@ from playwright.sync_api import Page, sync_playwright
 import metaros
 from load_tests.figures import note
 from metaros.interfaces.diagnostic_msgs.msg import DiagnosticArray
-from tests.e2e.conftest import ARGUMENTS, CHROMIUM, DESK
+from tests.e2e.chromium import ARGUMENTS, CHROMIUM, DESK
 from tests.support.stack import Program, Stack
 from tests.support.waiting import wait_until
 

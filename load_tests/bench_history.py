@@ -170,12 +170,12 @@ def main(argv: Sequence[str] = ()) -> int:
     parser.add_argument("--quick", action="store_true", help="few rows and queries: that it works, not how fast")
     options = parser.parse_args(list(argv))
     if options.quick:
-        options.rows, options.queries, options.limit_ms = 200_000, 3, float("inf")
+        options.rows, options.queries, options.limit_ms = 120_000, 1, float("inf")
     servers: list[PostgresServer] = []
 
     def server() -> PostgresServer:
         if not servers:
-            servers.append(PostgresServer("-c", "shared_buffers=128MB", durable=True))
+            servers.append(PostgresServer("-c", "shared_buffers=128MB", durable=not options.quick))
             servers[0].start()
         return servers[0]
 

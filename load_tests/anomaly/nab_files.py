@@ -63,8 +63,9 @@ def read_folder(folder: Path) -> tuple[list[Series], bool]:
 def read_scores(path: Path) -> np.ndarray:
     """The score of each row, as published: `timestamp,anomaly_score`, gzipped or not."""
     data = path.read_bytes()
-    lines = (gzip.decompress(data) if path.suffix == ".gz" else data).decode().splitlines()
-    return np.array([float(row["anomaly_score"]) for row in csv.DictReader(lines)])
+    rows = csv.reader((gzip.decompress(data) if path.suffix == ".gz" else data).decode().splitlines())
+    column = next(rows).index("anomaly_score")
+    return np.array([float(row[column]) for row in rows])
 
 
 def _series(path: Path, name: str, windows: dict[str, list[list[str]]]) -> Series:

@@ -23,6 +23,7 @@ def own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench_peers, "FOLDER", tmp_path / "peers")
 
 
+@pytest.mark.integration
 def test_metaros_beside_raw_zenoh(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file, chart = tmp_path / "results.json", tmp_path / "chart.svg"
     only = ["--only", "zenoh-bare,metaros-dedicated", "--json", str(file), "--svg", str(chart)]

@@ -10,10 +10,9 @@ import pytest
 from gateway.anomaly.parameters import FIXED, THRESHOLD
 from load_tests.anomaly import nab_bench
 from load_tests.anomaly.__main__ import main
-from load_tests.anomaly.nab_files import FilesError, read_folder
+from load_tests.anomaly.nab_files import FilesError, Series, read_folder
 from load_tests.anomaly.nab_scorer import PROFILES, label, result_at
 from load_tests.anomaly.nab_tune import TUNED, candidates, cross_validate, score_all
-from tests.support.data import data_set
 
 GOALS = {"standard": 66.0, "reward_low_FP_rate": 55.0, "reward_low_FN_rate": 72.0}
 
@@ -28,23 +27,20 @@ def written(folder: Path, rows: int, *, odd: int = -1) -> Path:
     return path
 
 
-def test_one_parameter_set_and_one_threshold_reach_the_goals() -> None:
-    series, labelled = read_folder(data_set("nab_dev"))
-    assert labelled
-    scores = score_all(series, FIXED)
+def test_one_parameter_set_and_one_threshold_reach_the_goals(development: tuple[Series, ...]) -> None:
+    scores = score_all(development, FIXED)
     assert all(((score >= 0.0) & (score <= 1.0)).all() for score in scores)
     for profile in PROFILES:
-        result = result_at(label(series, profile), scores, THRESHOLD)
+        result = result_at(label(development, profile), scores, THRESHOLD)
         assert result.score >= GOALS[profile.name], profile.name
         assert result.false_per_thousand < 1.0
 
 
 @pytest.mark.integration
-def test_parameters_and_threshold_of_other_files_are_good_for_these() -> None:
-    series, _ = read_folder(data_set("nab_dev"))
+def test_parameters_and_threshold_of_other_files_are_good_for_these(development: tuple[Series, ...]) -> None:
     seen: list[int] = []
     configs = list(candidates(8))
-    results, folds = cross_validate(series, configs, progress=lambda done, total: seen.append(done))
+    results, folds = cross_validate(development, configs, progress=lambda done, total: seen.append(done))
     assert seen == list(range(9))
     assert results["standard"].score >= 62.0
     assert results["standard"].windows == 71
@@ -100,9 +96,8 @@ def test_what_there_is_to_measure(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out.count("python -m load_tests.anomaly") == 2 * 4
 
 
-def test_the_table_of_folds(capsys: pytest.CaptureFixture[str]) -> None:
-    series, _ = read_folder(data_set("nab_dev"))
-    few = [one for one in series if one.category == "realAdExchange"]
+def test_the_table_of_folds(development: tuple[Series, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    few = [one for one in development if one.category == "realAdExchange"]
     results, folds = cross_validate(few, list(candidates(2)), progress=lambda done, total: None)
     nab_bench._show_folds(results, folds)
     told = capsys.readouterr().out

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from load_tests.anomaly.nab_files import Series, read_folder, read_scores
+from load_tests.anomaly.nab_files import Series, read_scores
 from load_tests.anomaly.nab_scorer import PROFILES, SILENT, label, optimal, result_at, row_weights
 from tests.support.data import data_set
 
@@ -31,13 +31,12 @@ def golden() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("detector", ["windowedGaussian", "skyline"])
-def test_what_nabs_own_scorer_found(golden: dict[str, Any], detector: str) -> None:
-    folder = data_set("nab_dev")
-    read, _ = read_folder(folder)
-    scores = [read_scores(folder / "golden" / detector / f"{one.name}.gz") for one in read]
-    assert (len(read), sum(len(one.values) for one in read)) == (golden["series"], golden["rows"])
+def test_what_nabs_own_scorer_found(development: tuple[Series, ...], golden: dict[str, Any], detector: str) -> None:
+    folder = data_set("nab_dev/golden") / detector
+    scores = [read_scores(folder / f"{one.name}.gz") for one in development]
+    assert (len(development), sum(len(one.values) for one in development)) == (golden["series"], golden["rows"])
     for profile in PROFILES:
-        labelled, expected = label(read, profile), golden["detectors"][detector][profile.name]
+        labelled, expected = label(development, profile), golden["detectors"][detector][profile.name]
         best = optimal(labelled, scores)
         assert best.threshold == expected["optimal"]["threshold"]
         for row in (expected["optimal"], *expected["fixed"]):
@@ -55,9 +54,8 @@ def test_what_nabs_own_scorer_found(golden: dict[str, Any], detector: str) -> No
             assert raw == pytest.approx(alone[one.series.name], abs=1e-4)
 
 
-def test_the_weights_of_rows_around_windows(golden: dict[str, Any]) -> None:
-    read, _ = read_folder(data_set("nab_dev"))
-    weights = {(one.series.name, one.profile.name): one for profile in PROFILES for one in label(read, profile)}
+def test_the_weights_of_rows_around_windows(development: tuple[Series, ...], golden: dict[str, Any]) -> None:
+    weights = {(one.series.name, one.profile.name): one for profile in PROFILES for one in label(development, profile)}
     assert len(golden["row_weights"]) > 100
     for row in golden["row_weights"]:
         one = weights[row["series"], row["profile"]]
