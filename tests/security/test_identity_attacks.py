@@ -122,7 +122,7 @@ async def test_an_expired_or_reused_or_foreign_token_is_refused_by_name(tmp_path
             assert await use(text, "arm", key=key) == ""
             assert await use(text, "arm", key=key) == ""
             assert await use(text, "arm") == "token_used"
-            assert "another key" in await alarm(http)
+            assert "another key" in await alarm(http, "arm")
             assert await use(await token(robot="leg"), "arm") == "token_foreign"
             await there.post("/api/v1/enrolment-tokens", json={})
             assert await use(await token(), "leg", at=there) == "token_foreign"
@@ -333,12 +333,12 @@ async def test_two_copies_at_the_same_time_raise_an_alarm(tmp_path: Path) -> Non
         async with lane(ready, "grpc") as living:
             assert await greet(living, first, held) == "welcome"
             async with asyncio.timeout(60):
-                while not await alarm(http):
+                while not await alarm(http, "arm"):
                     await living.send(heartbeat=link_pb2.Heartbeat(sent_ns=1))
                     copy.session_number += 1
                     async with lane(ready, "grpc") as opened:
                         assert await greet(opened, copy, held) == "fenced"
-        assert "two agents" in await alarm(http)
+        assert "two agents" in await alarm(http, "arm")
 
 
 async def test_what_happens_to_honest_robots_raises_none(tmp_path: Path) -> None:
@@ -362,7 +362,7 @@ async def test_what_happens_to_honest_robots_raises_none(tmp_path: Path) -> None
                 back.session_number = early + 1
                 async with lane(ready, "grpc") as opened:
                     assert await greet(opened, back, held) == "fenced"
-        assert await alarm(http) == ""
+        assert await alarm(http, "arm") == ""
 
 
 async def test_a_stolen_name_is_of_no_use_without_certificates(tmp_path: Path) -> None:

@@ -112,7 +112,7 @@ async def test_a_death_at_any_step_costs_neither_identity_nor_alarm(
             assert now is not None, steps
             last = await asyncio.to_thread(renew, now, state)  # whatever holds renews itself again
             assert last.certificate != identity.certificate
-            assert await alarm(http) == "", steps
+            assert await alarm(http, "arm") == "", steps
             if whole and renewed:
                 assert after > 10
                 return
@@ -126,10 +126,10 @@ async def test_the_same_command_again_is_no_attack(tmp_path: Path) -> None:
         assert await asyncio.to_thread(job, state_dir=tmp_path / "robot") == first
         second = await asyncio.to_thread(renew, first, tmp_path / "robot")
         assert await asyncio.to_thread(job, state_dir=tmp_path / "robot") == second
-        assert await alarm(http) == ""
+        assert await alarm(http, "arm") == ""
         with pytest.raises(EnrolError, match="token_used"):  # somebody else has read the command
             await asyncio.to_thread(job, state_dir=tmp_path / "thief")
-        assert "another key" in await alarm(http)
+        assert "another key" in await alarm(http, "arm")
 
 
 def test_a_bad_token_does_not_take_a_renewals_key_away(tmp_path: Path) -> None:
@@ -156,4 +156,4 @@ async def test_a_gateway_that_dies_before_it_answers_gives_the_same_answer_again
         assert identity.certificate == first["certificate"]
         assert public_der(identity.private_key()) == public_der(key)
         async with client(ready, key=ADMIN) as http:
-            assert await alarm(http) == ""
+            assert await alarm(http, "arm") == ""
