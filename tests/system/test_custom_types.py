@@ -18,17 +18,16 @@ from tests.support.waiting import wait_until
 
 
 @pytest.mark.integration
-def test_a_viewer_decodes_a_type_that_neither_agent_nor_gateway_has_seen(tmp_path: Path) -> None:
-    with Stack(tmp_path) as stack:
+def test_a_viewer_decodes_a_type_that_neither_agent_nor_gateway_has_seen(shared_gateway: Stack, tmp_path: Path) -> None:
+    with shared_gateway.beside(tmp_path) as stack:
         stack.router()
-        stack.gateway()
-        stack.agent("sim_1")
-        wait_until(lambda: stack.online() == {"sim_1"})
+        stack.agent("handy")
+        wait_until(lambda: "handy" in stack.online())
         with (
             open_socket(stack.url, "/api/v1/stream") as viewer,
-            far_robot(f"tcp/127.0.0.1:{stack.zenoh_port}", tmp_path / "hand.log", namespace="/sim_1"),
+            far_robot(f"tcp/127.0.0.1:{stack.zenoh_port}", tmp_path / "hand.log", namespace="/handy"),
         ):
-            subscribe(viewer, 1, "sim_1", "/sim_1/hand")
+            subscribe(viewer, 1, "handy", "/handy/hand")
             channels: dict[int, dict[str, Any]] = {}
             payload = b""
             deadline = time.monotonic() + 60

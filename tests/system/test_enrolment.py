@@ -25,14 +25,14 @@ def metaros(command: str, **environ: str) -> str:
 
 
 @pytest.mark.integration
-def test_two_commands_make_a_robot_that_nobody_else_can_be(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_two_commands_make_a_robot_that_nobody_else_can_be(
+    shared_gateway: Stack, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
-    with Stack(tmp_path) as stack:
+    with shared_gateway.beside(tmp_path) as stack:
         zenoh = ("--zenoh-profile", "protected", "--zenoh-credentials", str(tmp_path / "zenoh"))
         stack.start("router", "router", "--port", str(stack.zenoh_port), *zenoh)
-        stack.gateway()
-        key = (tmp_path / "data" / "local.key").read_text().strip()
-        told = metaros(f"metaros robot token --robot arm_1 --gateway {stack.url}", METAROS_KEY=key)
+        told = metaros(f"metaros robot token --robot arm_1 --gateway {stack.url}", METAROS_KEY=stack.key)
         command = next(line for line in told.splitlines() if line.startswith("metaros agent enrol"))
         assert "enrolled arm_1" in metaros(command)
         port = ("--zenoh-port", str(stack.zenoh_port))

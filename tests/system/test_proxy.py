@@ -75,33 +75,33 @@ def numbers(zenoh_port: int) -> Iterator[Numbers]:
         counter.close()
 
 
-def enrol(stack: Stack, url: str) -> None:
+def enrol(stack: Stack, url: str, robot: str = "sim_1") -> None:
     """Behind a proxy no robot is local: it needs an identity, and gets it through the proxy."""
-    body = json.dumps({"robot": "sim_1"}).encode()
+    body = json.dumps({"robot": robot}).encode()
     headers = {"Authorization": f"Bearer {stack.key}", "Content-Type": "application/json"}
     request = urllib.request.Request(f"{stack.url}/api/v1/enrolment-tokens", data=body, headers=headers)
     with urllib.request.urlopen(request, timeout=30) as answer:
         token = json.load(answer)["token"]
-    where = ("--name", "sim_1", "--gateway", url, "--state-dir", str(stack.folder / "agent"))
+    where = ("--name", robot, "--gateway", url, "--state-dir", str(stack.folder / "agent"))
     program = stack.start("enrol", "agent", "enrol", token, *where, ready=False)
     assert program.process.wait(60) == 0, program.output
 
 
-def start_agent(stack: Stack, url: str) -> Program:
+def start_agent(stack: Stack, url: str, robot: str = "sim_1") -> Program:
     """The real agent, told nothing but the proxy's address."""
     config = stack.folder / "agent.toml"
     config.write_text(CONFIG)
     return stack.start(
-        "agent-sim_1",
-        *("agent", "--name", "sim_1", "--namespace", "/sim_1", "--gateway", url, "--config", str(config)),
+        f"agent-{robot}",
+        *("agent", "--name", robot, "--namespace", f"/{robot}", "--gateway", url, "--config", str(config)),
         *("--zenoh-port", str(stack.zenoh_port), "--state-dir", str(stack.folder / "agent"), "--no-host-metrics"),
     )
 
 
-def link(stack: Stack) -> dict[str, Any]:
+def link(stack: Stack, robot: str = "sim_1") -> dict[str, Any]:
     """What the gateway says of the robot's link now; empty while it is offline."""
-    robot = stack.get("/api/v1/robots/sim_1")
-    return dict(robot["link"]) if robot and robot["state"] == "online" else {}
+    found = stack.get(f"/api/v1/robots/{robot}")
+    return dict(found["link"]) if found and found["state"] == "online" else {}
 
 
 def grow(counter: Numbers, more: int = 300) -> None:
@@ -167,27 +167,31 @@ def test_nothing_is_lost_over_restarts_of_the_proxy_and_a_kill_of_the_gateway(tm
 
 
 @pytest.mark.integration
-def test_https_and_a_path_on_a_shared_proxy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_https_and_a_path_on_a_shared_proxy(
+    shared_gateway: Stack, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     nginx_program()
     certificate = make_certificate(tmp_path)
     monkeypatch.setenv("SSL_CERT_FILE", str(certificate))
-    for path in ("", "/fleet"):  # with a path there is no gRPC to try first
-        folder = tmp_path / f"stack{path.replace('/', '-')}"
+    for robot, path in (("proxied", ""), ("proxied_at_a_path", "/fleet")):  # there is no gRPC to try first at a path
+        folder = tmp_path / robot
         folder.mkdir()
-        with Stack(folder) as stack, Nginx(folder / "nginx", stack.http_port, path, certificate) as nginx:
+        with shared_gateway.beside(folder) as stack, Nginx(folder / "n", stack.http_port, path, certificate) as nginx:
             stack.router()
-            stack.gateway()
-            enrol(stack, nginx.url)
-            start_agent(stack, nginx.url)
-            wait_until(lambda s=stack: link(s).get("transport") == "websocket", timeout_s=60)  # type: ignore[misc]
+            enrol(stack, nginx.url, robot)
+            start_agent(stack, nginx.url, robot)
+            wait_until(lambda s=stack, r=robot: link(s, r).get("transport") == "websocket", timeout_s=60)  # type: ignore[misc]
 
 
 @pytest.mark.integration
-def test_a_proxy_with_an_untrusted_certificate_gets_nothing(tmp_path: Path) -> None:
+def test_a_proxy_with_an_untrusted_certificate_gets_nothing(shared_gateway: Stack, tmp_path: Path) -> None:
     nginx_program()
-    with Stack(tmp_path) as stack, Nginx(tmp_path / "nginx", stack.http_port, "", make_certificate(tmp_path)) as nginx:
+    certificate = make_certificate(tmp_path)
+    with (
+        shared_gateway.beside(tmp_path) as stack,
+        Nginx(tmp_path / "nginx", stack.http_port, "", certificate) as nginx,
+    ):
         stack.router()
-        stack.gateway()
         agent = start_agent(stack, nginx.url)
         wait_until(lambda: "certificate" in agent.output.lower(), timeout_s=60)
         assert "link up" not in agent.output

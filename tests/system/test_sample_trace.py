@@ -105,7 +105,7 @@ def test_the_times_of_one_sample_add_up_from_its_stamp_to_viewers_and_row(tmp_pa
             viewer = threading.Thread(target=watch, args=(socket, seen))
             viewer.start()
             subscribe(socket, 1, "*", "**", mode="queue")
-            stack.sim()
+            stack.sim("--no-camera")
             stack.agent("sim_1", "--config", str(settings))
             found: dict[str, list[dict[str, Any]]] = {}
 
@@ -113,7 +113,7 @@ def test_the_times_of_one_sample_add_up_from_its_stamp_to_viewers_and_row(tmp_pa
                 found.update({delivery: complete(stack, delivery) for delivery in ("live", "bulk")})
                 return all(len(traces) >= 3 for traces in found.values())
 
-            wait_until(followed, timeout_s=120, every_s=0.5)
+            wait_until(followed, timeout_s=120, every_s=0.1)
             traces = [trace for some in found.values() for trace in some]
             wait_until(lambda: all(trace["trace_id"] in collector.spans for trace in traces), timeout_s=60)
             socket.close()

@@ -8,7 +8,6 @@ import threading
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import av
@@ -24,7 +23,8 @@ from tests.support.video_source import VideoSource, video_source
 from tests.support.viewer import Record, open_socket, records, subscribe
 from tests.support.waiting import wait_until
 
-ROBOT, TOPIC = "r1", "/r1/camera/video"
+ROBOT, TOPIC = "filmed", "/filmed/camera/video"
+SLOW_TOPIC = "/filmed/other/video"
 
 
 class Watching:
@@ -56,7 +56,7 @@ class Watching:
 
 
 @contextmanager
-def watching(stack: Stack, *, small: bool = False, **options: Any) -> Iterator[Watching]:
+def watching(stack: Stack, *, topic: str = TOPIC, small: bool = False, **options: Any) -> Iterator[Watching]:
     """A viewer of the topic; a small one has next to no room where nothing is read."""
     more: dict[str, Any] = {"max_queue": 1} if small else {}
     if small:
@@ -64,7 +64,7 @@ def watching(stack: Stack, *, small: bool = False, **options: Any) -> Iterator[W
     with open_socket(stack.url, "/api/v1/stream", key=stack.key, **more) as viewer:
         watched = Watching(viewer)
         try:
-            subscribe(viewer, 1, ROBOT, TOPIC, **options)
+            subscribe(viewer, 1, ROBOT, topic, **options)
             yield watched
         finally:
             watched.close()
@@ -109,27 +109,33 @@ def limit_uplink(stack: Stack, bytes_per_s: int) -> None:
         pass
 
 
-@pytest.mark.integration
-def test_viewers_join_fall_behind_and_leave(tmp_path: Path) -> None:
-    with Stack(tmp_path) as stack:
+@pytest.fixture(scope="module")
+def stack(shared_gateway: Stack, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stack]:
+    """A robot without a camera yet."""
+    with shared_gateway.beside(tmp_path_factory.mktemp("robot")) as stack:
         stack.router()
-        stack.gateway()
         stack.agent(ROBOT)
-        with video_source(f"tcp/127.0.0.1:{stack.zenoh_port}", TOPIC, size_bytes=60_000) as source:
-            wait_until(lambda: stack.online() == {ROBOT} and TOPIC in stack.topics(ROBOT))
-            assert source.demands == [], "nobody looks"
-            with watching(stack, mode="queue", queue_bytes=8 << 20) as fast:
-                wait_until(lambda: len(fast.records) > 30)
-                assert source.demands[0][:2] == (True, 1)
-                keys = len(source.keys)
-                with watching(stack, small=True) as slow:
-                    wait_until(lambda: len(slow.records) > 30)
-                    assert len(source.keys) > keys, "who joins has a key frame made, though none was due for ever"
-                    assert any(viewers == 2 for _, viewers, _ in source.demands)
-                    fall_behind(slow, source)
-                    assert check(source, list(slow.records)) >= 1
-                assert check(source, list(fast.records)) == 0, "nobody else notices"
-            wait_until(lambda: source.demands[-1] == (False, 0, 0))
+        wait_until(lambda: ROBOT in stack.online())
+        yield stack
+
+
+@pytest.mark.integration
+def test_viewers_join_fall_behind_and_leave(stack: Stack) -> None:
+    with video_source(f"tcp/127.0.0.1:{stack.zenoh_port}", TOPIC, size_bytes=60_000) as source:
+        wait_until(lambda: TOPIC in stack.topics(ROBOT))
+        assert source.demands == [], "nobody looks"
+        with watching(stack, mode="queue", queue_bytes=8 << 20) as fast:
+            wait_until(lambda: len(fast.records) > 30)
+            assert source.demands[0][:2] == (True, 1)
+            keys = len(source.keys)
+            with watching(stack, small=True) as slow:
+                wait_until(lambda: len(slow.records) > 30)
+                assert len(source.keys) > keys, "who joins has a key frame made, though none was due for ever"
+                assert any(viewers == 2 for _, viewers, _ in source.demands)
+                fall_behind(slow, source)
+                assert check(source, list(slow.records)) >= 1
+            assert check(source, list(fast.records)) == 0, "nobody else notices"
+        wait_until(lambda: source.demands[-1] == (False, 0, 0))
 
 
 def fall_behind(slow: Watching, source: VideoSource) -> None:
@@ -147,21 +153,18 @@ def caught_up(slow: Watching, source: VideoSource) -> bool:
 
 
 @pytest.mark.integration
-def test_a_link_that_carries_less_gets_less_and_stays_decodable(tmp_path: Path) -> None:
-    with Stack(tmp_path) as stack:
-        stack.router()
-        stack.gateway()
-        stack.agent(ROBOT)
-        with video_source(f"tcp/127.0.0.1:{stack.zenoh_port}", TOPIC, size_bytes=40_000, obedient=True) as source:
-            wait_until(lambda: stack.online() == {ROBOT} and TOPIC in stack.topics(ROBOT))
-            with watching(stack, mode="queue", queue_bytes=8 << 20) as viewer:
-                wait_until(lambda: len(viewer.records) > 30)
-                assert source.demands[-1][2] == 0, "there is no reason to ask for less"
-                limit_uplink(stack, 200_000)  # of 1.2 MB/s
-                wait_until(lambda: 0 < source.demands[-1][2] <= 1_600_000)
-                wait_until(lambda: caught_up(viewer, source))
-                began = len(viewer.records)
-                wait_until(lambda: len(viewer.records) > began + 60)
-                check(source, list(viewer.records))
-                steady = viewer.records[-30:]
-                assert [record.seq for record in steady] == list(range(steady[0].seq, steady[0].seq + 30))
+def test_a_link_that_carries_less_gets_less_and_stays_decodable(stack: Stack) -> None:
+    with video_source(f"tcp/127.0.0.1:{stack.zenoh_port}", SLOW_TOPIC, size_bytes=40_000, obedient=True) as source:
+        wait_until(lambda: SLOW_TOPIC in stack.topics(ROBOT))
+        with watching(stack, topic=SLOW_TOPIC, mode="queue", queue_bytes=8 << 20) as viewer:
+            wait_until(lambda: len(viewer.records) > 30)
+            assert source.demands[-1][2] == 0, "there is no reason to ask for less"
+            limit_uplink(stack, 200_000)  # of 1.2 MB/s
+            wait_until(lambda: 0 < source.demands[-1][2] <= 1_600_000)
+            wait_until(lambda: caught_up(viewer, source))
+            began = len(viewer.records)
+            wait_until(lambda: len(viewer.records) > began + 60)
+            check(source, list(viewer.records))
+            steady = viewer.records[-30:]
+            assert [record.seq for record in steady] == list(range(steady[0].seq, steady[0].seq + 30))
+    limit_uplink(stack, 100_000_000)

@@ -41,7 +41,8 @@ def test_wheel_serves_the_dashboard_without_node(tmp_path: Path) -> None:
 
     site = tmp_path / "site"
     subprocess.run(
-        [sys.executable, "-m", "pip", "install", "--no-deps", "-q", "--target", str(site), str(wheel)], check=True
+        [sys.executable, "-m", "pip", "install", "--no-deps", "--no-compile", "-q", "--target", str(site), str(wheel)],
+        check=True,
     )
     # An empty PATH: no node, no npm. PYTHONPATH comes before the editable install of this checkout.
     environment = {"PATH": str(tmp_path), "PYTHONPATH": str(site), "HOME": str(tmp_path)}
