@@ -28,7 +28,9 @@ from metaros.functions.calls import Outcome
 from metaros.interfaces.sensor_msgs.msg import CompressedImage
 from metaros.limits import LIMITS
 from metaros.rules.pattern import compile_pattern
+from tests.support.quick_boto import read_documents_once
 
+read_documents_once()
 FOLDER = Path(__file__).parents[2] / "gateway" / "function_templates"
 CHIEF = Maker(kind="user", id="u", name="chief", role="admin", robots=("*",))
 

@@ -21,9 +21,11 @@ from gateway.functions.catalogue_shapes import faults_of
 from gateway.identity.local import LOCAL_KEY_FILE
 from gateway.main import Ready
 from tests.gateway.harness import TRUSTS_NOBODY, running_gateway
+from tests.support.quick_boto import read_documents_once
 
 __all__ = ["HANDLER", "ROLE", "LambdaGateway", "lambda_gateway", "zipped"]
 
+read_documents_once()
 ROLE = "arn:aws:iam::000000000000:role/any"
 ERRORS_OF_ALL = {  # that AWS has for every service, and botocore's model of this one does not list
     "AccessDeniedException",

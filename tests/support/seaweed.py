@@ -19,6 +19,7 @@ import botocore.exceptions
 from botocore.config import Config
 
 from tests.support.ports import free_port
+from tests.support.quick_boto import read_documents_once
 from tests.support.waiting import wait_until
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["ACCESS_KEY", "BUCKET", "SECRET_KEY", "SeaweedServer"]
 
 ACCESS_KEY, SECRET_KEY, BUCKET = "metaros-tests", "a-secret-of-the-tests", "fleet"
+read_documents_once()
 SWITCHED_OFF = ("-master.telemetry=false", "-s3.port.iceberg=0", "-s3.port.lance=0")
 ALONE = ("-master.electionTimeout=300ms",)  # a server that is started again waits for nobody's vote; it would for 10 s
 

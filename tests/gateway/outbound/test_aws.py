@@ -11,7 +11,9 @@ import pytest
 from moto import mock_aws
 
 from gateway.outbound.aws import AwsDestinations
+from tests.support.quick_boto import read_documents_once
 
+read_documents_once()
 REGION, ACCOUNT = "eu-central-1", "123456789012"
 FACTS: dict[str, Any] = {"function": "arn:aws:lambda:local:000000000000:function:f:$LATEST", "side": "Failure"}
 FACTS["delivery"] = "d-1"
