@@ -218,7 +218,7 @@ def test_an_async_callback_may_call_its_own_executor(client_node):
     assert sums[0] == 22
 
 
-@pytest.mark.parametrize("held_s", [0.3, pytest.param(10.0, marks=pytest.mark.integration)])
+@pytest.mark.parametrize("held_s", [0.3, pytest.param(4.0, marks=pytest.mark.integration)])
 def test_a_callback_that_blocks_delays_calls_and_loses_none(server, client_node, held_s):
     gate, blocked = threading.Event(), threading.Event()
 

@@ -20,7 +20,7 @@ from tests.support.ports import free_port
 from tests.support.waiting import wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="shared memory is used on Linux only")
-_KILLS = 20
+_KILLS = 6
 
 
 @pytest.fixture
