@@ -1,19 +1,13 @@
-"""Every test that asks for `store_url` runs on both databases."""
+"""Alerts on a file, and in tests that are `on_both` on PostgreSQL, too."""
 
 from __future__ import annotations
 
 import pytest
 
+from tests.support.databases import store_url
 from tests.support.postgres import PostgresServer
 
-
-@pytest.fixture(params=("sqlite", "postgres"))
-def store_url(request: pytest.FixtureRequest) -> str:
-    """An empty store's URL; "" is a file."""
-    if request.param == "sqlite":
-        return ""
-    server: PostgresServer = request.getfixturevalue("postgres")
-    return server.schema()
+__all__ = ["store_url"]
 
 
 @pytest.fixture

@@ -19,6 +19,7 @@ from gateway.store.engine import StoreEngine
 from metaros.clock import ManualClock
 from tests.gateway.alerts.findings import NOW, S, cleared, edge, opened
 from tests.gateway.alerts.world import World, open_world
+from tests.support.databases import on_both
 from tests.support.waiting import wait_until_async
 
 NOBODY = "0" * 26
@@ -72,6 +73,7 @@ async def test_nobody_is_told_what_is_not_stored(tmp_path: Path) -> None:
         assert [(what, alert.severity) for what, alert in world.told] == [("opened", "error")]
 
 
+@on_both
 async def test_what_no_database_takes_does_not_hold_up_the_rest(tmp_path: Path, store_url: str) -> None:
     async with open_world(tmp_path, url=store_url) as world:
         await world.tell(opened(), opened("r2", series="\ud800"), opened("r3"))
@@ -149,6 +151,7 @@ async def test_words_and_remarks_are_bounded(tmp_path: Path) -> None:
         assert (await world.desk.get(key)).state == "open"
 
 
+@on_both
 async def test_silences(tmp_path: Path, store_url: str) -> None:
     async with open_world(tmp_path, url=store_url, silences=1) as world:
         desk = world.desk
@@ -210,6 +213,7 @@ async def test_counts_are_of_what_somebody_may_see(tmp_path: Path) -> None:
         assert [alert.severity for alert in world.desk.of("r1")] == ["error", "warning"]
 
 
+@on_both
 async def test_a_restart_knows_what_was_and_ends_what_is_not_told_again(tmp_path: Path, store_url: str) -> None:
     clock = ManualClock(wall_ns=NOW)
     async with open_world(tmp_path, url=store_url, clock=clock) as world:

@@ -21,10 +21,8 @@ from gateway.store import Store
 from gateway.store.retention import Retention
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
-from tests.gateway.store.conftest import store_url
+from tests.support.databases import on_both
 from tests.support.postgres import PostgresServer
-
-__all__ = ["store_url"]
 
 NOW_NS = 1_800_000_000 * 10**9
 PLAN = Plan(kind="agent", node="", bundle="metaros", version="2.0.0", selector="", waves=("1", "2"), steady_s=0.0)
@@ -89,6 +87,7 @@ async def begin(desk: RolloutDesk, plan: Plan = PLAN, *, dry_run: bool = False) 
     return made.id
 
 
+@on_both
 async def test_waves_through_the_store(tmp_path: Path, store_url: str) -> None:
     clock, fleet = ManualClock(wall_ns=NOW_NS), Fleet()
     async with desk_on(store_url, tmp_path, fleet, clock) as desk:
@@ -253,6 +252,7 @@ async def test_what_does_not_begin(tmp_path: Path) -> None:
         await begin(desk)
 
 
+@on_both
 async def test_a_rollout_is_begun_once_under_a_key(store_url: str, tmp_path: Path) -> None:
     fleet, clock = Fleet(), ManualClock(wall_ns=NOW_NS)
     ada = Principal(kind="user", id="1", name="ada")

@@ -24,14 +24,14 @@ from metaros._proto import link_pb2
 from metaros.limits import LIMITS
 from metaros.twin import TwinError
 from tests.gateway.fleet.twin_rig import Rig, rig_on
-from tests.gateway.store.conftest import store_url  # noqa: F401  (a fixture)
+from tests.support.databases import on_both
 
 OPERATOR, ADMIN = Editor(name="olga"), Editor(name="ada", code=True)
 LIDAR = {"nodes": {"lidar": {"allowed": "lidar"}}}
 
 
 @pytest.fixture
-async def rig(store_url: str, tmp_path: Path) -> AsyncIterator[Rig]:  # noqa: F811
+async def rig(store_url: str, tmp_path: Path) -> AsyncIterator[Rig]:
     async with rig_on(store_url, tmp_path) as made:
         yield made
 
@@ -73,6 +73,7 @@ async def test_nothing_wrong_is_stored_and_nothing_unchanged_gets_a_revision(rig
     assert (await rig.twins.desk.state("r1")).desired.revision == 1
 
 
+@on_both
 async def test_who_was_slower_is_told(rig: Rig) -> None:
     await rig.robot("r1")
     first = await patch(rig, "r1", LIDAR, expected=(0, None))
@@ -164,6 +165,7 @@ async def test_labels_are_bounded_in_sum(rig: Rig) -> None:
     assert len((await rig.twins.desk.state("r1")).labels) == MAX_LABELS
 
 
+@on_both
 async def test_templates_reach_whom_they_name_and_the_own_document_wins(rig: Rig) -> None:
     for name, site in (("a1", "lab"), ("a2", "lab"), ("b1", "hall")):
         await rig.robot(name, site=site)
@@ -185,6 +187,7 @@ async def test_templates_reach_whom_they_name_and_the_own_document_wins(rig: Rig
         await template(rig, "bad", "site==", {})
 
 
+@on_both
 async def test_a_template_goes_back_even_when_it_is_gone_and_the_oldest_changes_go(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -260,6 +263,7 @@ async def test_a_template_names_robots_that_the_store_learns_of_later(rig: Rig) 
     assert robot.document == b'{"nodes":{"lidar":{"allowed":"lidar"}}}'
 
 
+@on_both
 async def test_many_at_once_or_none(rig: Rig) -> None:
     for number in range(5):
         await rig.robot(f"r{number}", site="lab" if number < 3 else "hall")
@@ -274,6 +278,7 @@ async def test_many_at_once_or_none(rig: Rig) -> None:
     assert (await rig.twins.desk.state("r4")).desired.revision == 1
 
 
+@on_both
 async def test_going_back_and_the_history(rig: Rig) -> None:
     await rig.robot("r1")
     for rate in (1000, 2000, 3000):
@@ -309,6 +314,7 @@ async def test_what_a_robot_went_back_from_is_not_sent_again(rig: Rig) -> None:
     await rig.work(lambda: robot.applied == 4 and robot.state == "applied")
 
 
+@on_both
 async def test_a_store_that_went_back_in_time_goes_on_above_what_robots_saw(rig: Rig) -> None:
     robot = await rig.robot("r1")
     await patch(rig, "r1", LIDAR)
@@ -345,7 +351,7 @@ async def test_a_lying_robot_harms_only_itself(rig: Rig) -> None:
     await rig.work(lambda: robot.applied == 4 and other.applied == 1)
 
 
-async def test_reports_are_there_after_a_restart(store_url: str, tmp_path: Path) -> None:  # noqa: F811
+async def test_reports_are_there_after_a_restart(store_url: str, tmp_path: Path) -> None:
     async with rig_on(store_url, tmp_path / "data") as one:
         robot = await one.robot("r1")
         await patch(one, "r1", LIDAR)

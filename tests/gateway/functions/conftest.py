@@ -1,7 +1,8 @@
-"""Every test that asks for `world` runs on both databases."""
+"""Functions on a file, and in tests that are `on_both` on PostgreSQL, too."""
 
 from __future__ import annotations
 
 from tests.gateway.queue.conftest import world
+from tests.support.databases import store_url
 
-__all__ = ["world"]
+__all__ = ["store_url", "world"]

@@ -26,7 +26,7 @@ from metaros.clock import ManualClock
 from metaros.errors import PackageError
 from metaros.functions.package import discard
 from metaros.limits import LIMITS, Limits
-from tests.gateway.store.conftest import store_url  # noqa: F401
+from tests.support.databases import on_both
 from tests.support.lambda_gateway import ROLE, zipped
 
 Open = Callable[..., Any]
@@ -58,7 +58,7 @@ def clock() -> ManualClock:
 
 
 @pytest.fixture
-async def opened(tmp_path: Path, store_url: str, clock: ManualClock) -> AsyncIterator[Open]:  # noqa: F811
+async def opened(tmp_path: Path, store_url: str, clock: ManualClock) -> AsyncIterator[Open]:
     """Starts gateways; where the database is a file, one after the other."""
     running: list[Gateway] = []
 
@@ -80,6 +80,7 @@ async def make(catalogue: Catalogue, name: str = "f", source: str = "", **member
     return await catalogue.do("CreateFunction", {"FunctionName": name, **usual, **code, **members})
 
 
+@on_both
 async def test_what_was_made_is_there_after_a_restart(opened: Open, tmp_path: Path) -> None:
     first = await opened()
     made = await make(first.catalogue, Environment={"Variables": {"MODE": "x"}}, Publish=True, Timeout=9)
@@ -106,7 +107,7 @@ async def test_code_that_is_not_here_is_fetched(opened: Open) -> None:
 
 
 @pytest.mark.parametrize("store_url", ["postgres"], indirect=True)  # a file has one gateway
-async def test_changes_of_others_are_seen(opened: Open, store_url: str) -> None:  # noqa: F811
+async def test_changes_of_others_are_seen(opened: Open, store_url: str) -> None:
     first, second = await opened("one"), await opened("two")
     told: list[str] = []
     second.catalogue.on_change(told.append)
@@ -122,6 +123,7 @@ async def test_changes_of_others_are_seen(opened: Open, store_url: str) -> None:
     assert second.catalogue.names() == ["f"]
 
 
+@on_both
 async def test_of_changes_at_a_time_one_wins(opened: Open) -> None:
     catalogue = (await opened()).catalogue
     made = await asyncio.gather(*(make(catalogue) for _ in range(8)), return_exceptions=True)
@@ -197,6 +199,7 @@ async def test_events_have_their_settings(opened: Open) -> None:
     assert (found.on_failure, found.dead_letter) == ("", queue)
 
 
+@on_both
 async def test_code_that_nothing_has_is_swept(opened: Open, clock: ManualClock, tmp_path: Path) -> None:
     catalogue = (await opened()).catalogue
     await make(catalogue, "a")

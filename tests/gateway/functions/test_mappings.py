@@ -29,7 +29,7 @@ from metaros.functions.faults import ThrottledError
 from metaros.interfaces.std_msgs.msg import String
 from tests.gateway.functions.calling import FakeDirectory, FakeEngine, failed, make_invoker, returned
 from tests.gateway.store.samples import EPOCH, run_write
-from tests.support.postgres import PostgresServer
+from tests.support.databases import on_both
 
 ROW = MappingRow(uuid="m-1", source_arn="arn:aws:metaros:::topic/r*/events", function="f")
 Act = Callable[[FunctionSpec, Invocation], Awaitable[Outcome]]
@@ -106,16 +106,12 @@ def ids_of(event: bytes) -> list[str]:
     return [item["kinesis"]["sequenceNumber"] for item in orjson.loads(event)["Records"]]
 
 
-@pytest.fixture(params=("sqlite", "postgres"))
-async def scene(request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterator[Scene]:
+@pytest.fixture
+async def scene(store_url: str, tmp_path: Path) -> AsyncIterator[Scene]:
     """A function `f` and one mapping onto the events of robots whose names begin with r."""
-    url = ""
-    if request.param == "postgres":
-        server: PostgresServer = request.getfixturevalue("postgres")
-        url = server.schema()
     clock = ManualClock()
     retention = Retention(age_s=1e9, size_bytes=1 << 50)
-    store = Store(tmp_path, clock=clock, retention=retention, queue_bytes=1 << 26, url=url)
+    store = Store(tmp_path, clock=clock, retention=retention, queue_bytes=1 << 26, url=store_url)
     store.start()
     engine, directory = FakeEngine(act=goes), FakeDirectory(functions={"f": EventInvoke()}, rows=[ROW])
 
@@ -167,6 +163,7 @@ async def test_other_robots_and_topics_are_none_of_its_business(scene: Scene) ->
     assert scene.engine.calls == []
 
 
+@on_both
 async def test_what_was_stored_before_comes_only_where_it_is_asked_for(scene: Scene) -> None:
     scene.directory.rows.clear()
     remap_listeners = scene.directory.listeners
@@ -291,6 +288,7 @@ async def test_what_is_too_old_is_given_up(scene: Scene) -> None:
     assert scene.batches() == [["a"]]
 
 
+@on_both
 async def test_filters_let_only_through_what_fits_and_pass_the_rest(scene: Scene) -> None:
     remap(scene, filters=({"data": {"detail": {"message": {"data": [{"prefix": "low"}]}}}},))
     await scene.drive()
@@ -303,6 +301,7 @@ async def test_filters_let_only_through_what_fits_and_pass_the_rest(scene: Scene
     assert len(scene.engine.calls) == 1
 
 
+@on_both
 async def test_a_gateway_that_dies_takes_up_where_it_was(scene: Scene) -> None:
     await scene.write(1, "a")
     await scene.drive()
@@ -350,6 +349,7 @@ async def test_one_robot_that_fails_does_not_hold_up_the_others(scene: Scene) ->
     assert good == [f"of r{number}" for number in range(2, 8)]
 
 
+@on_both
 async def test_random_failures_and_deaths_lose_nothing_and_keep_the_order(scene: Scene) -> None:
     rng = random.Random(7)
     remap(scene, batch_size=4)

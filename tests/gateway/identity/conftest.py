@@ -1,7 +1,8 @@
-"""The store's fixtures: what asks for `engine`, `connect` or `store_url` runs on both databases."""
+"""The store's fixtures: on a file, and in tests that are `on_both` on PostgreSQL, too."""
 
 from __future__ import annotations
 
-from tests.gateway.store.conftest import connect, engine, store_url
+from tests.gateway.store.conftest import connect, engine
+from tests.support.databases import store_url
 
 __all__ = ["connect", "engine", "store_url"]

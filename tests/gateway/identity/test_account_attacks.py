@@ -11,6 +11,7 @@ from gateway.errors import CredentialsError, ForbiddenError, MetarosError
 from gateway.identity.keys import KeyRequest, NewKey
 from gateway.identity.oidc import Person
 from tests.gateway.identity.test_store_door import PASSWORD, Gate, gate
+from tests.support.databases import on_both
 
 __all__ = ["gate"]
 ADMIN_KEY = KeyRequest("k", Role.ADMIN)
@@ -64,6 +65,7 @@ async def test_a_lesser_admin_s_key_makes_none(gate: Gate) -> None:
         await gate.accounts.create_key(key, ADMIN_KEY)
 
 
+@on_both
 async def test_a_password_under_way_does_not_undo_the_admin_s_reset(gate: Gate) -> None:
     """Who holds a stolen session changes the password while an admin resets it: in whatever order, the reset stays."""
     await gate.user()
@@ -98,6 +100,7 @@ async def test_who_signs_in_elsewhere_has_no_password_here(gate: Gate) -> None:
         await gate.accounts.change_own_password(eve, "", PASSWORD, address="10.0.0.1")
 
 
+@on_both
 async def test_of_thirty_who_follow_one_link_one_comes_in(gate: Gate) -> None:
     await gate.user()
     _, link = await gate.accounts.make_link("ada")

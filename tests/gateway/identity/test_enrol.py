@@ -18,6 +18,7 @@ from gateway.identity.tokens import make_token
 from metaros.limits import Limits
 from tests.gateway.identity.desks import DAY, Desks, Held, open_desks
 from tests.gateway.identity.robot_keys import ask, new_key
+from tests.support.databases import on_both
 from tests.support.postgres import PostgresServer
 
 
@@ -30,6 +31,7 @@ async def code(work: Awaitable[Any]) -> str:
     return ""
 
 
+@on_both
 async def test_a_robot_gets_its_name_and_a_day(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         token, state = await desks.enrol.make_token(made_by="ada", ttl_s=60)
@@ -59,6 +61,7 @@ async def test_a_bad_request_leaves_the_token_good(tmp_path: Path, store_url: st
         assert await code(desks.enrol.enrol(token.text, "arm", ask(key))) == ""
 
 
+@on_both
 async def test_tokens_that_are_not_good_are_refused_by_name(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         used, _ = await desks.enrol.make_token(made_by="ada")
@@ -80,6 +83,7 @@ async def test_tokens_that_are_not_good_are_refused_by_name(tmp_path: Path, stor
         assert await said("mr1.nothing") == "token_unknown"
 
 
+@on_both
 async def test_of_thirty_robots_at_once_one_is_enrolled(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         token, _ = await desks.enrol.make_token(made_by="ada")
@@ -87,6 +91,7 @@ async def test_of_thirty_robots_at_once_one_is_enrolled(tmp_path: Path, store_ur
         assert sorted(await asyncio.gather(*tries)) == ["", *["token_used"] * 29]
 
 
+@on_both
 async def test_a_lost_answer_is_given_again(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         token, _ = await desks.enrol.make_token(made_by="ada")
@@ -99,6 +104,7 @@ async def test_a_lost_answer_is_given_again(tmp_path: Path, store_url: str) -> N
         assert await code(desks.enrol.enrol(token.text, "arm", csr)) == "token_used"
 
 
+@on_both
 async def test_tokens_are_bounded(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         few = EnrolDesk(
@@ -141,6 +147,7 @@ async def test_a_renewal_is_proven(tmp_path: Path, store_url: str) -> None:
         assert await code(desks.renewed(held)) == ""
 
 
+@on_both
 async def test_a_certificate_of_nobody_is_not_renewed(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         await desks.enrolled("leg")
@@ -153,6 +160,7 @@ async def test_a_certificate_of_nobody_is_not_renewed(tmp_path: Path, store_url:
         assert await code(desks.renewed(Held("arm", key, pem(unknown)))) == "certificate_foreign"
 
 
+@on_both
 async def test_a_copied_disk_is_noticed_at_the_second_renewal(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         held, key = await desks.enrolled(), new_key()
@@ -163,6 +171,7 @@ async def test_a_copied_disk_is_noticed_at_the_second_renewal(tmp_path: Path, st
         assert (identity.alarm_ns, bool(identity.alarm)) == (desks.clock.wall_ns(), True)
 
 
+@on_both
 async def test_revoked_is_revoked_until_a_token_for_this_robot(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         held = await desks.enrolled()

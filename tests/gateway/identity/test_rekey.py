@@ -16,6 +16,7 @@ from gateway.identity.master import MASTER_KEY, NEXT_KEY, MasterKey
 from gateway.identity.rekey import begin, finish, reseal
 from gateway.store.engine import StoreEngine
 from tests.gateway.identity.desks import open_desks
+from tests.support.databases import on_both
 
 WANTED = KeyRequest("ci", Role.VIEWER, scopes=frozenset({LAMBDA}))
 
@@ -36,6 +37,7 @@ def reading(key_id: str, master: MasterKey) -> Callable[[StoreEngine], str]:
     return job
 
 
+@on_both
 @pytest.mark.parametrize("killed_after", ["begin", "reseal", "nothing"])
 async def test_a_gateway_opens_and_seals_wherever_it_was_stopped_and_the_next_try_ends_well(
     tmp_path: Path, store_url: str, killed_after: str

@@ -14,6 +14,7 @@ from gateway.identity.ca import issue_robot, make_intermediate, make_root, pem
 from metaros._proto import link_pb2
 from tests.gateway.identity.desks import DAY, Desks, Held, open_desks
 from tests.gateway.identity.robot_keys import new_key
+from tests.support.databases import on_both
 from tests.support.postgres import PostgresServer
 
 
@@ -75,6 +76,7 @@ async def test_over_tls_nobody_is_asked(tmp_path: Path, store_url: str) -> None:
             await desks.robots.admit(link_pb2.Hello(robot_id="leg"), Peer(held.certificate.encode()), never)
 
 
+@on_both
 async def test_a_name_with_an_identity_is_nobody_elses(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         assert await bare(desks, "arm") == ""
@@ -156,6 +158,7 @@ async def test_nobody_is_revoked_who_is_nobody(tmp_path: Path, store_url: str) -
         assert identity.reason == "first"
 
 
+@on_both
 async def test_a_clone_is_remembered(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         desks.robots.cloned("arm")  # has no identity: nothing to copy

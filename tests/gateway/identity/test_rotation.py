@@ -16,6 +16,7 @@ from gateway.store.issuers import set_renew_before
 from metaros._proto import link_pb2
 from tests.gateway.identity.desks import DAY, Desks, Held, open_desks
 from tests.gateway.identity.robot_keys import ask, new_key
+from tests.support.databases import on_both
 
 
 async def rotate(desks: Desks, folder: Path, *, root: bool = False) -> None:
@@ -115,6 +116,7 @@ async def test_a_new_root_is_reached_over_the_old_one_until_that_is_retired(tmp_
         await rotate(desks, tmp_path)  # and the new root's key makes issuers
 
 
+@on_both
 async def test_a_robot_that_was_off_renews_in_its_grace_and_one_beyond_it_holds_nothing_up(
     tmp_path: Path, store_url: str
 ) -> None:
@@ -157,6 +159,7 @@ async def test_a_renewal_that_began_before_another_issuer_followed_ends_well(tmp
         assert refused.value.code == "proof_refused"
 
 
+@on_both
 async def test_all_robots_renew_when_they_are_asked_to(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         arm = await desks.enrolled("arm")

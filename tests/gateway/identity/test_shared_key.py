@@ -14,6 +14,7 @@ from gateway.identity.rekey import begin, finish, reseal
 from gateway.identity.shared_key import check_master
 from metaros.errors import ConfigError
 from tests.gateway.identity.desks import opened_store
+from tests.support.databases import on_both
 
 OWN, OTHER = MasterKey(b"o" * 32), MasterKey(b"x" * 32)
 
@@ -39,6 +40,7 @@ async def test_what_an_earlier_version_sealed_says_whose_the_store_is(tmp_path: 
         await check_master(store, OWN, required=True)
 
 
+@on_both
 async def test_a_new_master_key_is_the_stores_from_then_on(tmp_path: Path, store_url: str) -> None:
     file = tmp_path / MASTER_KEY
     running = MasterKey.load_or_make(tmp_path, file)

@@ -11,8 +11,10 @@ from gateway.errors import UnprovenError
 from metaros._proto import link_pb2
 from metaros.limits import LIMITS
 from tests.gateway.identity.desks import open_desks
+from tests.support.databases import on_both
 
 
+@on_both
 async def test_while_the_database_is_away_links_live_on_for_a_while_alone(tmp_path: Path, store_url: str) -> None:
     async with open_desks(tmp_path, store_url) as desks:
         held = await desks.enrolled()

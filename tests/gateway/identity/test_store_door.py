@@ -22,6 +22,7 @@ from gateway.store.retention import Retention
 from gateway.store.sessions import end_session
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
+from tests.support.databases import on_both
 
 PASSWORD = "correct horse battery"
 LOCAL = Principal(kind="key", id="local", name="local", role=Role.ADMIN, robots=EVERY_ROBOT)
@@ -102,6 +103,7 @@ async def test_a_guesser_waits_and_nobody_else_does(gate: Gate) -> None:
             await gate.sign_in(password="wrong")
 
 
+@on_both
 async def test_thirty_guesses_at_once_are_no_more_than_five(gate: Gate) -> None:
     await gate.user()
     gate.accounts.passwords = Passwords(hasher=FAST, waiting=1000)
@@ -130,6 +132,7 @@ async def test_a_flood_of_wrong_names_fills_no_disk(gate: Gate) -> None:
     assert rows[0][0] == 1
 
 
+@on_both
 async def test_a_session_ends_unused_or_old(gate: Gate) -> None:
     await gate.user()
     idle, busy = await gate.sign_in(), await gate.sign_in()
@@ -142,6 +145,7 @@ async def test_a_session_ends_unused_or_old(gate: Gate) -> None:
     assert await gate.door.by_session(busy) is None
 
 
+@on_both
 async def test_a_link_signs_in_once(gate: Gate) -> None:
     user, link = await gate.accounts.make_link()
     assert (user.name, user.role) == ("admin", Role.ADMIN)

@@ -17,6 +17,7 @@ from gateway.store import Store
 from metaros.clock import ManualClock
 from metaros.limits import LIMITS
 from tests.gateway.identity.desks import opened_store
+from tests.support.databases import on_both
 
 
 @pytest.fixture
@@ -69,6 +70,7 @@ async def test_it_ends_with_its_time_and_with_its_maker(store: Store) -> None:
     assert await tickets.by_key(text) is None
 
 
+@on_both
 async def test_every_gateway_of_the_store_knows_it(store: Store) -> None:
     one, two = Tickets(store, clock=ManualClock()), Tickets(store, clock=ManualClock())
     await one.load()

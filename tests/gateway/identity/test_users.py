@@ -21,6 +21,7 @@ from gateway.store.engine import StoreEngine
 from gateway.store.ledger import in_transaction
 from gateway.store.sessions import find_session
 from metaros.limits import LIMITS
+from tests.support.databases import on_both
 from tests.support.tables import refusal
 
 NOW_NS = 1_700_000_000 * 10**9
@@ -40,6 +41,7 @@ def make(engine: StoreEngine, owner: User | None, **wanted: object) -> NewKey:
     )
 
 
+@on_both
 def test_names(engine: StoreEngine) -> None:
     assert add(engine, "ada.l@example-lab+1").name == "ada.l@example-lab+1"
     with pytest.raises(UserExistsError):
@@ -56,6 +58,7 @@ def test_what_is_no_scope(engine: StoreEngine) -> None:
     assert [robots for robots in scopes if not refusal(InvalidRequestError, add, engine, "ada", robots=robots)] == []
 
 
+@on_both
 def test_somebody_can_always_look_after_the_gateway(engine: StoreEngine) -> None:
     run = in_transaction(engine)
     add(engine, "ada", Role.ADMIN)
@@ -71,6 +74,7 @@ def test_somebody_can_always_look_after_the_gateway(engine: StoreEngine) -> None
     assert [user.name for user in run(lambda engine: accounts.list_users(engine, limit=9))] == ["bob"]
 
 
+@on_both
 def test_two_admins_who_remove_each_other_at_once(connect: Callable[[], StoreEngine]) -> None:
     one, two = connect(), connect()
     for name in ("ada", "bob"):
@@ -200,6 +204,7 @@ def test_who_a_key_is(engine: StoreEngine) -> None:
     assert key_principal(key, ada, now_ns=NOW_NS + 10 * 10**9) is None
 
 
+@on_both
 def test_keys_are_few_and_well_formed(engine: StoreEngine) -> None:
     ada = add(engine, "ada")
     for wrong in ({"name": ""}, {"name": "x" * 65}, {"name": "a\nb"}, {"scopes": frozenset({"root"})}):

@@ -1,7 +1,7 @@
-"""Rules' tests that ask for `store_url` run on both databases."""
+"""Rules on a file, and in tests that are `on_both` on PostgreSQL, too."""
 
 from __future__ import annotations
 
-from tests.gateway.store.conftest import store_url
+from tests.support.databases import store_url
 
 __all__ = ["store_url"]

@@ -12,6 +12,7 @@ from gateway.rules.clockwork import Clockwork, missed
 from gateway.rules.document import read_rule
 from metaros.clock import ManualClock
 from tests.gateway.rules.world import ADMIN, NOW, S, World, open_world, rule
+from tests.support.databases import on_both
 
 HOUR = 3600
 
@@ -26,6 +27,7 @@ async def times(world: World) -> list[str]:
     return [one["payload"]["time"] for one in await world.deliveries()]
 
 
+@on_both
 async def test_a_schedule_fires_at_its_times_once(tmp_path: Path, store_url: str) -> None:
     async with open_world(tmp_path, url=store_url) as world:
         await world.put(at(expression="cron(0/10 * * * ? *)"))

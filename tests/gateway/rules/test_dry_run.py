@@ -11,6 +11,7 @@ from gateway.domain.rule import Maker
 from gateway.rules.document import read_rule
 from gateway.rules.dry_run import DryRun
 from tests.gateway.rules.world import ADMIN, LAB, S, World, channel, open_world, rule
+from tests.support.databases import on_both
 
 
 async def tried(world: World, maker: Any = ADMIN, **fields: Any) -> DryRun:
@@ -20,6 +21,7 @@ async def tried(world: World, maker: Any = ADMIN, **fields: Any) -> DryRun:
     return await world.rules.dry_runs.run(made, from_ns=now_ns - 7200 * S, until_ns=now_ns + 4000 * S, most_firings=100)
 
 
+@on_both
 async def test_of_the_journal_with_a_memory(tmp_path: Path, store_url: str) -> None:
     async with open_world(tmp_path, url=store_url) as world:
         for robot, seconds in (("r1", 100), ("r2", 10)):

@@ -10,11 +10,13 @@ import pytest
 
 from metaros.clock import ManualClock
 from tests.gateway.rules.world import LAB, NOW, S, channel, open_world, rule
+from tests.support.databases import on_both
 
 OFFLINE = {"detail-type": ["metaros.robot.offline"]}
 LOW: dict[str, Any] = {"series": "battery_state.percentage", "below": 0.2}
 
 
+@on_both
 async def test_an_event_of_the_journal_sets_off_a_function(tmp_path: Path, store_url: str) -> None:
     async with open_world(tmp_path, url=store_url) as world:
         await world.put(rule(pattern=OFFLINE))
@@ -33,6 +35,7 @@ async def test_an_event_of_the_journal_sets_off_a_function(tmp_path: Path, store
         assert (stats.matched, stats.fired, stats.errors, groups) == (1, 1, 0, 0)
 
 
+@on_both
 async def test_what_lasts_fires_by_its_timer_once(tmp_path: Path, store_url: str) -> None:
     async with open_world(tmp_path, url=store_url) as world:
         online = {"detail-type": ["metaros.robot.online"]}
@@ -172,6 +175,7 @@ async def test_a_rule_has_so_many_groups_and_no_more(tmp_path: Path) -> None:
         assert {one["robot"] for one in await world.deliveries()} == {"r1", "r2"}
 
 
+@on_both
 async def test_what_was_committed_was_judged_before_the_gateway_died(tmp_path: Path, store_url: str) -> None:
     clock = ManualClock(wall_ns=NOW)
     async with open_world(tmp_path, url=store_url, clock=clock) as world:

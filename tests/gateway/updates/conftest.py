@@ -1,7 +1,7 @@
-"""The store's fixtures: what asks for `store_url` runs on both databases."""
+"""Updates on a file, and in tests that are `on_both` on PostgreSQL, too."""
 
 from __future__ import annotations
 
-from tests.gateway.store.conftest import store_url
+from tests.support.databases import store_url
 
 __all__ = ["store_url"]

@@ -31,6 +31,7 @@ from tests.gateway.updates.repositories import (
     upload,
 )
 from tests.support.bundles import WHEEL, make_bundle
+from tests.support.databases import on_both
 from tests.support.postgres import PostgresServer
 
 PATH = "nodes/lidar-node/1.0.0.zip"
@@ -47,6 +48,7 @@ def lazy(text: bytes) -> Metadata[Any]:
     return Metadata.from_bytes(text)
 
 
+@on_both
 async def test_a_robot_gets_what_people_signed(tmp_path: Path, store_url: str) -> None:
     people = tmp_path / "people"
     async with repository(tmp_path / "gateway", store_url) as made:
@@ -77,6 +79,7 @@ async def test_a_group_has_targets_of_its_own(tmp_path: Path, store_url: str) ->
         assert await made.available("node", "lidar-node", "1.0.0")
 
 
+@on_both
 async def test_a_new_root_reaches_robots(tmp_path: Path, store_url: str) -> None:
     """A lost key is replaced, the gateway's too; who knows the first root alone follows."""
     people, now_ns = tmp_path / "people", SystemClock().wall_ns()
@@ -254,6 +257,7 @@ async def test_no_robot_keeps_the_others_from_their_downloads(tmp_path: Path) ->
             made.fetch(bundle, robot="greedy")
 
 
+@on_both
 async def test_a_withdrawn_version_is_not_handed_out(tmp_path: Path, store_url: str) -> None:
     async with repository(tmp_path / "gateway", store_url) as made:
         await set_up(made, tmp_path / "people", "1.0.0")

@@ -32,15 +32,15 @@ async def test_a_robot_that_moves_is_judged_by_one_at_a_time_and_goes_on_to_the_
         moving.link("r2", "b")
         for home, seconds in (("a", LEARN_S), ("b", 10), ("c", 10), ("a", 10)):
             moving.link("r1", home)
-            await moving.run(seconds, robots=("r1", "r2"), at_once=20 if seconds == LEARN_S else 1)
+            await moving.run(seconds, robots=("r1", "r2"), at_once=20 if seconds == LEARN_S else 2)
             assert moving.judges("r1") == [home]
             assert moving.judges("r2") == ["b"]
         await calm.run(LEARN_S + 30, at_once=20)
         assert moving.judged("a") == calm.judged("z")
         assert moving.judged("a")["imu.x"][3] == 40
         moving.link("r1", "c")
-        await moving.run(20, shift=60.0, robots=("r1", "r2"))
-        await calm.run(20, shift=60.0)
+        await moving.run(20, shift=60.0, robots=("r1", "r2"), at_once=2)
+        await calm.run(20, shift=60.0, at_once=2)
         theirs = {(edge.finding.key, edge.change) for edge in calm.by_name["z"].edges}
         ours = [(edge.finding.key, edge.change) for one in moving.by_name.values() for edge in one.edges]
         assert {key for key in ours if key[0][0] == "r1" and key[0][2] != "link_flaps"} == theirs
@@ -74,7 +74,7 @@ async def test_after_a_kill_the_new_home_finds_what_came_meanwhile_and_alerts_of
         assert after["heat"].times == before["heat"].times == 1
         assert sum(alert.cause == "heat" for alert in await world.alerts()) == 1
         assert world.opened()["r1", "heat"] == 1
-        await world.run(60)
+        await world.run(60, at_once=3)
         assert {alert.cause: alert.state for alert in await world.alerts()}["heat"] == "resolved"
         told = [what for what, alert in (*a.told, *b.told) if alert.cause == "heat" and what in ("opened", "resolved")]
         assert told == ["opened", "resolved"]
@@ -148,14 +148,14 @@ async def test_a_robot_whose_gateway_died_and_that_comes_nowhere_is_offline_once
         await world.run(60, at_once=10)  # long enough for a state to be saved
         world.by_name["a"].alive = False
         world.home["r1"] = ""
-        await world.run(25)
+        await world.run(25, at_once=5)
         assert world.judges("r1") == []  # it has its time to come
-        await world.run(20)
+        await world.run(20, at_once=2)
         (judge,) = world.judges("r1")
         assert world.opened() == {("r1", "offline"): 1}
         other = "c" if judge == "b" else "b"
         world.link("r1", other)
-        await world.run(45)
+        await world.run(45, at_once=3)
         assert world.judges("r1") == [other]
         assert {alert.cause: alert.state for alert in await world.alerts()} == {"offline": "resolved"}
         assert world.opened() == {("r1", "offline"): 1}

@@ -24,6 +24,7 @@ from metaros.limits import LIMITS
 from tests.gateway.alerts.findings import NOW, S, cleared, edge, opened
 from tests.gateway.alerts.world import World, open_world
 from tests.support.certificates import make_certificate
+from tests.support.databases import on_both
 from tests.support.receivers import (
     HttpReceiver,
     SmtpReceiver,
@@ -63,6 +64,7 @@ async def notices(world: World, *routes: Route, **limits: Any) -> AsyncIterator[
         await made.close()
 
 
+@on_both
 async def test_an_alert_is_told_from_its_beginning_to_its_end(tmp_path: Path, store_url: str) -> None:
     async with open_world(tmp_path, url=store_url) as world, http_receiver() as receiver:
         route = replace(hook(receiver, wait_s=10), link="https://fleet.example.org/")
@@ -232,6 +234,7 @@ async def test_what_waits_for_a_receiver_is_bounded(tmp_path: Path) -> None:
             assert told.routes()[0].waiting == 0
 
 
+@on_both
 async def test_a_restart_tells_nothing_twice_and_forgets_nothing(tmp_path: Path, store_url: str) -> None:
     clock = ManualClock(wall_ns=NOW)
     async with http_receiver() as receiver:

@@ -1,0 +1,7 @@
+"""Twins and rollouts on a file, and in tests that are `on_both` on PostgreSQL, too."""
+
+from __future__ import annotations
+
+from tests.support.databases import store_url
+
+__all__ = ["store_url"]

@@ -1,0 +1,29 @@
+"""The database of a test's store: a file; and PostgreSQL, too, for a test that is `on_both`, as SQL is its point."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.support.postgres import PostgresServer
+from tests.support.sqlite_store import place_store
+
+__all__ = ["on_both", "store_url"]
+
+on_both = pytest.mark.parametrize(
+    "store_url", ["sqlite", pytest.param("postgres", marks=pytest.mark.integration)], indirect=True
+)
+
+
+@pytest.fixture
+def store_url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    """An empty store's URL; "" is a file in `tmp_path`."""
+    if getattr(request, "param", "sqlite") == "sqlite":
+        place_store(tmp_path)
+        yield ""
+        return
+    server: PostgresServer = request.getfixturevalue("postgres")
+    with server.lend() as url:
+        yield url
