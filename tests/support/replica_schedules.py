@@ -12,14 +12,16 @@ from tests.support.replicas import Replica
 
 __all__ = ["alerts", "fired", "schedule", "wait_for_all"]
 
+AHEAD_S = 10.0  # a busy machine takes its time to write a rule
+
 
 async def schedule(at: Replica, *, times: int, every_s: float) -> list[str]:
-    """Rules that are due one after the other from now on; their names."""
+    """Rules that are due one after the other from now on; their names. Each is written well before it is due."""
     names = [f"tick_{number}" for number in range(times)]
-    now = datetime.fromtimestamp(SystemClock().wall_ns() / 1e9, UTC)
     async with at.client() as http:
         for number, name in enumerate(names):
-            due = now + timedelta(seconds=every_s * (number + 1))
+            now = datetime.fromtimestamp(SystemClock().wall_ns() / 1e9, UTC)
+            due = now + timedelta(seconds=AHEAD_S + every_s * number)
             alert = {"id": "say", "kind": "alert", "severity": "warning", "robot": "r1"}
             body = {"name": name, "schedule": {"expression": f"at({due:%Y-%m-%dT%H:%M:%S})"}, "targets": [alert]}
             answer = await http.put(f"/api/v1/rules/{name}", json=body)

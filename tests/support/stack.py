@@ -9,6 +9,8 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -105,6 +107,11 @@ class Stack:
             wait_until(lambda: status.exists() or process.poll() is not None, timeout_s=timeout_s)
             assert process.poll() is None, f"{name} ended with {process.returncode}:\n{program.output}"
         return program
+
+    def at_once(self, *starts: Callable[[], Program]) -> list[Program]:
+        """What these start, beside each other."""
+        with ThreadPoolExecutor(len(starts)) as pool:
+            return [future.result() for future in [pool.submit(start) for start in starts]]
 
     def restart(self, program: Program) -> Program:
         """The same command again, as a supervisor would."""

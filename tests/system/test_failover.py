@@ -46,8 +46,10 @@ async def test_from_one_gateway_to_the_other_and_back(tmp_path: Path, postgres: 
         feed(owner, uplink, fresh)
 
     with Stack(tmp_path) as stack:
-        one = start_gateway(stack, "one", url, ports[0])
-        start_gateway(stack, "two", url, ports[1])
+        one, two = stack.at_once(
+            lambda: start_gateway(stack, "one", url, ports[0]),
+            lambda: start_gateway(stack, "two", url, ports[1]),
+        )
         async with running(*(f"127.0.0.1:{port}" for port in ports), owner=owner) as (_, uplink):
             await wait(lambda: owner.ups == 1)
             more()
@@ -60,7 +62,6 @@ async def test_from_one_gateway_to_the_other_and_back(tmp_path: Path, postgres: 
                 more()
                 await wait(lambda: owner.held == 0)
                 more()
-                two = stack.programs[1]
                 two.kill()
             finally:
                 one.process.send_signal(signal.SIGCONT)

@@ -50,9 +50,11 @@ def test_a_motor_heats_up_and_somebody_is_told_why(tmp_path: Path) -> None:
         routes = tmp_path / "notify.toml"
         routes.write_text(f'wait_s = 0\n[[webhook]]\nname = "ops"\nurl = "{hook.url}"\nprivate = true\n')
         stack.router()
-        stack.gateway("--notify", str(routes))
-        stack.sim("--no-camera")
-        stack.agent(ROBOT)
+        stack.at_once(
+            lambda: stack.gateway("--notify", str(routes)),
+            lambda: stack.sim("--no-camera"),
+            lambda: stack.agent(ROBOT),
+        )
         wait_until(lambda: stack.online() == {ROBOT}, timeout_s=60)
         # A motor that is warm is the worst there is on this robot: nobody waits for 95 °C here.
         check = {"high": WARM_C, "for_s": 1.0, "clear_s": 1.0, "severity": "error"}

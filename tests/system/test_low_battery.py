@@ -116,9 +116,7 @@ def tell_the_bus(stack: Stack, function: str) -> None:
 def test_a_low_battery_sends_the_robot_to_its_dock(tmp_path: Path) -> None:
     with Stack(tmp_path) as stack:
         stack.router()
-        gateway = stack.gateway()
-        stack.sim("--no-camera")
-        stack.agent(ROBOT)
+        gateway, *_ = stack.at_once(stack.gateway, lambda: stack.sim("--no-camera"), lambda: stack.agent(ROBOT))
         wait_until(lambda: stack.online() == {ROBOT}, timeout_s=60)
         ask(stack, "PUT", "/api/v1/functions/decide", {"zip": code(), "handler": "app.handler", "timeout_s": 30})
         tell_the_bus(stack, "decide")

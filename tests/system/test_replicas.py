@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import secrets
+from collections.abc import Sequence
 from pathlib import Path
 
 import httpx
@@ -11,12 +12,12 @@ import pytest
 
 from tests.support.postgres import PostgresServer
 from tests.support.replica_schedules import alerts, fired, schedule, wait_for_all
-from tests.support.replicas import Fleet, Replicas, fleet
+from tests.support.replicas import Fleet, Replica, Replicas, fleet
 from tests.support.stack import Stack
 from tests.support.uplinks import wait
 
-TIMES = 6  # at which a schedule fires
-EVERY_S = 4
+TIMES = 4  # at which a schedule fires
+EVERY_S = 3
 
 
 async def check_samples(run: Fleet) -> None:
@@ -29,22 +30,20 @@ async def check_samples(run: Fleet) -> None:
 
 @pytest.mark.integration
 @pytest.mark.timeout(600)
-async def test_a_replica_is_killed_under_load_three_times(tmp_path: Path, postgres: PostgresServer) -> None:
+async def test_replicas_are_killed_under_load_and_restarted_one_after_the_other(
+    tmp_path: Path, postgres: PostgresServer
+) -> None:
     with Stack(tmp_path) as stack:
-        replicas = Replicas(stack, postgres.schema())
+        replicas = Replicas(stack, postgres.schema(), options=("--drain-s", "5"))
         async with fleet(replicas) as run:
             names = await schedule(replicas.all[0], times=TIMES, every_s=EVERY_S)
-            for killed in replicas.all:
-                await wait(lambda: all(run.watcher.seen[run.watcher.at.name, robot.name] for robot in run.robots))
-                had = await run.kill(killed)
-                assert had, "it had robots to lose"
-                await run.back(had)
-                run.watcher.seen.clear()
-                await wait(lambda: all(run.watcher.seen[run.watcher.at.name, robot.name] for robot in run.robots))
-                await replicas.begin(killed)
-            other = replicas.all[1]
+            for killed in replicas.all[:2]:
+                await check_kill(run, killed)
+            sent = await check_restarts(run, replicas.all[1:])
+            other = replicas.all[0]
             await wait_for_all(other, names)
             await run.settle()
+            await check_commands(run, sent)
             assert set((await fired(other)).values()) == {1}, "each schedule fired once"
             opened = await alerts(other)
             assert len(opened) == len(set(opened))
@@ -57,6 +56,46 @@ async def test_a_replica_is_killed_under_load_three_times(tmp_path: Path, postgr
             moved = [seconds for robot in run.robots for seconds in robot.back_s]
             print(f"links back after {max(moved):.2f} s at most, of {len(moved)}")
         await check_samples(run)
+
+
+async def check_kill(run: Fleet, killed: Replica) -> None:
+    """Its robots are soon at another one, and a viewer sees them all there."""
+    await wait(lambda: all(run.watcher.seen[run.watcher.at.name, robot.name] for robot in run.robots))
+    had = await run.kill(killed)
+    assert had, "it had robots to lose"
+    await run.back(had)
+    run.watcher.seen.clear()
+    await wait(lambda: all(run.watcher.seen[run.watcher.at.name, robot.name] for robot in run.robots))
+    await run.replicas.begin(killed)
+
+
+async def check_restarts(run: Fleet, ended: Sequence[Replica]) -> dict[str, str]:
+    """Each ends in good order and comes back, while robots are given commands, which are returned by their keys."""
+    sent: dict[str, str] = {}
+    orders = asyncio.create_task(order(run, sent))
+    try:
+        for replica in ended:
+            before = len(sent)
+            await wait(lambda before=before: len(sent) > before + 10)
+            had = run.homed(replica)
+            assert await run.replicas.end(replica) == 0
+            await run.back(had)
+            await run.replicas.begin(replica)
+        before = len(sent)
+        await wait(lambda: len(sent) > before + 10)
+    finally:
+        orders.cancel()
+        await asyncio.gather(orders, return_exceptions=True)
+    return sent
+
+
+async def check_commands(run: Fleet, sent: dict[str, str]) -> None:
+    """Each was carried out, once."""
+    async with run.replicas.all[0].client() as http:
+        for command_id in sent.values():
+            await done(http, command_id)
+    arrived = [command for robot in run.robots for command in robot.commands]
+    assert len(arrived) == len(set(arrived)) >= len(sent)
 
 
 async def order(run: Fleet, sent: dict[str, str]) -> None:
@@ -80,35 +119,6 @@ async def order(run: Fleet, sent: dict[str, str]) -> None:
                 assert answer.status_code in (401, 503), answer.text  # it ends, or has just begun
             await asyncio.sleep(0.01)
         number += 1
-
-
-@pytest.mark.integration
-@pytest.mark.timeout(600)
-async def test_replicas_are_restarted_one_after_the_other(tmp_path: Path, postgres: PostgresServer) -> None:
-    sent: dict[str, str] = {}
-    with Stack(tmp_path) as stack:
-        replicas = Replicas(stack, postgres.schema(), options=("--drain-s", "5"))
-        async with fleet(replicas) as run:
-            orders = asyncio.create_task(order(run, sent))
-            for ended in replicas.all:
-                before = len(sent)
-                await wait(lambda before=before: len(sent) > before + 10)
-                had = run.homed(ended)
-                assert had, "it had robots to lose"
-                assert await replicas.end(ended) == 0
-                await run.back(had)
-                await replicas.begin(ended)
-            before = len(sent)
-            await wait(lambda: len(sent) > before + 10)
-            orders.cancel()
-            await asyncio.gather(orders, return_exceptions=True)
-            await run.settle()
-            async with replicas.all[0].client() as http:
-                for command_id in sent.values():
-                    await done(http, command_id)
-            arrived = [command for robot in run.robots for command in robot.commands]
-            assert len(arrived) == len(set(arrived)) >= len(sent)
-        await check_samples(run)
 
 
 async def done(http: httpx.AsyncClient, command_id: str) -> None:

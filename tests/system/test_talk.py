@@ -40,10 +40,9 @@ def stack(folder: Path, alsa: Alsa) -> Iterator[Stack]:
     """A gateway, a robot r1 with an agent and the speaker's driver on its router."""
     with Stack(folder) as stack:
         stack.router()
-        stack.gateway()
         speaker = ("--param", f"device={SPEAKER}", "--param", f"rate={RATE}", "--zenoh-port", str(stack.zenoh_port))
         stack.start("speaker", "driver", "run", "speaker", "--namespace", "/r1", *speaker, ready=False)
-        stack.agent("r1")
+        stack.at_once(stack.gateway, lambda: stack.agent("r1"))
         wait_until(lambda: "r1" in stack.online() and len(alsa.played()) > 0)
         yield stack
 

@@ -99,9 +99,11 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Stack, Spe
     """A simulated robot, its agent and a gateway, for all of these tests; who kills one of them starts it again."""
     with Stack(tmp_path_factory.mktemp("robot")) as stack:
         stack.router()
-        stack.gateway()
-        stack.sim("--resume-after", "600", "--seed", "1", "--no-camera")
-        stack.agent("sim_1")
+        stack.at_once(
+            stack.gateway,
+            lambda: stack.sim("--resume-after", "600", "--seed", "1", "--no-camera"),
+            lambda: stack.agent("sim_1"),
+        )
         wait_until(lambda: "/sim_1/cmd_vel" in stack.topics("sim_1") or stack.online() == {"sim_1"}, timeout_s=60)
         with closing(Speedometer(stack.zenoh_port)) as speedometer:
             yield stack, speedometer
