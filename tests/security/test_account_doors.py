@@ -12,11 +12,11 @@ import pytest
 
 from gateway.main import Ready
 from tests.gateway.harness import client, running_gateway
+from tests.support.plain_http import FREE
 from tests.support.quick_passwords import quick_passwords  # noqa: F401 - a fixture
 
 pytestmark = pytest.mark.usefixtures("quick_passwords")
 PASSWORD = "correct horse battery"
-FREE = {"requests_per_s": 0.0, "anonymous_requests_per_s": 0.0, "sign_ins_per_min": 0.0}
 
 
 def local(ready: Ready) -> httpx.AsyncClient:

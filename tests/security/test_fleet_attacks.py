@@ -24,7 +24,7 @@ from metaros.interfaces.rcl_interfaces.srv import GetParameters, ListParameters
 from metaros.twin import digest
 from tests.gateway.harness import CONTROL, RING, ScriptedAgent, client, hear, open_socket, running_gateway, say
 from tests.support.key_ring import bearer
-from tests.support.plain_http import PlainHttp, plain_http
+from tests.support.plain_http import FREE, PlainHttp, plain_http
 
 VIEWER = RING.add(role=Role.VIEWER, name="viewer")
 ADMIN = RING.add(role=Role.ADMIN, name="admin")
@@ -153,7 +153,7 @@ def lies() -> Iterator[dict[str, Any]]:
 
 async def test_no_report_of_a_robot_breaks_what_people_read(tmp_path: Path) -> None:
     paths = ["/robots/sim_1/nodes", "/robots/sim_1/nodes/lidar", "/robots/sim_1/twin", "/nodes", "/twins", "/robots"]
-    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent, asking(ready) as http:
+    async with running_gateway(tmp_path, **FREE) as ready, ScriptedAgent(ready) as agent, asking(ready) as http:
         await wish_for_a_lidar(ready)
         for lie in lies():
             reported = json.dumps(lie).encode()
@@ -203,7 +203,7 @@ async def test_no_answer_of_a_robot_breaks_what_people_read(tmp_path: Path, path
             yield turn[0]
 
     place, change = f"/api/v1/robots/sim_1/nodes/lidar/{path}", b'{"parameters": {"a": 1}}'
-    async with running_gateway(tmp_path) as ready, lying_robot(ready, same()), asking(ready) as http:
+    async with running_gateway(tmp_path, **FREE) as ready, lying_robot(ready, same()), asking(ready) as http:
         await wish_for_a_lidar(ready)
         for payload in given:
             turn[0] = payload

@@ -29,7 +29,7 @@ from metaros._proto import alerts_pb2, events_pb2, fleet_pb2, link_pb2, telemetr
 from metaros.clock import SystemClock
 from tests.gateway.harness import ScriptedAgent, bearer, client, running_gateway
 from tests.support.key_ring import KeyRing
-from tests.support.plain_http import PlainHttp, plain_http
+from tests.support.plain_http import FREE, PlainHttp, plain_http
 from tools.gen_permissions import PAGE, render
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.xdist_group("permission matrix")]
@@ -103,7 +103,7 @@ EXPECTED = {
     "dead_letters.write": "ssf++bf",
 }
 CODES = {"s": (401, "sign_in"), "b": (401, "bad_credentials"), "f": (403, "forbidden")}
-GATE = {"sign_in", "bad_credentials", "forbidden", "csrf"}
+GATE = {"sign_in", "bad_credentials", "forbidden", "csrf", "too_many_requests"}
 
 
 @dataclass
@@ -138,7 +138,7 @@ async def world(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[World
     async with AsyncExitStack() as stack:
         for anonymous in (True, False):
             folder = tmp_path_factory.mktemp("gateway")
-            running = running_gateway(folder, door=people.ring, anonymous=anonymous, allow_hosts=("fleet",))
+            running = running_gateway(folder, door=people.ring, anonymous=anonymous, allow_hosts=("fleet",), **FREE)
             ready = await stack.enter_async_context(running)
             for robot in ("sim_1", "other_1"):
                 agent = ScriptedAgent(ready, robot, session=robot.encode().ljust(16))

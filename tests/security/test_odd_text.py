@@ -12,7 +12,7 @@ import pytest
 from tests.gateway.harness import ScriptedAgent, running_gateway
 from tests.gateway.store.conftest import store_url  # noqa: F401 - both databases
 from tests.support.key_ring import bearer
-from tests.support.plain_http import PlainHttp, plain_http
+from tests.support.plain_http import FREE, PlainHttp, plain_http
 
 HUGE = 10**40
 # In addresses and queries, and the same in JSON: half a character and NaN can only stand in the latter.
@@ -95,9 +95,8 @@ async def tell(http: PlainHttp, method: str, path: str, body: str | None = None)
 
 @pytest.mark.integration
 async def test_nothing_odd_is_an_error_of_the_gateway(tmp_path: Path, store_url: str) -> None:  # noqa: F811
-    free = {"requests_per_s": 0.0, "robot_requests_per_s": 0.0, "sign_ins_per_min": 0.0}
     wrong, asked = [], 0
-    async with running_gateway(tmp_path, store_url=store_url, **free) as ready:
+    async with running_gateway(tmp_path, store_url=store_url, **FREE) as ready:
         async with ScriptedAgent(ready):
             pass
         key = (ready.data_dir / "local.key").read_text().strip()

@@ -15,7 +15,7 @@ from gateway.api import ROUTERS as ALL_ROUTERS
 from gateway.api.aws.routes import router as aws_router
 from gateway.main import Ready
 from tests.gateway.harness import OPERATOR_KEY, ScriptedAgent, bearer, client, open_socket, running_gateway
-from tests.support.plain_http import plain_http
+from tests.support.plain_http import FREE, plain_http
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.xdist_group("foreign pages")]
 
@@ -58,7 +58,7 @@ UPGRADE = {
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
 async def ready(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Ready]:
     """A gateway as it is when nothing is said about hosts and origins."""
-    async with running_gateway(tmp_path_factory.mktemp("gateway")) as running:
+    async with running_gateway(tmp_path_factory.mktemp("gateway"), **FREE) as running:
         yield running
 
 

@@ -43,6 +43,7 @@ from tests.gateway.test_robot_links import (
     tls_lane,
 )
 from tests.support.key_ring import bearer
+from tests.support.plain_http import FREE
 
 KEYS = {
     "anonymous": "",
@@ -148,7 +149,7 @@ async def test_everybody_on_the_plain_port_of_this_machine(tmp_path: Path) -> No
 
 
 FLEET = sorted(path for path in RPCS if path[1:].startswith(PROGRAMS))
-GATE = {"sign_in", "bad_credentials", "forbidden", "unknown_robot", "unknown_command"}
+GATE = {"sign_in", "bad_credentials", "forbidden", "unknown_robot", "unknown_command", "too_many_requests"}
 
 
 @asynccontextmanager
@@ -220,7 +221,8 @@ async def test_everybody_at_every_method_of_the_fleet(tmp_path: Path, anonymous:
         pass  # known, and offline by now
     askers = KEYS if anonymous else {"anonymous": ""}  # to the others it makes no difference
     wrong = []
-    async with running_gateway(tmp_path, door=RING, anonymous=anonymous, tls=tls) as ready, programs(ready) as channel:
+    settings = {"anonymous": anonymous, "tls": tls, **FREE}
+    async with running_gateway(tmp_path, door=RING, **settings) as ready, programs(ready) as channel:
         for path in FLEET:
             answers = await asyncio.gather(*(knock(channel, path, key) for key in askers.values()))
             for who, (status, code) in zip(askers, answers, strict=True):

@@ -15,10 +15,10 @@ from gateway.identity.permissions import PERMISSIONS
 from tests.security.test_matrix import ASKERS, EXPECTED
 from tests.support.api_fuzzer import Report, fuzz_api
 from tests.support.busy_gateway import busy_gateway
+from tests.support.plain_http import FREE
 
 SEED = 20_261_121
 SAMPLE = {"admin": 1, "scoped": 1, "viewer": 4, "nobody": 4}  # an example of one in so many paths
-FREE = {"requests_per_s": 0.0, "anonymous_requests_per_s": 0.0, "robot_requests_per_s": 0.0, "sign_ins_per_min": 0.0}
 # Asker: the column of the matrix, role, robots.
 WHO: dict[str, tuple[str, Role, tuple[str, ...]]] = {
     "nobody": ("nobody", Role.NONE, ()),
