@@ -17,6 +17,7 @@ import pytest
 from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 
+from gateway.identity import robots
 from gateway.identity.ca import Authority, issue_robot, issue_server, make_intermediate, make_root, pem
 from gateway.identity.master import MasterKey
 from gateway.ingest import lane_shell
@@ -76,7 +77,8 @@ async def test_a_certificate_counts_between_its_dates_alone(tmp_path: Path) -> N
                     assert await greet(opened, one.hello(), one) == what, kind
 
 
-async def test_a_live_link_ends_with_its_certificate(tmp_path: Path) -> None:
+async def test_a_live_link_ends_with_its_certificate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(robots, "POLL_S", 0.05)
     clock = LeapingClock()
     async with running_gateway(tmp_path, door=RING, clock=clock) as ready, contextlib.AsyncExitStack() as stack:
         lanes = []

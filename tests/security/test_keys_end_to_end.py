@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
+from gateway.api import attendance
 from gateway.domain.principal import Role
 from gateway.main import Ready
+from metaros.limits import LIMITS
 from tests.gateway.harness import ScriptedAgent, client, hear, open_socket, running_gateway, say
 from tests.support.key_ring import KeyRing
 
@@ -16,7 +21,8 @@ def local_key(ready: Ready) -> str:
     return (ready.data_dir / "local.key").read_text().strip()
 
 
-async def test_a_key_of_some_robots_from_its_making_to_its_end(tmp_path: Path) -> None:
+async def test_a_key_of_some_robots_from_its_making_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(attendance, "LIMITS", replace(LIMITS, attendance_s=0.02))
     async with running_gateway(tmp_path, anonymous=False) as ready, client(ready, key=local_key(ready)) as admin:
         async with (
             ScriptedAgent(ready, "hall_1", session=b"h" * 16),

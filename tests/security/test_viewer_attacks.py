@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,11 @@ import pytest
 from websockets.asyncio.client import connect
 from websockets.exceptions import InvalidStatus
 
+from gateway.api import attendance
 from gateway.api.foxglove import session
 from gateway.domain.principal import Role
 from metaros._proto import link_pb2
+from metaros.limits import LIMITS
 from tests.gateway.api.foxglove.viewer import viewing
 from tests.gateway.harness import CONTROL, ScriptedAgent, channel, client, open_socket, running_gateway, say
 from tests.support.key_ring import KeyRing, bearer
@@ -158,7 +161,10 @@ async def test_files_that_a_viewer_asks_for_are_in_memory_one_at_a_time(
     assert not together
 
 
-async def test_whose_key_is_revoked_serves_and_publishes_nothing_any_more(tmp_path: Path) -> None:
+async def test_whose_key_is_revoked_serves_and_publishes_nothing_any_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(attendance, "LIMITS", replace(LIMITS, attendance_s=0.02))
     ring = KeyRing()
     key = ring.add(role=Role.OPERATOR, robots=("sim_1",))
     async with (
