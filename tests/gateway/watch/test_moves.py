@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
 
 from gateway.store.watch_states import Saved
-from gateway.watch.moves import AHEAD_NS, BACK_NS, Window
+from gateway.watch.bands import Bands
+from gateway.watch.intake import Intake
+from gateway.watch.keeper import Keeper
+from gateway.watch.moves import AHEAD_NS, BACK_NS, Moves, Window
 from gateway.watch.pending import Pending
+from gateway.watch.turns import Turns
+from metaros.clock import ManualClock
 from tests.gateway.watch.made import entry
 
 S = 10**9
@@ -37,6 +45,16 @@ def test_a_clock_at_either_end_of_all_stamps_asks_for_none_beyond() -> None:
     for newest_ns in (2**63 - 1, -(2**63)):
         window = Window.after(replace(STATE, newest_ns=newest_ns), NOW + 20 * S)
         assert -(2**63) <= window.start_ns <= newest_ns <= window.end_ns < 2**63
+
+
+def test_the_newest_row_of_a_clock_at_the_beginning_of_all_stamps_can_be_stored(tmp_path: Path) -> None:
+    intake = Intake(Keeper(tmp_path))
+    turns = Turns(intake, Bands(), clock=ManualClock())
+    judge = turns.mind.judge
+    judge.samples(np.array([judge.slot("r1", "a.x")]), np.array([-(2**63) / 1e9]), np.ones(1))
+    judge.tick(0.0)
+    (state,) = Moves(turns, intake).dump({"r1": 1}, most_bytes=1e9, now_ns=NOW)
+    assert state.newest_ns == -(2**63)
 
 
 def test_rows_that_were_judged_elsewhere_are_not_judged_again() -> None:
