@@ -15,7 +15,7 @@ import shlex
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -108,6 +108,7 @@ class World:
 
     endpoint: str
     folder: Path
+    metaros: Sequence[str] = (sys.executable, "-u", "-m", "metaros")
     programs: list[subprocess.Popen[bytes]] = field(default_factory=list)
     ports: dict[str, str] = field(default_factory=dict)
 
@@ -164,7 +165,7 @@ class World:
 
     def _popen(self, command: Command, log: Path) -> subprocess.Popen[bytes]:
         words = shlex.split(command.text.rstrip("& "))
-        first = {"metaros": [sys.executable, "-u", "-m", "metaros"], "python": [sys.executable, "-u"]}[words[0]]
+        first = {"metaros": self.metaros, "python": (sys.executable, "-u")}[words[0]]
         with log.open("wb") as out:
             return subprocess.Popen([*first, *words[1:]], stdout=out, stderr=out, cwd=self.folder)
 
@@ -183,7 +184,7 @@ class World:
             size.append(len(self._graph.endpoints()))
             return len(set(size[-3:])) == 1
 
-        wait_until(settled, every_s=0.2)
+        wait_until(settled, every_s=0.1)
         return log.read_text() if command.sample else ""
 
     def _interrupt(self, command: Command) -> str:

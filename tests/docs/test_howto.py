@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 
 from tests.docs.console import Command, World, commands_of, environment, matches
 from tests.layout.test_docs import command_tree
+from tests.support.warm import warm_metaros
 
 ROOT = Path(__file__).resolve().parents[2]
 HOWTO = ROOT / "docs" / "howto"
@@ -23,14 +25,27 @@ LOOKS = re.compile(rf"metaros ({NOUNS})\b(?! (pub|call|send_goal))")
 CHEAP = {"interfaces.md", "lifecycle.md", "parameters.md", "seal_topics.md", "simulate.md", "zeromq.md"}
 
 
+@pytest.fixture(scope="session")
+def warm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """`metaros` for pages that start gateways: this worker's."""
+    with warm_metaros(tmp_path_factory.mktemp("warm")) as path:
+        yield path
+
+
 @pytest.fixture
-def world(zenoh_router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
+def world(
+    request: pytest.FixtureRequest, zenoh_router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[World]:
     """A router and one simulated robot; the examples are at hand."""
     for name, value in environment(zenoh_router, tmp_path).items():
         monkeypatch.setenv(name, value)
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)
     world = World(zenoh_router, tmp_path)
+    if request.node.callspec.params["page"] not in CHEAP:
+        path = request.getfixturevalue("warm")
+        world.metaros = (str(path),)
+        monkeypatch.setenv("PATH", f"{path.parent}:{os.environ['PATH']}")
     with world.page():
         yield world
 

@@ -8,8 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import pytest
-
 from tests.support.ports import free_port
 from tests.support.processes import END_S, started
 from tests.support.waiting import wait_until
@@ -35,10 +33,3 @@ def test_a_robot_whose_consumer_hears_its_driver(tmp_path: Path) -> None:
         text = out.read_text()
         assert "[robot.driver]: the front sensor measures 5 times a second" in text
         assert text.index("driver   ▶ started") < text.index("consumer ▶ started")
-
-
-@pytest.mark.integration
-def test_a_crash_loop_ends_in_quarantine_and_a_bystander_hears_of_it(tmp_path: Path) -> None:
-    with launched("crash_loop.toml", tmp_path) as out:
-        wait_until(lambda: "[bystander]: /crasher: quarantined: 11 exits within 300 s" in out.read_text())
-        assert "exit code 1: RuntimeError: the motor does not answer" in out.read_text()

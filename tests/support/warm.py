@@ -1,0 +1,211 @@
+"""Processes of `metaros` that begin where its imports are done: forked off a server that has made them, once.
+
+`warm_metaros(folder)` starts the server and puts a program `metaros` into the folder, for PATH or to be run. That is a
+small one, which hands its arguments, its environment, its place and its files to the server, passes signals on, and
+ends as the real one does. Who kills it kills both. Imports are most of what a command costs, and three of the four
+seconds of a gateway's start. For tests of starting, the real thing: `tests.support.command_line.program`.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import gc
+import importlib
+import io
+import os
+import selectors
+import signal
+import socket
+import subprocess
+import sys
+import traceback
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NoReturn
+
+__all__ = ["warm_metaros"]
+
+MODULES = (
+    *("metaros.cli.main", "metaros.node", "metaros.sim", "metaros.cli.launch_run", "metaros.cli.topic"),
+    *("gateway.cli", "gateway.main", "gateway.app", "edge_agent.cli", "edge_agent.main"),
+)
+PASSED_ON = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1")
+ROOT = Path(__file__).resolve().parents[2]
+END_S = 60.0
+
+# Nothing is imported that is not in the interpreter itself: it starts in ten milliseconds.
+CLIENT = """#!{python} -SE
+import _signal, _socket, array, posix, sys
+link = _socket.socket(_socket.AF_UNIX, _socket.SOCK_STREAM)
+link.connect({place!r})
+said = repr((sys.argv[1:], dict(posix.environ), posix.getcwd())).encode()
+files = array.array("i", [0, 1, 2])
+link.sendmsg([len(said).to_bytes(4, "big")], [(_socket.SOL_SOCKET, _socket.SCM_RIGHTS, files)])
+link.sendall(said)
+for name in {passed_on!r}:
+    _signal.signal(getattr(_signal, name), lambda number, _: link.send(bytes([number])))
+code = int.from_bytes(link.recv(4) or b"\\0\\0\\0\\1", "big", signed=True)
+if code < 0:
+    _signal.signal(-code, _signal.SIG_DFL)
+    posix.kill(posix.getpid(), -code)
+posix._exit(code)
+"""
+
+
+@contextlib.contextmanager
+def warm_metaros(folder: Path) -> Iterator[Path]:
+    """The program's path; what of it still runs at the end is killed."""
+    place = str(folder / "warm.sock")
+    path = folder / "metaros"
+    path.write_text(CLIENT.format(python=sys.executable, place=place, passed_on=PASSED_ON))
+    path.chmod(0o755)
+    server = subprocess.Popen(
+        [sys.executable, "-m", "tests.support.warm", place],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        cwd=ROOT,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # whoever has threads must not be forked
+    )
+    assert server.stdin is not None
+    assert server.stdout is not None
+    with server, server.stdout, server.stdin:
+        assert server.stdout.readline() == b"ready\n"
+        try:
+            yield path
+        finally:
+            server.stdin.close()
+            server.wait(END_S)
+
+
+class Server:
+    """Forks when it is asked to; each connection is a process, for as long as both are there."""
+
+    def __init__(self, place: str) -> None:
+        self._listener = socket.socket(socket.AF_UNIX)
+        self._listener.bind(place)
+        self._listener.listen(64)
+        self._links: dict[int, socket.socket] = {}  # by the process
+        self._woken, waker = os.pipe()
+        for end in (self._woken, waker):
+            os.set_blocking(end, False)
+        self._ready = selectors.DefaultSelector()
+        for file in (self._listener, self._woken, sys.stdin):
+            self._ready.register(file, selectors.EVENT_READ)
+        signal.set_wakeup_fd(waker, warn_on_full_buffer=False)
+        signal.signal(signal.SIGCHLD, lambda *_: None)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def run(self) -> None:
+        """Until our owner closes our input."""
+        while True:
+            for key, _ in self._ready.select():
+                if key.fileobj is sys.stdin:
+                    for pid in self._links:
+                        os.kill(pid, signal.SIGKILL)
+                    return
+                if key.fileobj is self._listener:
+                    self._begin(self._listener.accept()[0])
+                elif key.fileobj == self._woken:
+                    os.read(self._woken, 4096)
+                    self._reap()
+                elif key.data in self._links:
+                    self._hear(key.data)
+
+    def _begin(self, link: socket.socket) -> None:
+        head, files, _, _ = socket.recv_fds(link, 4, 3)
+        said = b""
+        while len(said) < int.from_bytes(head, "big"):
+            said += link.recv(1 << 16)
+        pid = os.fork()
+        if pid == 0:
+            self._become(files, *ast.literal_eval(said.decode()))
+        for file in files:
+            os.close(file)
+        self._links[pid] = link
+        self._ready.register(link, selectors.EVENT_READ, pid)
+
+    def _hear(self, pid: int) -> None:
+        """A signal for the process, or its end with the program that stands for it."""
+        numbers = self._links[pid].recv(16)
+        for number in numbers or [signal.SIGKILL]:
+            os.kill(pid, number)
+        if not numbers:
+            self._ready.unregister(self._links[pid])
+
+    def _reap(self) -> None:
+        with contextlib.suppress(ChildProcessError):
+            while (found := os.waitpid(-1, os.WNOHANG))[0]:
+                link = self._links.pop(found[0])
+                with contextlib.suppress(KeyError):
+                    self._ready.unregister(link)
+                with contextlib.suppress(OSError), link:
+                    link.sendall(os.waitstatus_to_exitcode(found[1]).to_bytes(4, "big", signed=True))
+
+    def _become(self, files: list[int], argv: list[str], environ: dict[bytes, bytes], folder: str) -> NoReturn:
+        code: Any = 1
+        try:
+            os.setsid()
+            signal.set_wakeup_fd(-1)
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            for number, file in enumerate(files):
+                os.dup2(file, number)
+            os.closerange(3, max(self._woken, *files, *(link.fileno() for link in self._links.values())) + 64)
+            os.chdir(folder)
+            os.environ.clear()
+            os.environ.update({os.fsdecode(name): os.fsdecode(value) for name, value in environ.items()})
+            sys.stdin = io.TextIOWrapper(io.FileIO(0, closefd=False))
+            for number, name in ((1, "stdout"), (2, "stderr")):
+                file = io.BufferedWriter(io.FileIO(number, "w", closefd=False))
+                setattr(sys, name, io.TextIOWrapper(file, encoding="utf-8", line_buffering=True))
+            sys.argv = ["metaros", *argv]
+            code = _run()
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            with contextlib.suppress(OSError, ValueError):
+                sys.stdout.flush()
+            with contextlib.suppress(OSError, ValueError):
+                sys.stderr.flush()
+            os._exit(code)
+
+
+def _run() -> int:
+    """As an interpreter would, threads and what was to be done at exit included."""
+    import atexit
+    import threading
+
+    from metaros.cli.main import main
+
+    code: Any = 0
+    try:
+        main()
+    except SystemExit as end:
+        code = end.code
+    except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        os.kill(os.getpid(), signal.SIGINT)
+    if isinstance(code, str):
+        sys.stderr.write(f"{code}\n")
+        code = 1
+    threading._shutdown()  # type: ignore[attr-defined]
+    atexit._run_exitfuncs()
+    return int(code or 0)
+
+
+def serve(place: str) -> None:
+    """The server's life."""
+    for name in MODULES:
+        importlib.import_module(name)
+    threads = len(os.listdir("/proc/self/task")) if sys.platform == "linux" else 1
+    assert threads == 1
+    gc.collect()
+    gc.freeze()
+    server = Server(place)
+    print("ready", flush=True)
+    server.run()
+
+
+if __name__ == "__main__":
+    serve(sys.argv[1])
