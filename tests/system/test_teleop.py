@@ -59,7 +59,8 @@ class Driver:
 
     def __init__(self, stack: Stack) -> None:
         self.opened = ExitStack()
-        connection = open_socket(stack.url, "/api/v1/robots/sim_1/teleop", key=stack.key)
+        # Nobody reads what it is told: in a queue that is full the end would be waited for.
+        connection = open_socket(stack.url, "/api/v1/robots/sim_1/teleop", key=stack.key, max_queue=None)
         self.socket: ClientConnection = self.opened.enter_context(connection)
         wait_until(self.take)  # who drove before has just gone
         self.seq = 0
