@@ -11,7 +11,6 @@ import pytest
 
 from tests.docs.console import Command, World, commands_of, environment, matches
 from tests.layout.test_docs import command_tree
-from tests.support.warm import warm_metaros
 
 ROOT = Path(__file__).resolve().parents[2]
 HOWTO = ROOT / "docs" / "howto"
@@ -23,13 +22,6 @@ NOUNS = "topic|node|service|action|graph|history|top|doctor|launch status|status
 LOOKS = re.compile(rf"metaros ({NOUNS})\b(?! (pub|call|send_goal))")
 # These need no gateway; the others are integration tests.
 CHEAP = {"interfaces.md", "lifecycle.md", "parameters.md", "seal_topics.md", "simulate.md", "zeromq.md"}
-
-
-@pytest.fixture(scope="session")
-def warm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """`metaros` for pages that start gateways: this worker's."""
-    with warm_metaros(tmp_path_factory.mktemp("warm")) as path:
-        yield path
 
 
 @pytest.fixture

@@ -48,7 +48,9 @@ def test_files_of_ours_are_where_the_page_says(page: str) -> None:
 
 @pytest.mark.integration
 @pytest.mark.skipif(sys.platform == "win32", reason="the page is for a POSIX shell")
-def test_the_answers_are_those_of_a_gateway_that_is_set_up_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_answers_are_those_of_a_gateway_that_is_set_up_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, warm: Path
+) -> None:
     if probe().level < Level.L2:
         pytest.skip("this machine has no sandbox of functions that the page would be content with")
     monkeypatch.setenv("HOME", str(tmp_path))
@@ -61,7 +63,7 @@ def test_the_answers_are_those_of_a_gateway_that_is_set_up_so(tmp_path: Path, mo
             "METAROS_KEY": stack.key,
             "METAROS_CA": str(data / "root.pem"),
             "DATA": str(data),
-            "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+            "PATH": f"{warm.parent}:{Path(sys.executable).parent}:{os.environ['PATH']}",
         }
         environment.pop("METAROS_STORE", None)
         for command in commands_of(LIST):
