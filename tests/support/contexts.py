@@ -25,7 +25,7 @@ class SharedContexts:
         """The context of that name, without nodes; when the test is over, its nodes have left every graph."""
         context = self._contexts.get(name)
         if context is None or context.closed:
-            context = self._contexts[name] = metaros.Context(domain_id=0, connect=self.router)
+            context = self._contexts[name] = metaros.Context(domain_id=0, connect=self.router, environ={})
         own_clock = context.clock
         context.clock = clock or own_clock
         try:

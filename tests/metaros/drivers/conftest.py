@@ -15,12 +15,12 @@ from tests.support.routers import zenoh_router
 @pytest.fixture(scope="session")
 def context() -> Iterator[metaros.Context]:
     """On a router of its own; its clock leaps when told."""
-    with zenoh_router() as endpoint, metaros.Context(connect=endpoint, clock=LeapingClock()) as opened:
+    with zenoh_router() as endpoint, metaros.Context(connect=endpoint, clock=LeapingClock(), environ={}) as opened:
         yield opened
 
 
 @pytest.fixture(scope="session")
 def hurried_context(context: metaros.Context) -> Iterator[metaros.Context]:
     """On the same router, with short seconds: for what plays or is recorded at its own pace."""
-    with metaros.Context(connect=context.session.connect, clock=HurriedClock(speed=5.0)) as opened:
+    with metaros.Context(connect=context.session.connect, clock=HurriedClock(speed=5.0), environ={}) as opened:
         yield opened
