@@ -2,48 +2,25 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
-import os
-import sys
 from pathlib import Path
-
-import pytest
 
 from gateway.domain.principal import Role
 from gateway.main import Ready
 from tests.gateway.harness import CONTROL, RING, ScriptedAgent, running_gateway
 from tests.support.bundles import make_bundle
+from tests.support.command_line import Done, ask_metaros
 
 ADMIN = RING.add(role=Role.ADMIN, name="cli admin")
 
 
-async def metaros(ready: Ready | None, *arguments: str, folder: Path) -> tuple[int, str, str]:
-    """Run it; exit code, standard output, standard error."""
-    environment = {**os.environ, "METAROS_KEY": ADMIN, "http_proxy": "http://127.0.0.1:9"}
-    environment["METAROS_GATEWAY_URL"] = ready.url if ready is not None else "http://127.0.0.1:9"
-    process = await asyncio.create_subprocess_exec(
-        sys.executable,
-        "-m",
-        "metaros",
-        *arguments,
-        cwd=folder,
-        env=environment,
-        stdin=asyncio.subprocess.DEVNULL,
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.PIPE,
-    )
-    try:
-        async with asyncio.timeout(120):
-            out, err = await process.communicate()
-    finally:
-        if process.returncode is None:
-            process.kill()
-            await process.wait()
-    return process.returncode or 0, out.decode(), err.decode()
+async def metaros(ready: Ready | None, *arguments: str, folder: Path) -> Done:
+    """Run it in that folder."""
+    url = ready.url if ready is not None else "http://127.0.0.1:9"
+    environ = {"METAROS_KEY": ADMIN, "METAROS_GATEWAY_URL": url, "http_proxy": "http://127.0.0.1:9"}
+    return await ask_metaros(*arguments, folder=folder, **environ)
 
 
-@pytest.mark.integration
 async def test_from_keys_to_a_rollout(tmp_path: Path) -> None:
     secret = tmp_path / "secret"
     secret.write_text("correct horse\n")
@@ -99,7 +76,6 @@ async def test_from_keys_to_a_rollout(tmp_path: Path) -> None:
         assert "withdrawn" in err
 
 
-@pytest.mark.integration
 async def test_what_is_not_understood(tmp_path: Path) -> None:
     (tmp_path / "junk.zip").write_bytes(b"PK")
     (tmp_path / "short").write_text("1234567\n")

@@ -4,7 +4,7 @@ batches and on segments, and once on PostgreSQL.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -26,13 +26,15 @@ def form(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture
-def store_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+def store_url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
     """An empty store's URL."""
     if "source" in request.fixturenames and request.getfixturevalue("form") == "postgres":
         server: PostgresServer = request.getfixturevalue("postgres")
-        return server.schema()
+        with server.lend() as url:
+            yield url
+        return
     place_store(tmp_path)
-    return ""
+    yield ""
 
 
 @pytest.fixture

@@ -17,13 +17,15 @@ ENGINES = ("sqlite", pytest.param("postgres", marks=pytest.mark.integration))
 
 
 @pytest.fixture(params=ENGINES)
-def store_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+def store_url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
     """An empty store's URL; "" is a file in `tmp_path`."""
     if request.param == "sqlite":
         place_store(tmp_path)
-        return ""
+        yield ""
+        return
     server: PostgresServer = request.getfixturevalue("postgres")
-    return server.schema()
+    with server.lend() as url:
+        yield url
 
 
 @pytest.fixture
