@@ -6,7 +6,7 @@ import dataclasses
 import itertools
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metaros.clock import ManualClock
@@ -63,6 +63,7 @@ def test_an_excused_period_does_not_count():
     assert monitor.check(104.5) == 1
 
 
+@settings(max_examples=50)
 @given(st.floats(0.001, 100.0), st.lists(st.floats(0.0, 1000.0), min_size=1, max_size=30))
 def test_looking_more_often_never_changes_how_many_were_missed(period_s, gaps):
     lazy, keen = DeadlineMonitor(period_s), DeadlineMonitor(period_s)
@@ -79,6 +80,7 @@ def test_looking_more_often_never_changes_how_many_were_missed(period_s, gaps):
     assert lazy.total <= sum(gaps) / period_s + len(gaps)
 
 
+@settings(max_examples=50)
 @given(st.floats(1e-6, 1e3), st.floats(0.0, 1e9))
 def test_the_next_check_is_never_in_the_past_after_a_check(period_s, now_s):
     monitor = DeadlineMonitor(period_s)
@@ -138,6 +140,7 @@ def test_publishers_with_a_lease_fall_silent_and_wake():
     assert monitor.heard(b"unknown", 2.0) is None
 
 
+@settings(max_examples=50)
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from(("add", "gone", "heard", "wait"))), max_size=60))
 def test_liveliness_counts_always_add_up(steps):
     monitor, alive, not_alive = LivelinessMonitor("/t"), 0, 0
@@ -230,6 +233,7 @@ DURABILITY = (Durability.VOLATILE, Durability.TRANSIENT_LOCAL)
 LIVELINESS = (Liveliness.AUTOMATIC, Liveliness.MANUAL_BY_TOPIC)
 
 
+@settings(max_examples=50)
 @given(PROFILES, PROFILES)
 def test_an_offer_fits_when_no_policy_is_weaker_than_requested(offer, request_):
     def endless(duration_ns: int) -> int:
