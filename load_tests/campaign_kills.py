@@ -77,15 +77,16 @@ def live(stack: LoadStack, rng: Random) -> None:
 def run_leg(
     stack: LoadStack, rng: Random, cycles: int, acts: tuple[tuple[str, int], ...], act_on: Break
 ) -> Counter[str]:
-    """The cycles of one leg; how often each act was."""
+    """The cycles of one leg; how often each act was. Each comes once before one comes again by its weight."""
     done: Counter[str] = Counter()
     stack.start("gateway")
     stack.start("robot")
     stack.wait_online()
     names, weights = zip(*acts, strict=True)
+    first = rng.sample(names, len(names))
     for cycle in range(1, cycles + 1):
         live(stack, rng)
-        act = rng.choices(names, weights)[0]
+        act = first.pop() if first else rng.choices(names, weights)[0]
         act_on(stack, rng, act)
         done[act] += 1
         if sys.stdout.isatty():

@@ -138,18 +138,19 @@ def test_a_calendar_ten_years_off_changes_no_order_and_loses_nothing(
         Node("counter", namespace="/robot", context=context) as node,
     ):
         publisher = node.create_publisher(UInt64, "count", 100)
-        for offset_s in (0, -TEN_YEARS_S, TEN_YEARS_S, 0):
+        for offset_s in (0, TEN_YEARS_S, -TEN_YEARS_S):
             agent = agent_at(robot, offset_s, monkeypatch)
             wait_until(lambda: robot.online() == {"robot"}, timeout_s=60)
             first = count + 1
 
             def seen(since: int = first) -> bool:
                 nonlocal count
-                count += 1
-                publisher.publish(UInt64(data=count))
+                for _ in range(5):
+                    count += 1
+                    publisher.publish(UInt64(data=count))
                 return sum(number >= since for number in stored_counts(robot)) >= 100
 
-            wait_until(seen, timeout_s=60, every_s=0.01)
+            wait_until(seen, timeout_s=60, every_s=0.05)
             last = count
             wait_until(lambda last=last: last in stored_counts(robot), timeout_s=60)
             published[offset_s, first] = last

@@ -6,12 +6,12 @@ while it runs, so that it is done and nobody has heard of it.
 
 from __future__ import annotations
 
+import ssl
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import httpx
@@ -24,9 +24,10 @@ from tests.support.waiting import wait_until
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(900)]
 
-COMMANDS = 60
-KILLS = {2: "agent", 9: "gateway", 21: "gateway", 22: "agent", 40: "agent", 52: "gateway"}  # before that number is sent
-WITHIN = {5: "agent", 15: "gateway", 25: "agent", 35: "gateway"}  # while the robot does it
+COMMANDS = 16
+KILLS = {2: "agent", 8: "gateway", 9: "agent"}  # before that number is sent
+WITHIN = {5: "agent", 12: "gateway"}  # while the robot does it
+PLAIN = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # plain HTTP needs no roots, whose reading takes 50 ms
 TYPE = "example_interfaces/srv/AddTwoInts"
 
 
@@ -56,7 +57,8 @@ class World:
             try:
                 headers = {"Authorization": f"Bearer {self.stack.key}", **options.get("headers", {})}
                 url = f"{self.stack.url}/api/v1{path}"
-                answer = httpx.request(method, url, json=options.get("json"), headers=headers, timeout=30)
+                body = options.get("json")
+                answer = httpx.request(method, url, json=body, headers=headers, verify=PLAIN, timeout=30)
             except (httpx.TransportError, FileNotFoundError):
                 self.revive()
                 return False
@@ -80,6 +82,10 @@ class World:
         """All that the gateway knows, by number."""
         return {item["request"]["request"]["a"]: item for item in self.ask("GET", "/commands?limit=500")["commands"]}
 
+    def of(self, numbers: range) -> dict[int, dict[str, Any]]:
+        """Those of these numbers: of one test."""
+        return {number: item for number, item in self.commands().items() if number in numbers}
+
     def all_over(self) -> bool:
         """Whether each has come to its end."""
         return all(item["ended"] is not None for item in self.commands().values())
@@ -102,11 +108,12 @@ class World:
         setattr(self, which, self.stack.restart(program))
 
 
-@pytest.fixture
-def world(tmp_path: Path) -> Iterator[World]:
-    with Stack(tmp_path) as stack:
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    """For both tests, each of which has numbers of its own."""
+    with Stack(tmp_path_factory.mktemp("world")) as stack:
         stack.router()
-        made = World(stack, stack.gateway(), stack.agent("r1"))
+        made = World(stack, *stack.at_once(stack.gateway, lambda: stack.agent("r1")))
         with metaros.Context(connect=f"tcp/127.0.0.1:{stack.zenoh_port}") as context:
             node = metaros.Node("doer", namespace="/r1", context=context)
             node.create_service(AddTwoInts, "do", made.do)
@@ -125,8 +132,8 @@ def world(tmp_path: Path) -> Iterator[World]:
 def test_kills_of_gateway_and_agent(world: World) -> None:
     for number, which in WITHIN.items():
         world.triggers[number] = partial(world.shoot, which)
-    ids = {}
-    for number in range(COMMANDS):
+    ids, numbers = {}, range(COMMANDS)
+    for number in numbers:
         if number in KILLS:
             world.kill(KILLS[number])
         world.revive()
@@ -138,8 +145,8 @@ def test_kills_of_gateway_and_agent(world: World) -> None:
         world.revive()
         return world.all_over()
 
-    wait_until(settled, timeout_s=240, every_s=0.5)
-    found = world.commands()
+    wait_until(settled, timeout_s=240, every_s=0.1)
+    found = world.of(numbers)
     assert {number: item["id"] for number, item in found.items()} == ids, "nothing is lost, and nothing was added"
     assert max(world.ran.values()) == 1, f"done twice: {[n for n, times in world.ran.items() if times > 1]}"
     assert not world.triggers, "every trigger was pulled"
@@ -151,26 +158,27 @@ def test_kills_of_gateway_and_agent(world: World) -> None:
         else:
             assert ended == ("failed", "interrupted"), (number, item)
     interrupted = {number for number, item in found.items() if item["code"] == "interrupted"}
-    assert {5, 25} <= interrupted, "the agent was killed while they ran"
+    assert 5 in interrupted, "the agent was killed while it ran"
     assert len(interrupted) < COMMANDS / 2, "most are done"
 
 
 def test_what_is_too_late_is_never_done(world: World) -> None:
+    numbers = range(100, 110)
     world.agent.kill()
     wait_until(lambda: "r1" not in world.stack.online(), timeout_s=60)
-    late = [world.send(number, expires_s=1.0) for number in range(3)]
+    late = [world.send(number, expires_s=1.0) for number in numbers[1:4]]
     good = world.send(100)
     world.gateway.kill()
     world.gateway = world.stack.restart(world.gateway)
-    wait_until(lambda: {item["id"] for item in world.commands().values() if item["state"] == "expired"} == set(late))
+    wait_until(lambda: {item["id"] for item in world.of(numbers).values() if item["state"] == "expired"} == set(late))
     world.agent = world.stack.restart(world.agent)
     wait_until(world.all_over, timeout_s=120)
-    found = world.commands()
+    found = world.of(numbers)
     assert (found[100]["id"], found[100]["state"]) == (good, "done")
-    assert dict(world.ran) == {100: 1}
+    assert {number: times for number, times in world.ran.items() if number in numbers} == {100: 1}
     world.kill("agent")  # with everything it keeps on its disk
     world.kill("gateway")
     wait_until(lambda: "r1" in world.stack.online())
-    world.send(101)
+    world.send(105)
     wait_until(world.all_over, timeout_s=120)
-    assert dict(world.ran) == {100: 1, 101: 1}
+    assert {number: times for number, times in world.ran.items() if number in numbers} == {100: 1, 105: 1}

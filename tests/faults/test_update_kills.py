@@ -63,32 +63,21 @@ def old_runs(state: Path) -> Slots:
     return slots
 
 
-def check_then_update(slots: Slots, state: Path, served: Served) -> None:
-    """A whole version starts; and the update, made again, is whole, too."""
-    current = slots.boot(most=3)
+def killed(state: Path, served: Served, step: str) -> None:
+    """An update that ends there."""
+    with started(program(state, served, step)) as process:
+        assert process.wait(END_S) == -9, step
+
+
+def check_whole(slots: Slots, version: str) -> None:
+    """That version is what starts next, and all of it is there."""
+    current = slots.boot(most=100)
+    assert current.version == version
     assert slots.complete(current.slot, current.version)
-    if current.version == OLD:
-        done = subprocess.run(program(state, served), capture_output=True, text=True, timeout=END_S, check=False)
-        assert done.returncode == 0, done.stderr
-        current = slots.boot(most=3)
-    assert (current.version, current.previous_version, current.probing) == ("2.1.0", OLD, True)
-    code = "import metaros_kill_test, metaros, json; print(json.dumps(metaros_kill_test.VERSION))"
-    python = python_of(slots.path(current.slot))
-    assert json.loads(subprocess.run([python, "-I", "-c", code], capture_output=True, check=True).stdout) == "2.1.0"
 
 
-@pytest.mark.parametrize("step", STEPS)
-def test_killed_at_a_step(tmp_path: Path, repository: TufRepository, step: str) -> None:
-    slots = old_runs(tmp_path)
-    with serve(repository) as served:
-        with started(program(tmp_path, served, step)) as process:
-            assert process.wait(END_S) == -9
-        assert slots.read().version == ("2.1.0" if step == "switched" else OLD)
-        check_then_update(slots, tmp_path, served)
-
-
-def test_killed_in_the_middle_of_the_download(tmp_path: Path, repository: TufRepository) -> None:
-    """What came is not fetched again."""
+def test_killed_at_every_step_and_made_in_the_end(tmp_path: Path, repository: TufRepository) -> None:
+    """Each try finds what the one before has left; the last one is whole."""
     slots, half = old_runs(tmp_path), threading.Event()
 
     def stall(handler: BaseHTTPRequestHandler, data: bytes) -> None:
@@ -102,22 +91,31 @@ def test_killed_in_the_middle_of_the_download(tmp_path: Path, repository: TufRep
 
     with serve(repository) as served:
         served.misbehave(".zip", stall)
-        with started(program(tmp_path, served)) as process:
+        with started(program(tmp_path, served)) as process:  # in the middle of the download
             assert half.wait(END_S)
             wait_until(lambda: sum(path.stat().st_size for path in tmp_path.glob("update/parts/*")) == 300)
             process.kill()
             process.wait(END_S)
         served.faults.clear()
-        check_then_update(slots, tmp_path, served)
-        assert [span for path, span in served.asked if path.endswith(".zip")] == ["", "bytes=300-"]
-
-
-def test_killed_while_pip_runs(tmp_path: Path, repository: TufRepository) -> None:
-    slots = old_runs(tmp_path)
-    with serve(repository) as served:
-        with started(program(tmp_path, served)) as process:
-            wait_until(lambda: python_of(slots.path("b")).exists())
+        check_whole(slots, OLD)
+        for step in STEPS[: STEPS.index("unpacked") + 1]:
+            killed(tmp_path, served, step)
+            check_whole(slots, OLD)
+            if step == "verified":  # what came is not fetched again
+                assert [span for path, span in served.asked if path.endswith(".zip")] == ["", "bytes=300-"]
+        with started(program(tmp_path, served)) as process:  # while pip runs
+            python = python_of(slots.path("b"))
+            wait_until(lambda: python.exists() and process.poll() is None)
             process.kill()
             process.wait(END_S)
-        assert slots.read().version == OLD
-        check_then_update(slots, tmp_path, served)
+        check_whole(slots, OLD)
+        for step in STEPS[STEPS.index("unpacked") + 1 : -1]:
+            killed(tmp_path, served, step)
+            check_whole(slots, OLD)
+        killed(tmp_path, served, STEPS[-1])
+    current = slots.boot(most=100)
+    assert (current.version, current.previous_version, current.probing) == ("2.1.0", OLD, True)
+    check_whole(slots, "2.1.0")
+    code = "import metaros_kill_test, metaros, json; print(json.dumps(metaros_kill_test.VERSION))"
+    python = python_of(slots.path(current.slot))
+    assert json.loads(subprocess.run([python, "-I", "-c", code], capture_output=True, check=True).stdout) == "2.1.0"

@@ -24,9 +24,9 @@ from metaros.clock import ManualClock
 from tests.support.waiting import wait_until
 from tests.support.wave_robot import SERIES, WaveStack
 
-KILLS = 4
+KILLS = 2
 TURNS = 10  # until all is judged: of a robot a turn judges five minutes at most
-ROWS_A_LIFE = 2500  # of each series
+ROWS_A_LIFE = 1500  # of each series
 ROBOT = "robot"
 Row = tuple[int, str, str, float]  # stamp in ns, series, topic, value
 

@@ -124,6 +124,7 @@ async def test_what_happens_to_a_robot_reaches_the_rules(tmp_path: Path) -> None
             good, bad = nodes(state="running", crashes=0), nodes(state="waiting", crashes=1, last_exit="signal 9")
             for reported in (good, bad, good):
                 await agent.send(CONTROL, twin=link_pb2.TwinReport(**said, reported=reported))
+            await until(lambda: fired(http, "twin.in_step"))  # a link that ends takes along what was not read yet
         for kind in KINDS:
             await until(lambda kind=kind: fired(http, kind))  # type: ignore[misc]
 

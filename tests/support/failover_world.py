@@ -262,7 +262,7 @@ def story(world: World) -> dict[str, float]:
     took["partition, the gateway's clock an hour ahead"] = move(world, "near", step_clock)
     world.step_file.write_text("-3600s\n")
     world.wire.heal()  # what lay in the buffers arrives
-    world.stays("near", 8)  # and the node stays where it is
+    world.stays("near", 3)  # and the node stays where it is
     wait_until(lambda: world.waits("far"), timeout_s=120, every_s=0.2)
 
     took["host killed"] = move(world, "far", lambda: world.lose("near"))
@@ -272,7 +272,7 @@ def story(world: World) -> dict[str, float]:
     agent = world.processes["far"]
     took["agent stands still"] = move(world, "near", lambda: stop(world, "far"))
     agent.send_signal(signal.SIGCONT)  # it reads frames of ten seconds ago now
-    world.stays("near", 8)
+    world.stays("near", 3)
     wait_until(lambda: world.waits("far"), timeout_s=120, every_s=0.2)
 
     def both() -> None:
@@ -287,7 +287,7 @@ def story(world: World) -> dict[str, float]:
     ready_ns = now_ns()
     first_ns = world.begins("far", since_ns=at_ns, timeout_s=120).first_ns
     took["host and gateway killed, from when the gateway is back"] = (first_ns - ready_ns) / 1e9
-    world.stays("far", 4)
+    world.stays("far", 2)
     return took
 
 

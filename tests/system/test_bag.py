@@ -50,9 +50,10 @@ def check_accounts(folder: Path) -> int:
     accounts: dict[str, list[dict]] = defaultdict(list)
     for key, text in gaps.items():
         accounts[key.split(" ")[0]].append(json.loads(text))
-    assert set(accounts) == set(sequences)
+    assert set(sequences) <= set(accounts)
     total = 0
-    for topic, found in sequences.items():
+    for topic in accounts:
+        found = sequences[topic]  # of a full disk perhaps none
         missing = [numbers(a.get(reason, [])) for a in accounts[topic] for reason in ("lost", "dropped", "disk")]
         total += sum(map(len, missing))
         assert sum(account["received"] for account in accounts[topic]) == len(found)

@@ -237,8 +237,14 @@ async def test_labels_of_a_hello_bring_templates(rig: Rig) -> None:
 
 
 async def test_a_robot_that_has_just_connected_is_known_before_the_store_has_written_it(rig: Rig) -> None:
-    busy = threading.Event()
-    writing = asyncio.ensure_future(rig.store.run(lambda engine: busy.wait(60)))
+    begun, busy = threading.Event(), threading.Event()
+
+    def hold(engine: object) -> bool:
+        begun.set()
+        return busy.wait(60)
+
+    writing = asyncio.ensure_future(rig.store.run(hold))
+    assert await asyncio.to_thread(begun.wait, 60)
     rig.store.submit(RobotWrite(Robot("new", labels={"site": "lab"}), 1))
     looking = [asyncio.ensure_future(rig.twins.desk.state("new"))]
     looking.append(asyncio.ensure_future(rig.twins.desk.history("new", limit=1)))
