@@ -8,6 +8,7 @@ a thread of its own.
 from __future__ import annotations
 
 import logging
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Coroutine, Generator
@@ -79,6 +80,7 @@ class FairExecutor(SingleThreadedExecutor):
         wall_s: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__()
+        self._lock = threading.Lock()  # nodes come and go from any thread, in the middle of a turn too
         self._schedule: FairSchedule[Spinnable] = FairSchedule(period_s=period_s)
         self._work_of: dict[Spinnable, _Work] = {}
         self._critical: dict[Spinnable, CriticalThread] = {}
@@ -106,37 +108,44 @@ class FairExecutor(SingleThreadedExecutor):
         level = getattr(node, "nice", 0) if nice is None else nice
         weight_of(level)
         super().add_node(node)
-        self._schedule.add(node, nice=level)
-        self._work_of[node] = _Work(node)
+        with self._lock:
+            self._schedule.add(node, nice=level)
+            self._work_of[node] = _Work(node)
 
     def remove_node(self, node: Spinnable) -> None:
         """Run its callbacks no more; its samples wait within their bounds."""
         if (thread := self._critical.pop(node, None)) is not None:
             thread.stop()
             thread.join()
-        elif (work := self._work_of.pop(node, None)) is not None:
-            self._give_back(work)
+            return
+        with self._lock:
+            work = self._work_of.pop(node, None)
+            if work is None:
+                return
             self._schedule.remove(node)
-            super().remove_node(node)
+            self._give_back(work)
+        super().remove_node(node)
 
     def renice(self, node: Spinnable, nice: int) -> None:
         """Give a scheduled node another nice level."""
-        self._schedule.renice(node, nice)
+        with self._lock:
+            self._schedule.renice(node, nice)
 
     def report(self) -> list[NodeShare]:
         """What each node had so far, in the order in which they were added, critical ones last."""
-        total_s = sum(self._schedule.run_s(node) for node in self._nodes) or 1.0
-        rows = [
-            NodeShare(
-                name=_name(node),
-                nice=self._schedule.nice(node),
-                weight=weight_of(self._schedule.nice(node)),
-                run_s=self._schedule.run_s(node),
-                virtual_s=self._schedule.virtual_s(node),
-                share=self._schedule.run_s(node) / total_s,
-            )
-            for node in list(self._nodes)
-        ]
+        with self._lock:
+            total_s = sum(self._schedule.run_s(node) for node in self._work_of) or 1.0
+            rows = [
+                NodeShare(
+                    name=_name(node),
+                    nice=self._schedule.nice(node),
+                    weight=weight_of(self._schedule.nice(node)),
+                    run_s=self._schedule.run_s(node),
+                    virtual_s=self._schedule.virtual_s(node),
+                    share=self._schedule.run_s(node) / total_s,
+                )
+                for node in self._work_of
+            ]
         for node, thread in list(self._critical.items()):
             realtime = f"no: {thread.obstacle}" if thread.obstacle else "yes"
             realtime = "not started" if thread.obstacle is None else realtime
@@ -161,8 +170,9 @@ class FairExecutor(SingleThreadedExecutor):
         return ingress
 
     def _end(self, ingress: Ingress) -> None:
-        for work in self._work_of.values():
-            self._give_back(work)
+        with self._lock:
+            for work in self._work_of.values():
+                self._give_back(work)
         super()._end(ingress)
         if self._stopped.is_set():
             for thread in list(self._critical.values()):
@@ -177,19 +187,21 @@ class FairExecutor(SingleThreadedExecutor):
 
     def _work(self, ingress: Ingress) -> bool:
         """One turn of the node that is next; False when nobody has work."""
-        for box in ingress.take_ready(self._desk):
-            work = self._work_of.get(box.owner)  # type: ignore[call-overload]
-            if work is None:  # removed meanwhile
-                ingress.requeue(box)
-            else:
-                work.boxes.append(box)
-        for node, work in list(self._work_of.items()):
-            if not self._schedule.is_runnable(node) and work.waits():
-                self._schedule.wake(node)
-        turn = self._schedule.pick()
-        if turn is None:
-            return False
-        self._take_turn(self._work_of[turn.key], turn.slice_s)
+        with self._lock:
+            for box in ingress.take_ready(self._desk):
+                work = self._work_of.get(box.owner)  # type: ignore[call-overload]
+                if work is None:  # removed meanwhile
+                    ingress.requeue(box)
+                else:
+                    work.boxes.append(box)
+            for node, work in self._work_of.items():
+                if not self._schedule.is_runnable(node) and work.waits():
+                    self._schedule.wake(node)
+            turn = self._schedule.pick()
+            if turn is None:
+                return False
+            work = self._work_of[turn.key]
+        self._take_turn(work, turn.slice_s)
         return True
 
     def _take_turn(self, work: _Work, slice_s: float) -> None:
@@ -198,15 +210,16 @@ class FairExecutor(SingleThreadedExecutor):
         before = self._cpu_s(), self._wall_s()
         while not self._stopped.is_set():
             ran = self._run_next(work)
-            if node not in self._work_of:  # it removed itself
-                break
-            if not ran:
-                schedule.sleep(node)
-                break
             after = self._cpu_s(), self._wall_s()
             spent_s = max(after[0] - before[0], _BLOCKED * (after[1] - before[1]))
             before = after
-            schedule.charge(node, spent_s)
+            with self._lock:
+                if self._work_of.get(node) is not work:  # removed, by itself or by somebody else
+                    break
+                if not ran:
+                    schedule.sleep(node)
+                    break
+                schedule.charge(node, spent_s)
             slice_s -= spent_s
             if slice_s <= 0:
                 break
@@ -228,16 +241,20 @@ class FairExecutor(SingleThreadedExecutor):
         return True
 
     def _run_box(self, work: _Work) -> bool:
-        while work.boxes:
-            box = work.boxes.popleft()
+        while (box := self._next_box(work)) is not None:
             ran = self._run_mailbox(box, 1)
-            if box.pending and not box.busy:
-                work.boxes.append(box)
-            else:
-                work.node.ingress.requeue(box)
+            with self._lock:
+                if box.pending and not box.busy and self._work_of.get(work.node) is work:
+                    work.boxes.append(box)
+                else:
+                    work.node.ingress.requeue(box)
             if ran:
                 return True
         return False
+
+    def _next_box(self, work: _Work) -> Mailbox | None:
+        with self._lock:
+            return work.boxes.popleft() if work.boxes else None
 
     def _start(self, coroutine: Coroutine[Any, Any, Any], owner: Mailbox | Timer) -> None:
         """As ever, with every step of the coroutine charged to its node."""
@@ -248,8 +265,9 @@ class FairExecutor(SingleThreadedExecutor):
         return await _Steps(coroutine, self._cpu_s, lambda spent_s: self._charge(node, spent_s))
 
     def _charge(self, node: Spinnable, spent_s: float) -> None:
-        if node in self._work_of:
-            self._schedule.charge(node, spent_s)
+        with self._lock:
+            if node in self._work_of:
+                self._schedule.charge(node, spent_s)
 
 
 class _Steps:

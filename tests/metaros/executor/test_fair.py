@@ -273,6 +273,28 @@ def test_nodes_come_and_go_while_it_spins(ingress):
     assert not thread.is_alive()
 
 
+def test_a_node_that_another_thread_removes_in_the_middle_of_its_turn_ends_only_itself(ingress, clock):
+    leaving: list[SmallNode] = []
+
+    def measure() -> float:
+        """Another thread comes in between a callback and its charge."""
+        if leaving:
+            remover = threading.Thread(target=executor.remove_node, args=(leaving.pop(),))
+            remover.start()
+            remover.join(60)
+        return clock.monotonic_s()
+
+    executor = FairExecutor(cpu_s=measure, wall_s=clock.monotonic_s)
+    first, second = busy_node(ingress, clock), busy_node(ingress, clock)
+    first.timers.add(0.005, lambda: leaving.append(first))
+    executor.add_node(first)
+    executor.add_node(second)
+    clock.advance(0.001)
+    run_for(executor, clock, 0.1)
+    (row,) = executor.report()
+    assert (leaving, row.run_s) == ([], pytest.approx(0.1, rel=0.2))
+
+
 def test_only_critical_nodes_are_fine_too(ingress):
     executor = FairExecutor()
     node = SmallNode(ingress, SystemClock())
