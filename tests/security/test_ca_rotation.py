@@ -53,8 +53,10 @@ def roots(identity: RobotIdentity) -> list[str]:
     return [spki_pin(root) for root in x509.load_pem_x509_certificates(identity.roots.encode())]
 
 
-async def comes_to_trust(count: int, identity: RobotIdentity, state: Path) -> RobotIdentity:
-    """Renew until the gateway has noticed: then so many roots are trusted, on the disk, too."""
+async def comes_to_trust(count: int, identity: RobotIdentity, state: Path, *, old: RobotIdentity) -> RobotIdentity:
+    """Renew until the gateway has noticed: then so many roots are trusted, on the disk, too, and another issuer has
+    signed than `old`'s. A renewal in the moment of the change is the old one's, whom retiring by force cuts off.
+    """
     held = [identity]
 
     async def reached() -> bool:
@@ -64,7 +66,7 @@ async def comes_to_trust(count: int, identity: RobotIdentity, state: Path) -> Ro
             if type(error) is not EnrolError:  # it was refused, or one of the two does not believe the other
                 raise
             return False  # a handshake in the moment of the change may break off; agents try again, too
-        return len(roots(held[-1])) == count
+        return len(roots(held[-1])) == count and held[-1].chain != old.chain
 
     async with asyncio.timeout(60):
         while not await reached():  # noqa: ASYNC110
@@ -82,7 +84,7 @@ async def test_over_tls_a_robot_passes_from_one_root_to_the_next_and_keeps_its_l
         async with linked(first, "grpc") as (owner, uplink):
             await carries(owner, uplink)
             await asyncio.to_thread(work, ready, retiring=False)
-            second = await comes_to_trust(2, first, state)
+            second = await comes_to_trust(2, first, state, old=first)
             assert old in roots(second)
             await carries(owner, uplink)  # the link of before lives on
         async with linked(first, "grpc") as (owner, uplink):
@@ -90,7 +92,7 @@ async def test_over_tls_a_robot_passes_from_one_root_to_the_next_and_keeps_its_l
         async with linked(second, "grpc") as (owner, uplink):
             await carries(owner, uplink)
         await asyncio.to_thread(work, ready, retiring=True)
-        third = await comes_to_trust(1, second, state)
+        third = await comes_to_trust(1, second, state, old=first)
         assert roots(third) != [old]
         for transport in ("grpc", "websocket"):
             async with linked(third, "grpc" if transport == "grpc" else "websocket") as (owner, uplink):
@@ -111,9 +113,9 @@ async def test_behind_a_proxy_of_somebody_elses_a_new_root_comes_with_the_old_on
             first = await enrol_robot(ready, state, url=nginx.url)
             assert first.system_trust
             await asyncio.to_thread(work, ready, retiring=False)
-            second = await comes_to_trust(2, first, state)
+            second = await comes_to_trust(2, first, state, old=first)
             await asyncio.to_thread(work, ready, retiring=True)
-            third = await comes_to_trust(1, second, state)
+            third = await comes_to_trust(1, second, state, old=first)
             assert roots(third) != roots(first)
             async with linked(third, "websocket") as (owner, uplink):
                 await carries(owner, uplink)
