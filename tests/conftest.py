@@ -8,6 +8,7 @@ import signal
 import sys
 from collections.abc import Generator, Iterator
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from tests.support.seaweed import SeaweedServer
 
 
+ROOT = Path(__file__).resolve().parent.parent
 # What makes a test one of the real world, wherever it stands; a test that needs time, kills or root marks itself.
 INTEGRATION_FOLDERS = ("tests/e2e/", "tests/faults/", "tests/system/")
 INTEGRATION_FIXTURES = frozenset({"browser", "postgres", "seaweed"})
@@ -37,6 +39,12 @@ def pytest_configure() -> None:
     if find_spec("sniffio") is None:  # httpcore looks for it several times in each request, the whole path through
         sys.modules["sniffio"] = None  # type: ignore[assignment]
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of small matrices its threads only wait for each other: busily
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """What `make test` leaves out by the folder it does not even import."""
+    left_out = config.getoption("markexpr") == "not integration" and collection_path.is_dir()
+    return (left_out and f"{collection_path.relative_to(ROOT).as_posix()}/" in INTEGRATION_FOLDERS) or None
 
 
 @pytest.hookimpl(wrapper=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from fractions import Fraction
+from functools import cache
 
 import av
 import numpy as np
@@ -18,7 +19,8 @@ COMPRESSED_VIDEO = "foxglove_msgs/msg/CompressedVideo"
 WIDTH, HEIGHT = 64, 48
 
 
-def access_units(count: int, *, group: int = 5, bit_rate: int = 200_000) -> list[bytes]:
+@cache
+def access_units(count: int, *, group: int = 5, bit_rate: int = 200_000) -> tuple[bytes, ...]:
     """So many pictures in Annex B, each group begun by parameter sets and an IDR; no two pictures are the same."""
     encoder = av.CodecContext.create("libx264", "w")
     encoder.width, encoder.height, encoder.pix_fmt = WIDTH, HEIGHT, "yuv420p"
@@ -37,7 +39,7 @@ def access_units(count: int, *, group: int = 5, bit_rate: int = 200_000) -> list
         units += [bytes(packet) for packet in encoder.encode(frame)]
     units += [bytes(packet) for packet in encoder.encode(None)]
     assert len(units) == count
-    return units
+    return tuple(units)
 
 
 def video_message(unit: bytes, *, frame_id: str = "camera", stamp_ns: int = 0, kind: str = "h264") -> bytes:
