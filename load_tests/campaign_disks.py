@@ -2,16 +2,18 @@
 
 A small tmpfs is the disk. In each cycle another program takes every byte that is free, for a while, and gives all back;
 then the time is taken until the robot accepts again (its disk) or the gateway acknowledges again (the gateway's). In
-every fourth cycle the robot or the gateway is killed meanwhile, and must start where nothing can be written.
+every fourth cycle and in the last one the robot or the gateway is killed meanwhile, and must start where nothing can be
+written. With `--together` both sides have such a disk, and their cycles take turns.
 Needs Linux with user namespaces; runs as any user.
 
-    python -m load_tests.campaign disks [--cycles 20] [--seed N]
+    python -m load_tests.campaign disks [--cycles 20] [--together] [--seed N]
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import json
 import os
 import statistics
@@ -96,35 +98,33 @@ def cycle(stack: LoadStack, who: str, filler: Filler, rng: Random, *, kill: bool
     return (stack.counters[what] - freed_ns) / 1e9, stayed
 
 
-def run_inside(who: str, cycles: int, seed: int) -> int:
-    """One side's disk, in the namespaces of this process."""
+def run_inside(sides: list[str], cycles: int, seed: int) -> int:
+    """The disks of these sides in turn, in the namespaces of this process."""
     rng, times, restarts, cycled, later = Random(seed), [], [], 0, 0
-    with tempfile.TemporaryDirectory(prefix="campaign-disks-") as name:
+    with tempfile.TemporaryDirectory(prefix="campaign-disks-") as name, contextlib.ExitStack() as mounted:
         folder = Path(name)
-        disk = folder / ("state" if who == "robot" else "data")
-        disk.mkdir()
+        disks = {who: folder / ("state" if who == "robot" else "data") for who in sides}
         run("ip link set lo up")
-        run(f"mount -t tmpfs -o size={DISK_BYTES[who]} disk {disk}")
-        try:
-            with DiskStack(folder) as stack:
-                stack.start("gateway")
-                stack.start("robot")
+        for who, disk in disks.items():
+            disk.mkdir()
+            run(f"mount -t tmpfs -o size={DISK_BYTES[who]} disk {disk}")
+            mounted.callback(run, f"umount {disk}", check=False)
+        with DiskStack(folder) as stack:
+            stack.start("gateway")
+            stack.start("robot")
+            stack.wait_online()
+            for number, who in itertools.product(range(cycles), sides):
+                kill = number % 4 == 3 or number == cycles - 1
+                time.sleep(rng.uniform(0.1, 0.3))
+                back_s, stayed = cycle(stack, who, Filler(disks[who]), rng, kill=kill)
+                (restarts if kill else times).append(back_s)
+                cycled += not stayed
                 stack.wait_online()
-                for number in range(cycles):
-                    kill = number % 4 == 3
-                    time.sleep(rng.uniform(0.1, 0.3))
-                    back_s, stayed = cycle(stack, who, Filler(disk), rng, kill=kill)
-                    (restarts if kill else times).append(back_s)
-                    cycled += not stayed
-                    stack.wait_online()
-                later = sum(stack.page(life)["retry_later"] for life in range(stack.lives))
-                refused = sum(stack.page(life)["refused"] for life in range(stack.lives))
-                verdict = stack.check()
-                event = json.loads((folder / "final.json").read_text())["streams"]["event"]
-                gaps = stack.stored().gaps
-        finally:
-            with contextlib.suppress(OSError):
-                run(f"umount {disk}")
+            later = sum(stack.page(life)["retry_later"] for life in range(stack.lives))
+            refused = sum(stack.page(life)["refused"] for life in range(stack.lives))
+            verdict = stack.check()
+            event = json.loads((folder / "final.json").read_text())["streams"]["event"]
+            gaps = stack.stored().gaps
     lost_events = sum(b - a + 1 for (_, stream), spans in gaps.items() if stream == event for a, b, _ in spans)
     verdict.blame("lost", lost_events, f"{lost_events} events were given up")
     verdict.blame("wrong", cycled, f"the link was cycled {cycled} times by a full disk")
@@ -138,8 +138,10 @@ HEAD = (
 )
 
 
-def show(who: str, facts: dict[str, Any]) -> bool:
-    """A line of the table; whether it came back each time, and said RetryLater."""
+def show(part: str, facts: dict[str, Any]) -> bool:
+    """A line of the table; whether it came back each time, and both sides said what they felt."""
+    sides = part.split(",")
+    who = part if len(sides) == 1 else "both"
     times, restarts = facts["times"] or [0.0], facts["restarts"] or [0.0]
     print(
         f"{who:>10} {len(facts['times']) + len(facts['restarts']):>7} {facts['accepted']:>9,} {facts['rows']:>9,} "
@@ -148,8 +150,8 @@ def show(who: str, facts: dict[str, Any]) -> bool:
         f"{statistics.median(restarts):>15.2f} {max(restarts):>6.2f}"
     )
     print(f"{'':>10} declared: {', '.join(f'{why} {count:,}' for why, count in facts['reasons'].items()) or 'nothing'}")
-    felt = facts["retry_later"] if who == "gateway" else facts["refused"]
-    return bool(felt) and max(times) <= LIMIT_S
+    felt = all(facts["retry_later" if side == "gateway" else "refused"] for side in sides)
+    return felt and max(times) <= LIMIT_S
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -157,18 +159,20 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cycles", type=int, default=20)
     parser.add_argument("--seed", type=int, default=None)
-    parser.add_argument("--inside", choices=DISK_BYTES, help=argparse.SUPPRESS)
+    parser.add_argument("--together", action="store_true", help="both disks in turn, on one robot and gateway")
+    parser.add_argument("--inside", help=argparse.SUPPRESS)
     options = parser.parse_args(argv)
     seed = options.seed if options.seed is not None else system_rng().randrange(2**32)
     if options.inside:
-        return run_inside(options.inside, options.cycles, seed)
+        return run_inside(options.inside.split(","), options.cycles, seed)
     if reason := why_not():
         print(f"disks cannot be filled here: {reason}")
         return 0
     print(f"disks: {options.cycles} cycles each, seed {seed}; goal: works again within {GOAL_S:g} s")
     print(HEAD, flush=True)
     own = ["--cycles", str(options.cycles), "--seed", str(seed)]
-    return run_parts("load_tests.campaign_disks", list(DISK_BYTES), own, parallel=2, show=show)
+    parts = [",".join(DISK_BYTES)] if options.together else list(DISK_BYTES)
+    return run_parts("load_tests.campaign_disks", parts, own, parallel=2, show=show)
 
 
 if __name__ == "__main__":

@@ -1,15 +1,18 @@
 """A network between robot and gateway that cuts, loses, flaps, crawls and swallows; nothing may be lost.
 
-Each kind of fault has its own two network namespaces, robot and gateway; after each fault the network is healed and the
-time is taken until the gateway acknowledges again. At the end everything is drained and compared, as in `kills`.
+Each kind of fault has its own two network namespaces, robot and gateway; with `--together` the kinds take turns in one
+pair, so that everything starts once. After each fault the network is healed and the time is taken until the gateway
+acknowledges again. What can go wrong in several ways, as one direction or the other, does so in turn. At the end
+everything is drained and compared, as in `kills`.
 Needs Linux with user namespaces, nftables and iproute2; runs as any user.
 
-    python -m load_tests.campaign partitions [--kinds cut,loss] [--cycles 50] [--seed N]
+    python -m load_tests.campaign partitions [--kinds cut,loss] [--cycles 50] [--together] [--seed N]
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import statistics
 import tempfile
 import time
@@ -30,41 +33,41 @@ RESUME_S = 2.0  # the goal
 LIMIT_S = 10.0  # what fails, whatever else the machine does
 
 
-def cut(wire: Wire, stack: LoadStack, rng: Random) -> None:
+def cut(wire: Wire, stack: LoadStack, rng: Random, turn: int) -> None:
     """The cable is out for a while."""
     wire.pull()
     time.sleep(rng.choice((0.1, 0.5, 1.0, 2.5)))
     wire.plug()
 
 
-def one_way(wire: Wire, stack: LoadStack, rng: Random) -> None:
+def one_way(wire: Wire, stack: LoadStack, rng: Random, turn: int) -> None:
     """One direction is gone."""
-    up = rng.random() < 0.5
+    up = turn % 2 == 0
     wire.drop(towards_here=up, towards_there=not up)
     time.sleep(rng.choice((0.1, 0.5, 1.0, 2.0)))
 
 
-def loss(wire: Wire, stack: LoadStack, rng: Random) -> None:
+def loss(wire: Wire, stack: LoadStack, rng: Random, turn: int) -> None:
     """Every tenth packet is gone."""
     wire.drop(percent=10)
     time.sleep(rng.uniform(0.5, 1.5))
 
 
-def flap(wire: Wire, stack: LoadStack, rng: Random) -> None:
+def flap(wire: Wire, stack: LoadStack, rng: Random, turn: int) -> None:
     """50 ms there, 50 ms gone."""
     wire.flap(rng.randrange(4, 16))
 
 
-def crawl(wire: Wire, stack: LoadStack, rng: Random) -> None:
+def crawl(wire: Wire, stack: LoadStack, rng: Random, turn: int) -> None:
     """1 Mbit/s, less than the robot makes."""
     wire.slow()
     time.sleep(rng.uniform(0.5, 1.5))
 
 
-def half_open(wire: Wire, stack: LoadStack, rng: Random) -> None:
+def half_open(wire: Wire, stack: LoadStack, rng: Random, turn: int) -> None:
     """Packets vanish, and one side dies meanwhile: the other still holds its connection."""
     wire.drop()
-    who = rng.choice(("robot", "gateway", ""))
+    who = ("robot", "gateway", "")[turn % 3]
     if who:
         stack.kill(who)
     time.sleep(rng.choice((0.1, 0.5, 1.7)))
@@ -73,7 +76,7 @@ def half_open(wire: Wire, stack: LoadStack, rng: Random) -> None:
         stack.start(who)
 
 
-KINDS: dict[str, Callable[[Wire, LoadStack, Random], None]] = {
+KINDS: dict[str, Callable[[Wire, LoadStack, Random, int], None]] = {
     "cut": cut,
     "one-way": one_way,
     "loss": loss,
@@ -83,9 +86,9 @@ KINDS: dict[str, Callable[[Wire, LoadStack, Random], None]] = {
 }
 
 
-def run_inside(kind: str, cycles: int, seed: int, *, explain_s: float) -> int:
-    """One kind, in the namespaces of this process; the last line printed is the result."""
-    rng, times = Random(seed), []
+def run_inside(kinds: list[str], cycles: int, seed: int, *, explain_s: float) -> int:
+    """Kinds that take turns, in the namespaces of this process; the last line printed is the result."""
+    rng, times = Random(seed), list[float]()
     with tempfile.TemporaryDirectory(prefix="campaign-partitions-") as folder, Wire() as wire:
         robot = {"network_of": wire.pid, "tick_s": 0.01, "bulk": 10}
         gateway = {"host": HERE, "heartbeat_s": HEARTBEAT_S}
@@ -93,27 +96,27 @@ def run_inside(kind: str, cycles: int, seed: int, *, explain_s: float) -> int:
             stack.start("gateway")
             stack.start("robot")
             stack.wait_online()
-            for _ in range(cycles):
+            for turn, kind in itertools.product(range(cycles), kinds):
                 time.sleep(rng.uniform(0.05, 0.2))
-                KINDS[kind](wire, stack, rng)
+                KINDS[kind](wire, stack, rng, turn)
                 healed_ns = time.monotonic_ns()
                 wire.heal()
                 try:
                     times.append(stack.wait_ack(healed_ns, timeout_s=30.0))
                 except AssertionError:
-                    print(
-                        f"no acknowledgement after fault {len(times) + 1}\n{stack.tail('robot')}{stack.tail('gateway')}"
-                    )
+                    logs = f"{stack.tail('robot')}{stack.tail('gateway')}"
+                    print(f"no acknowledgement after fault {len(times) + 1}, {kind}\n{logs}")
                     raise
                 if times[-1] > explain_s:
-                    print(f"fault {len(times)}: back after {times[-1]:.2f} s\n{stack.tail('robot')[-1200:]}")
+                    print(f"fault {len(times)}, {kind}: back after {times[-1]:.2f} s\n{stack.tail('robot')[-1200:]}")
             sessions = stack.counters["sessions"]
             verdict = stack.check()
     return result(verdict, times=times, sessions=sessions)
 
 
-def show(kind: str, facts: dict[str, Any]) -> bool:
+def show(part: str, facts: dict[str, Any]) -> bool:
     """A line of the table; whether every link came back."""
+    kind = part if part in KINDS else "together"
     times = facts["times"]
     p95 = statistics.quantiles(times, n=20, method="inclusive")[-1] if len(times) > 1 else times[0]
     print(
@@ -138,11 +141,12 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=None)
     parser.add_argument("--explain", type=float, default=RESUME_S, help="show the robot's log where it took longer, s")
     parser.add_argument("--parallel", type=int, default=3, help="kinds at a time")
-    parser.add_argument("--inside", choices=KINDS, help=argparse.SUPPRESS)
+    parser.add_argument("--together", action="store_true", help="all kinds in turn, on one robot and gateway")
+    parser.add_argument("--inside", help=argparse.SUPPRESS)
     options = parser.parse_args(argv)
     seed = options.seed if options.seed is not None else system_rng().randrange(2**32)
     if options.inside:
-        return run_inside(options.inside, options.cycles, seed, explain_s=options.explain)
+        return run_inside(options.inside.split(","), options.cycles, seed, explain_s=options.explain)
     if reason := why_not():
         print(f"partitions cannot run here: {reason}")
         return 0
@@ -150,7 +154,8 @@ def main(argv: list[str] | None = None) -> int:
     print(HEAD, flush=True)
     own = ["--cycles", str(options.cycles), "--seed", str(seed), "--explain", str(options.explain)]
     module = "load_tests.campaign_partitions"
-    return run_parts(module, options.kinds.split(","), own, parallel=options.parallel, show=show)
+    parts = [options.kinds] if options.together else options.kinds.split(",")
+    return run_parts(module, parts, own, parallel=options.parallel, show=show)
 
 
 if __name__ == "__main__":

@@ -12,6 +12,6 @@ from tests.faults.campaigns import run_campaign, skip_without_namespaces
 def test_full_disks_on_each_side_lose_nothing() -> None:
     skip_without_namespaces()
 
-    output = run_campaign("disks", "--cycles", "4", timeout_s=180)
+    output = run_campaign("disks", "--cycles", "2", "--together")
 
     assert "PASS" in output
