@@ -151,7 +151,7 @@ class PostgresServer:
             for process in rest:
                 with contextlib.suppress(psutil.NoSuchProcess):
                     process.kill()
-            psutil.wait_procs(rest, timeout=60)
+            wait_until(lambda: not any(map(_alive, rest)))
 
     def stop(self) -> None:
         """End it; what is open is broken off."""
@@ -279,6 +279,14 @@ class PostgresServer:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+
+
+def _alive(process: psutil.Process) -> bool:
+    """Whether it still holds anything: an orphan stays a zombie until init looks, which may take seconds."""
+    try:
+        return bool(process.status() != psutil.STATUS_ZOMBIE)
+    except psutil.NoSuchProcess:
+        return False
 
 
 def _unprivileged() -> tuple[int, int] | None:

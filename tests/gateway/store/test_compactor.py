@@ -202,7 +202,9 @@ def test_one_gateway_has_the_lease(transaction: StoreEngine) -> None:
     assert take("a", 500)  # a clock that was set back far must not stop compaction for hours
 
 
-async def test_a_store_closes_while_the_object_store_hangs(tmp_path: Path) -> None:
+async def test_a_store_closes_while_the_object_store_hangs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.store.store.CLOSE_S", 0.2)
+
     class Hanging(DirectoryStore):
         reached = False
 

@@ -179,6 +179,7 @@ async def test_frozen_is_refused_in_time(
     tmp_path: Path, victim: PostgresServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gateway.store.postgres.STATEMENT_S", 0.5)
+    monkeypatch.setattr("gateway.store.postgres.CONNECT_S", 0.5)
     robot = Robot(tmp_path, victim.schema(), seed=3)
     robot.start()
     stop = asyncio.Event()
