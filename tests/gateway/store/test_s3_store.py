@@ -64,7 +64,9 @@ async def numbers(store: Store) -> list[int]:
 
 async def moved(store: Store, objects: ObjectStore) -> Report:
     """Wait until all is compacted; what the check says then, once what failed was swept."""
-    while any(run.place is None for run in await store.runs("r1", limit=10_000)):
+    for _ in range(3000):
+        if all(run.place is not None for run in await store.runs("r1", limit=10_000)):
+            break
         await asyncio.sleep(0.02)
 
     def look(engine: StoreEngine) -> Report:
