@@ -100,7 +100,7 @@ def cycle(stack: LoadStack, who: str, filler: Filler, rng: Random, *, kill: bool
 
 def run_inside(sides: list[str], cycles: int, seed: int) -> int:
     """The disks of these sides in turn, in the namespaces of this process."""
-    rng, times, restarts, cycled, later = Random(seed), [], [], 0, 0
+    rng, times, restarts, cycled = Random(seed), list[float](), list[float](), 0
     with tempfile.TemporaryDirectory(prefix="campaign-disks-") as name, contextlib.ExitStack() as mounted:
         folder = Path(name)
         disks = {who: folder / ("state" if who == "robot" else "data") for who in sides}

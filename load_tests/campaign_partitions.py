@@ -124,7 +124,7 @@ def show(part: str, facts: dict[str, Any]) -> bool:
         f"{facts['lost']:>5} {facts['duplicate']:>5} {facts['wrong']:>6} {facts['sessions']:>9}"
         f" {statistics.median(times):>7.2f} {p95:>6.2f} {max(times):>6.2f}"
     )
-    return max(times) <= LIMIT_S
+    return bool(max(times) <= LIMIT_S)
 
 
 HEAD = (
