@@ -172,7 +172,7 @@ def main(argv: Sequence[str] = ()) -> int:
     if options.quick:
         options.rounds, options.seconds = 1, 3.0
     if CHROMIUM is None:
-        print("no Chromium on this machine (Debian: apt install chromium)")
+        print("no Chromium on this machine (Debian: apt install chromium-headless-shell)")
         return 1
     with tempfile.TemporaryDirectory(prefix="metaros-camera-") as name, Stack(Path(name)) as stack:
         film = Path(name) / "pan.avi"

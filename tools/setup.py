@@ -30,7 +30,7 @@ EDITABLE_ENV = {**os.environ, "METAROS_SKIP_DASHBOARD": "1"}
 
 # (command, what works without it, Debian package): said in one line each, never fatal.
 OPTIONAL = (
-    ("chromium", "browser tests", "chromium"),
+    ("chromium-headless-shell", "browser tests, unless there is another Chromium,", "chromium-headless-shell"),
     ("cc", "tests of C structs", "gcc libc6-dev"),
     ("espeak-ng", "tests of a speaker's texts", "espeak-ng"),
 )

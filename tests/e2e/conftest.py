@@ -39,7 +39,7 @@ def one_chromium(built: None) -> Iterator[Chromium]:
     if CHROMIUM is None:
         if os.environ.get("CI"):
             pytest.fail("CI needs Chromium")
-        pytest.skip("no Chromium on this machine (Debian: apt install chromium)")
+        pytest.skip("no Chromium on this machine (Debian: apt install chromium-headless-shell)")
     started = Chromium()
     yield started
     started.close()

@@ -10,13 +10,12 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 
-import httpx
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from tests.e2e.conftest import PHONE
 from tests.e2e.readable import unreadable
-from tests.e2e.real_gateway import real_stack
+from tests.e2e.real_gateway import real_stack, send
 from tests.support.command_line import Done, call_metaros
 from tests.support.stack import Stack
 from tests.support.waiting import wait_until
@@ -34,26 +33,20 @@ PARTS = ("robots", "users", "keys", "audit")
 
 def link(stack: Stack, name: str = "") -> str:
     """A sign-in link, by the key of the gateway's machine; for the first admin where no name is given."""
-    answer = httpx.post(f"{stack.url}/api/v1/auth/links", json={"name": name}, headers=bearer(stack.key), timeout=60)
+    answer = send(stack.url, "POST", "/auth/links", key=stack.key, json={"name": name})
     assert answer.status_code == 201, answer.text
     return str(answer.json()["url"])
 
 
-def bearer(key: str) -> dict[str, str]:
-    """How a program sends its key."""
-    return {"authorization": f"Bearer {key}"}
-
-
 def add_user(stack: Stack, name: str, role: str) -> None:
     """Somebody who is there already."""
-    body = {"name": name, "role": role}
-    answer = httpx.post(f"{stack.url}/api/v1/users", json=body, headers=bearer(stack.key), timeout=60)
+    answer = send(stack.url, "POST", "/users", key=stack.key, json={"name": name, "role": role})
     assert answer.status_code == 201, answer.text
 
 
-def signed_in(stack: Stack, open_page: OpenPage, name: str = "", **options: object) -> Page:
+def signed_in(stack: Stack, open_page: OpenPage, name: str = "", *, path: str = "/", **options: object) -> Page:
     """A page of somebody who came by a link."""
-    page = open_page(link(stack, name), **options)
+    page = open_page(stack.url + path, link=link(stack, name), **options)
     expect(page.locator(".who")).to_be_visible()
     return page
 
@@ -141,8 +134,7 @@ def test_a_robot_is_enrolled_by_the_copied_command_and_revoked(stack: Stack, ope
 
 
 def test_a_withdrawn_command_enrols_nobody(shared: Stack, open_page: OpenPage, tmp_path: Path) -> None:
-    page = signed_in(shared, open_page)
-    page.goto(f"{shared.url}/admin/robots")
+    page = signed_in(shared, open_page, path="/admin/robots")
     page.get_by_label("Name of the robot").fill("no such/name")
     page.get_by_role("button", name="Make the command").click()
     expect(page.get_by_role("alert")).to_contain_text("a robot id is")
@@ -161,14 +153,13 @@ def test_a_withdrawn_command_enrols_nobody(shared: Stack, open_page: OpenPage, t
 def test_an_alarm_stands_first_and_says_what_to_do(stack: Stack, open_page: OpenPage) -> None:
     for name in ("arm_1", "arm_2"):
         order = {"robot": name}
-        made = httpx.post(f"{stack.url}/api/v1/enrolment-tokens", json=order, headers=bearer(stack.key), timeout=60)
+        made = send(stack.url, "POST", "/enrolment-tokens", key=stack.key, json=order)
         where = shlex.quote(str(stack.folder / name))
         assert run(f"{made.json()['command']} --state-dir {where}").code == 0
         if name == "arm_2":  # the same token with another key: a copy of the command was used elsewhere
             other = shlex.quote(str(stack.folder / "copy"))
             assert run(f"{made.json()['command']} --state-dir {other}").code != 0
-    page = signed_in(stack, open_page)
-    page.goto(f"{stack.url}/admin/robots")
+    page = signed_in(stack, open_page, path="/admin/robots")
     alarm = page.locator("[data-alarm]")
     expect(alarm).to_have_count(1)
     expect(alarm.get_by_role("alert")).to_have_text("arm_2: its enrolment token was tried again, with another key")
@@ -179,8 +170,7 @@ def test_an_alarm_stands_first_and_says_what_to_do(stack: Stack, open_page: Open
 
 
 def test_a_user_is_added_signs_in_by_the_link_is_changed_and_cut(shared: Stack, open_page: OpenPage) -> None:
-    page = signed_in(shared, open_page)
-    page.goto(f"{shared.url}/admin/users")
+    page = signed_in(shared, open_page, path="/admin/users")
     page.get_by_role("button", name="Add a user").click()
     dialog = answer_of(page, "Add a user")
     dialog.get_by_label("Name").fill("Bob")
@@ -219,8 +209,7 @@ def test_a_user_is_added_signs_in_by_the_link_is_changed_and_cut(shared: Stack, 
 
 
 def test_the_last_admin_stays_and_the_page_says_why(shared: Stack, open_page: OpenPage) -> None:
-    page = signed_in(shared, open_page)
-    page.goto(f"{shared.url}/admin/users")
+    page = signed_in(shared, open_page, path="/admin/users")
     page.get_by_role("button", name="Delete admin").click()
     dialog = answer_of(page, "Delete admin?")
     dialog.get_by_role("button", name="Delete").click()
@@ -232,8 +221,7 @@ def test_the_last_admin_stays_and_the_page_says_why(shared: Stack, open_page: Op
 
 
 def test_a_key_of_the_page_works_until_it_is_revoked(shared: Stack, open_page: OpenPage) -> None:
-    page = signed_in(shared, open_page)
-    page.goto(f"{shared.url}/admin/keys")
+    page = signed_in(shared, open_page, path="/admin/keys")
     page.get_by_role("button", name="Make a key").click()
     dialog = answer_of(page, "Make a key")
     dialog.get_by_label("Name").fill("wall display")
@@ -252,13 +240,13 @@ def test_a_key_of_the_page_works_until_it_is_revoked(shared: Stack, open_page: O
     expect(row).to_contain_text("lambda")
     expect(row).to_contain_text("never")
 
-    who = httpx.get(f"{shared.url}/api/v1/auth/me", headers=bearer(key), timeout=60).json()
+    who = send(shared.url, "GET", "/auth/me", key=key).json()
     assert (who["kind"], who["role"], who["scopes"]) == ("key", "operator", ["lambda"])
     expect(row).not_to_contain_text("never")
     page.get_by_role("button", name="Revoke the key wall display").click()
     answer_of(page, "Revoke the key wall display?").get_by_role("button", name="Revoke").click()
     expect(row).to_have_count(0)
-    assert httpx.get(f"{shared.url}/api/v1/auth/me", headers=bearer(key), timeout=60).status_code == 401
+    assert send(shared.url, "GET", "/auth/me", key=key).status_code == 401
 
 
 @pytest.mark.parametrize("role", ["viewer", "operator"])
@@ -293,10 +281,10 @@ def test_the_log_shows_what_happened_is_proven_and_a_changed_row_is_named(stack:
     page = signed_in(stack, open_page)
     for number in range(120):
         add_user(stack, f"user-{number}", "viewer")
-    refused = httpx.delete(f"{stack.url}/api/v1/users/user-7", timeout=60)
+    refused = send(stack.url, "DELETE", "/users/user-7", key="")
     assert refused.status_code == 401
     long = "x" * 64
-    assert httpx.delete(f"{stack.url}/api/v1/users/{long}", headers=bearer(stack.key), timeout=60).status_code == 404
+    assert send(stack.url, "DELETE", f"/users/{long}", key=stack.key).status_code == 404
 
     page.goto(f"{stack.url}/admin/audit")
     rows = page.locator("[data-row]")
@@ -350,9 +338,7 @@ def change_row(stack: Stack, number: int) -> None:
 
 
 def test_every_part_fits_a_phone_and_can_be_read(shared: Stack, open_page: OpenPage) -> None:
-    httpx.post(
-        f"{shared.url}/api/v1/keys", json={"name": "k" * 64, "role": "viewer"}, headers=bearer(shared.key), timeout=60
-    )
+    send(shared.url, "POST", "/keys", key=shared.key, json={"name": "k" * 64, "role": "viewer"})
     page = signed_in(shared, open_page, size=PHONE, touch=True)
     faults = []
     for part in PARTS:

@@ -31,9 +31,7 @@ async def silent(ready: Ready, stack: AsyncExitStack) -> None:
 def test_a_robot_that_goes_away_is_an_alert(tmp_path: Path, open_page: Callable[..., Page]) -> None:
     with real_gateway(tmp_path, robot=False, crowd=silent, heartbeat_s=0.5) as gateway:
         gateway.ask("PUT", "/alert-checks/offline", {"for_s": 1.0, "clear_s": 1.0})
-        page = open_page(gateway.link())
-        expect(page.locator(".who")).to_be_visible()
-        page.goto(f"{gateway.url}/alerts")
+        page = open_page(f"{gateway.url}/alerts", link=gateway.link())
         row = page.locator("[data-alert-row]")
         expect(row).to_contain_text("Robot is offline", timeout=FOUND_MS)
         row.get_by_role("button", name="Acknowledge").click()

@@ -84,9 +84,7 @@ def gateway(tmp_path: Path, worker: Worker) -> Iterator[RealGateway]:
 
 def commands_of(gateway: RealGateway, open_page: OpenPage, robot: str = "sim_1", **options: object) -> Page:
     """Ada's page of a robot's commands."""
-    page = open_page(gateway.link("ada"), **options)
-    expect(page.locator(".who")).to_be_visible()
-    page.goto(f"{gateway.url}/robots/{robot}?tab=commands")
+    page = open_page(f"{gateway.url}/robots/{robot}?tab=commands", link=gateway.link("ada"), **options)
     expect(page.get_by_role("button", name="Send a command…")).to_be_visible()
     return page
 

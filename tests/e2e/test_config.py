@@ -47,9 +47,7 @@ def robot(served: RealGateway, request: pytest.FixtureRequest) -> Iterator[Livin
 
 def opened(gateway: RealGateway, open_page: OpenPage, robot: str, *, who: str = "", **options: object) -> Page:
     """The tab, to an admin or to somebody else."""
-    page = open_page(gateway.link(who), **options)
-    expect(page.locator(".who")).to_be_visible()
-    page.goto(f"{gateway.url}/robots/{robot}?tab=config")
+    page = open_page(f"{gateway.url}/robots/{robot}?tab=config", link=gateway.link(who), **options)
     expect(page.locator("[data-standing]")).to_be_visible()
     return page
 

@@ -27,9 +27,8 @@ def handler(event, context):
 """
 
 
-def deploy(page: Page, url: str) -> None:
+def deploy(page: Page) -> None:
     """Drop the function's zip on the page."""
-    page.goto(f"{url}/functions")
     page.locator(".fn-filters").get_by_role("button", name="Deploy…").click()
     dialog = page.get_by_role("dialog")
     chosen = {"name": "greet.zip", "mimeType": "application/zip", "buffer": zip_of(GREET)}
@@ -40,9 +39,8 @@ def deploy(page: Page, url: str) -> None:
 
 def test_code_is_deployed_called_by_a_rule_and_seen(tmp_path: Path, open_page: Callable[..., Page]) -> None:
     with real_gateway(tmp_path) as gateway:
-        page = open_page(gateway.link())
-        expect(page.locator(".who")).to_be_visible()
-        deploy(page, gateway.url)
+        page = open_page(f"{gateway.url}/functions", link=gateway.link())
+        deploy(page)
         event = page.get_by_label("Event as JSON")
         event.fill('{"detail": {"who": "ada"}}')
         page.get_by_role("button", name="Call it").click()
@@ -80,9 +78,8 @@ def test_code_is_deployed_called_by_a_rule_and_seen(tmp_path: Path, open_page: C
 
 def test_what_cannot_be_delivered_waits_and_is_delivered_again(tmp_path: Path, open_page: Callable[..., Page]) -> None:
     with real_gateway(tmp_path) as gateway:
-        page = open_page(gateway.link())
-        expect(page.locator(".who")).to_be_visible()
-        deploy(page, gateway.url)
+        page = open_page(f"{gateway.url}/functions", link=gateway.link())
+        deploy(page)
         gateway.ask("PUT", "/functions/greet", {"event_invoke": {"most_retries": 0}})
         page.get_by_label("Event as JSON").fill('{"detail": {"who": "nobody"}}')
         page.get_by_role("button", name="As an event").click()

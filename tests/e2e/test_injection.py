@@ -98,8 +98,7 @@ def test_what_people_and_alarms_say_is_text_on_the_admin_pages(
     tmp_path: Path, built: None, open_page: OpenPage
 ) -> None:
     with real_gateway(tmp_path) as gateway:
-        page = open_page(gateway.link(), own=True)
-        expect(page.locator(".who")).to_be_visible()
+        page = open_page("about:blank", link=gateway.link(), own=True)
         watched = Watched(page)
         alarm = {"robot": "arm_1", "state": "active", "enrolled": "2026-11-21T06:00:00Z", "certificates": []}
         odd = [alarm | {"robot": text, "alarm": text, "reason": text} for text in (IMAGE, SCRIPT, LINK, BREAKING)]

@@ -51,10 +51,8 @@ def afar(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Afar]:
 
 def opened(afar: Afar, open_page: OpenPage, **query: str) -> Page:
     """The tab, to an admin."""
-    page = open_page(link(afar.stack))
-    expect(page.locator(".who")).to_be_visible()
     asked = "".join(f"&{name}={value}" for name, value in query.items())
-    page.goto(f"{afar.stack.url}/robots/{ROBOT}?tab=nodes{asked}")
+    page = open_page(f"{afar.stack.url}/robots/{ROBOT}?tab=nodes{asked}", link=link(afar.stack))
     expect(page.locator("[data-node=lidar]")).to_be_visible()
     return page
 
@@ -209,9 +207,7 @@ def arm(served: RealGateway) -> Iterator[LivingRobot]:
 
 
 def looked(gateway: RealGateway, open_page: OpenPage, *, who: str = "", query: str = "", **options: object) -> Page:
-    page = open_page(gateway.link(who), **options)
-    expect(page.locator(".who")).to_be_visible()
-    page.goto(f"{gateway.url}/robots/arm_1?tab=nodes{query}")
+    page = open_page(f"{gateway.url}/robots/arm_1?tab=nodes{query}", link=gateway.link(who), **options)
     expect(page.locator("[data-node]")).to_have_count(4)
     return page
 
@@ -281,9 +277,7 @@ def test_an_offline_robots_nodes_are_greyed_and_start_later(served: RealGateway,
         wait_until(lambda: served.ask("GET", "/robots/gone_1/nodes")["nodes"][0]["state"] == "stopped")
         wait_until(lambda: served.ask("GET", "/robots/gone_1/twin")["in_step"])
     wait_until(lambda: not served.ask("GET", "/robots/gone_1/nodes")["online"])
-    page = open_page(served.link())
-    expect(page.locator(".who")).to_be_visible()
-    page.goto(f"{served.url}/robots/gone_1?tab=nodes")
+    page = open_page(f"{served.url}/robots/gone_1?tab=nodes", link=served.link())
     mapper = row(page, "mapper", "stopped")
     expect(mapper).to_contain_text("last known")
     expect(page.locator(".nodes-head")).to_contain_text("The robot is offline")

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from contextlib import AsyncExitStack
 from pathlib import Path
 
-import httpx
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
@@ -15,7 +14,6 @@ from tests.e2e.conftest import PHONE, save
 from tests.e2e.readable import unreadable
 from tests.e2e.real_gateway import RealGateway, real_gateway
 from tests.gateway.harness import ScriptedAgent
-from tests.support.key_ring import bearer
 from tests.support.releases import signed_release, start_signing
 from tests.support.story_robot import MARK, Defects, StoryRobot
 
@@ -40,9 +38,8 @@ class Fleet:
     def publish(self, version: str, *, defect: bool = False, node: str = "") -> None:
         """Sign a version of the agent, or of a node, and bring it to the gateway."""
         release = signed_release(self.folder, version, {MARK: b"on some robots"} if defect else None, node=node)
-        headers = {**bearer(self.gateway.admin), "content-type": "application/zip"}
-        url = f"{self.gateway.url}/api/v1/updates/bundles"
-        answer = httpx.post(url, content=release.content, headers=headers, timeout=60, trust_env=False)
+        headers = {"content-type": "application/zip"}
+        answer = self.gateway.send("POST", "/updates/bundles", content=release.content, headers=headers)
         assert answer.is_success, answer.text
         self.gateway.ask("POST", "/updates/metadata", release.document)
 
@@ -103,9 +100,7 @@ def page_of(
     fleet: Fleet, open_page: OpenPage, path: str = "/rollouts", *, name: str = "ada", **options: object
 ) -> Page:
     """Somebody's page."""
-    page = open_page(fleet.gateway.link(name), **options)
-    expect(page.locator(".who")).to_be_visible()
-    page.goto(fleet.gateway.url + path)
+    page = open_page(fleet.gateway.url + path, link=fleet.gateway.link(name), **options)
     expect(page.locator("h1")).to_be_visible()
     return page
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from tests.e2e.chromium import Chromium
+from tests.e2e.chromium import Chromium, sign_in
 from tests.e2e.conftest import save
 from tests.e2e.real_gateway import real_stack
 from tests.support.alsa import MIC, SPEAKER, Alsa, strongest_hz, tone
@@ -85,9 +85,7 @@ def robot_page(stack: Stack, chromium: Chromium, hearing: Browser) -> Iterator[C
         page.on("pageerror", lambda error: errors.append(str(error)))
         if init:
             page.add_init_script(init)
-        page.goto(sign_in_link(stack))
-        page.get_by_role("button", name="Later").click()
-        expect(page.locator("[data-account=admin]")).to_be_visible()
+        sign_in(page, sign_in_link(stack))
         page.goto(f"{stack.url}/robots/r1")
         return page
 

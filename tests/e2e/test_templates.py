@@ -53,9 +53,7 @@ def robot(gateway: RealGateway, request: pytest.FixtureRequest) -> Iterator[Livi
 
 def opened(gateway: RealGateway, open_page: OpenPage, name: str = "ada", **options: object) -> Page:
     """Somebody's page of templates."""
-    page = open_page(gateway.link(name), **options)
-    expect(page.locator(".who")).to_be_visible()
-    page.goto(f"{gateway.url}/rollouts/templates")
+    page = open_page(f"{gateway.url}/rollouts/templates", link=gateway.link(name), **options)
     expect(page.locator("[data-template], .nothing").first).to_be_visible()
     return page
 

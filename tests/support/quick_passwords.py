@@ -10,7 +10,7 @@ from argon2 import PasswordHasher
 import gateway.identity.accounts
 from gateway.identity.passwords import Passwords
 
-__all__ = ["quick_passwords"]
+__all__ = ["make_quick", "quick_passwords"]
 
 QUICK = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
 
@@ -18,4 +18,9 @@ QUICK = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
 @pytest.fixture
 def quick_passwords(monkeypatch: pytest.MonkeyPatch) -> None:
     """For the gateways that the test starts."""
-    monkeypatch.setattr(gateway.identity.accounts, "Passwords", partial(Passwords, hasher=QUICK))
+    make_quick(monkeypatch)
+
+
+def make_quick(patch: pytest.MonkeyPatch) -> None:
+    """For the gateways that start while it holds."""
+    patch.setattr(gateway.identity.accounts, "Passwords", partial(Passwords, hasher=QUICK))
