@@ -190,7 +190,7 @@ class World:
         def found() -> list[Life]:
             return [life for life in self.lives() if life.robot == robot and life.first_ns > since_ns]
 
-        wait_until(found, timeout_s=timeout_s)
+        wait_until(found, timeout_s=timeout_s, every_s=0.1)  # when it began says the file
         return found()[0]
 
     def lose(self, robot: str) -> None:
@@ -202,10 +202,10 @@ class World:
         self.processes[robot].wait(60)
         wait_until(lambda: running_pid(self.folder / robot) is None)
 
-    def stays(self, robot: str, seconds: float) -> None:
-        """Look on for so long: it begins nowhere else."""
-        since_ns, end_s = now_ns(), time.monotonic() + seconds
-        wait_until(lambda: time.monotonic() > end_s, timeout_s=seconds + 60, every_s=0.1)
+    def stays(self, robot: str, *, until: Callable[[], object]) -> None:
+        """Until then it begins nowhere else."""
+        since_ns = now_ns()
+        wait_until(until, timeout_s=120, every_s=0.2)
         moved = [life for life in self.lives() if life.first_ns > since_ns and life.robot != robot]
         assert not moved, f"it moved from {robot}: {moved}"
 
@@ -261,9 +261,8 @@ def story(world: World) -> dict[str, float]:
 
     took["partition, the gateway's clock an hour ahead"] = move(world, "near", step_clock)
     world.step_file.write_text("-3600s\n")
-    world.wire.heal()  # what lay in the buffers arrives
-    world.stays("near", 3)  # and the node stays where it is
-    wait_until(lambda: world.waits("far"), timeout_s=120, every_s=0.2)
+    world.wire.heal()  # what lay in the buffers arrives, and the node stays where it is
+    world.stays("near", until=lambda: world.waits("far"))
 
     took["host killed"] = move(world, "far", lambda: world.lose("near"))
     world.agent("near")
@@ -271,9 +270,8 @@ def story(world: World) -> dict[str, float]:
 
     agent = world.processes["far"]
     took["agent stands still"] = move(world, "near", lambda: stop(world, "far"))
-    agent.send_signal(signal.SIGCONT)  # it reads frames of ten seconds ago now
-    world.stays("near", 3)
-    wait_until(lambda: world.waits("far"), timeout_s=120, every_s=0.2)
+    agent.send_signal(signal.SIGCONT)  # it reads frames of ten seconds ago now, and tells that it has
+    world.stays("near", until=lambda: world.waits("far"))
 
     def both() -> None:
         world.processes["gateway"].kill()
@@ -287,7 +285,6 @@ def story(world: World) -> dict[str, float]:
     ready_ns = now_ns()
     first_ns = world.begins("far", since_ns=at_ns, timeout_s=120).first_ns
     took["host and gateway killed, from when the gateway is back"] = (first_ns - ready_ns) / 1e9
-    world.stays("far", 2)
     return took
 
 
