@@ -5,9 +5,12 @@ from __future__ import annotations
 import subprocess
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import psutil
+
+if TYPE_CHECKING:
+    from tests.support.warm import Forked
 
 __all__ = ["END_S", "alive", "end", "started"]
 
@@ -34,7 +37,7 @@ def alive(pid: int) -> bool:
         return False
 
 
-def end(process: subprocess.Popen[Any]) -> None:
+def end(process: subprocess.Popen[Any] | Forked) -> None:
     """Ask it to end, kill it where it does not, reap it, close its pipes; does nothing to one that has ended."""
     try:
         if process.poll() is None:

@@ -1,30 +1,38 @@
 """Processes of `metaros` that begin where its imports are done: forked off a server that has made them, once.
 
-`warm_metaros(folder)` starts the server and puts a program `metaros` into the folder, for PATH or to be run. That is a
-small one, which hands its arguments, its environment, its place and its files to the server, passes signals on, and
-ends as the real one does. Who kills it kills both. Imports are most of what a command costs, and three of the four
-seconds of a gateway's start. For tests of starting, the real thing: `tests.support.command_line.program`.
+`Forked(arguments, …)` is such a process, by its own id, and asked what a `Popen` is asked. `warm_metaros(folder)` puts
+a program `metaros` into the folder, for PATH or to be run. That is a small one, which hands its arguments, its
+environment, its place and its files to the server, passes signals on, and ends as the real one does. Who kills it kills
+both. Imports are most of what a command costs, and three of the four seconds of a gateway's start. For tests of
+starting, the real thing: `tests.support.command_line.program`.
+
+There is one server for all tests of a worker, with which it ends.
 """
 
 from __future__ import annotations
 
 import ast
+import atexit
 import contextlib
+import functools
 import gc
 import importlib
 import io
 import os
 import selectors
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from tempfile import mkdtemp
 from typing import Any, NoReturn
 
-__all__ = ["warm_metaros"]
+__all__ = ["Forked", "warm_metaros"]
 
 MODULES = (
     *("metaros.cli.main", "metaros.node", "metaros.sim", "metaros.cli.launch_run", "metaros.cli.topic"),
@@ -43,6 +51,7 @@ said = repr((sys.argv[1:], dict(posix.environ), posix.getcwd())).encode()
 files = array.array("i", [0, 1, 2])
 link.sendmsg([len(said).to_bytes(4, "big")], [(_socket.SOL_SOCKET, _socket.SCM_RIGHTS, files)])
 link.sendall(said)
+link.recv(4)
 for name in {passed_on!r}:
     _signal.signal(getattr(_signal, name), lambda number, _: link.send(bytes([number])))
 code = int.from_bytes(link.recv(4) or b"\\0\\0\\0\\1", "big", signed=True)
@@ -55,11 +64,69 @@ posix._exit(code)
 
 @contextlib.contextmanager
 def warm_metaros(folder: Path) -> Iterator[Path]:
-    """The program's path; what of it still runs at the end is killed."""
-    place = str(folder / "warm.sock")
+    """The program's path; it is gone at the end, and what of it still runs is ended with the server."""
     path = folder / "metaros"
-    path.write_text(CLIENT.format(python=sys.executable, place=place, passed_on=PASSED_ON))
+    path.write_text(CLIENT.format(python=sys.executable, place=_server(), passed_on=PASSED_ON))
     path.chmod(0o755)
+    yield path
+    path.unlink()
+
+
+class Forked:
+    """`metaros ARGUMENTS`, which is nobody's child here, and else what `subprocess.Popen` is."""
+
+    stdin = stdout = stderr = None
+
+    def __init__(self, arguments: Sequence[str], *, output: int, env: Mapping[str, str]) -> None:
+        self.args = ["metaros", *arguments]
+        self.returncode: int | None = None
+        environ = {os.fsencode(name): os.fsencode(value) for name, value in env.items()}
+        said = repr((list(arguments), environ, str(Path.cwd()))).encode()
+        self._link = socket.socket(socket.AF_UNIX)
+        self._link.connect(_server())
+        with open(os.devnull, "rb") as nothing:
+            files = [nothing.fileno(), output, output]
+            socket.send_fds(self._link, [len(said).to_bytes(4, "big")], files)
+            self._link.sendall(said)
+            self.pid = int.from_bytes(self._link.recv(4), "big")
+        self._over = threading.Thread(target=self._await, name=f"end of {self.pid}", daemon=True)
+        self._over.start()
+
+    def _await(self) -> None:
+        with self._link:
+            code = self._link.recv(4)
+        self.returncode = int.from_bytes(code, "big", signed=True) if code else -signal.SIGKILL
+
+    def poll(self) -> int | None:
+        """Its exit code, once it has ended and is reaped."""
+        return self.returncode
+
+    def wait(self, timeout: float | None = None) -> int:
+        """The same, when it is there."""
+        self._over.join(timeout)
+        if self.returncode is None:
+            raise subprocess.TimeoutExpired(self.args, timeout or 0.0)
+        return self.returncode
+
+    def send_signal(self, number: int) -> None:
+        """To the process itself, which is not reaped before we are told."""
+        if self.returncode is None:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self.pid, number)
+
+    def terminate(self) -> None:
+        """SIGTERM."""
+        self.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """SIGKILL."""
+        self.send_signal(signal.SIGKILL)
+
+
+@functools.cache
+def _server() -> str:
+    """Where this worker's server listens, until the worker ends."""
+    place = str(Path(mkdtemp(prefix="metaros-warm-")) / "socket")
     server = subprocess.Popen(
         [sys.executable, "-m", "tests.support.warm", place],
         stdin=subprocess.PIPE,
@@ -69,13 +136,17 @@ def warm_metaros(folder: Path) -> Iterator[Path]:
     )
     assert server.stdin is not None
     assert server.stdout is not None
-    with server, server.stdout, server.stdin:
-        assert server.stdout.readline() == b"ready\n"
-        try:
-            yield path
-        finally:
-            server.stdin.close()
-            server.wait(END_S)
+    with server.stdout as said:
+        assert said.readline() == b"ready\n"
+    atexit.register(_end, server)
+    return place
+
+
+def _end(server: subprocess.Popen[bytes]) -> None:
+    """What still runs of its processes ends with it; so it does where the worker is killed."""
+    assert server.stdin is not None
+    server.stdin.close()
+    server.wait(END_S)
 
 
 class Server:
@@ -84,6 +155,7 @@ class Server:
     def __init__(self, place: str) -> None:
         self._listener = socket.socket(socket.AF_UNIX)
         self._listener.bind(place)
+        self._place = place
         self._listener.listen(64)
         self._links: dict[int, socket.socket] = {}  # by the process
         self._woken, waker = os.pipe()
@@ -103,6 +175,7 @@ class Server:
                 if key.fileobj is sys.stdin:
                     for pid in self._links:
                         os.kill(pid, signal.SIGKILL)
+                    shutil.rmtree(Path(self._place).parent)
                     return
                 if key.fileobj is self._listener:
                     self._begin(self._listener.accept()[0])
@@ -122,6 +195,7 @@ class Server:
             self._become(files, *ast.literal_eval(said.decode()))
         for file in files:
             os.close(file)
+        link.sendall(pid.to_bytes(4, "big"))
         self._links[pid] = link
         self._ready.register(link, selectors.EVENT_READ, pid)
 

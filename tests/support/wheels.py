@@ -21,16 +21,20 @@ __all__ = ["wheel_of"]
 ROOT = Path(__file__).resolve().parents[2]
 BUILT = "2.1.0"
 MAIN = "edge_agent/main.py"
+UNUSED = ("broker", "client", "convert", "functions", "rules", "sim")  # of metaros, by an agent
 
 
 def wheel_of(version: str, *, broken: bool = False) -> tuple[str, bytes]:
-    """Name and bytes of a wheel of that version; a broken one's agent ends at its start."""
+    """Name and bytes of a wheel of that version.
+
+    A broken one's agent ends at its start; it brings that agent alone, and the base install the rest.
+    """
     old, new = (f"metaros-{one}.dist-info" for one in (BUILT, version))
     target, rows = io.BytesIO(), []
     with zipfile.ZipFile(io.BytesIO(_built())) as source, zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as wheel:
         for member in source.infolist():
             name, data = member.filename.replace(old, new), source.read(member)
-            if name == f"{new}/RECORD":
+            if name == f"{new}/RECORD" or (broken and name.startswith("metaros/")):
                 continue
             if name == f"{new}/METADATA":
                 data = data.replace(f"\nVersion: {BUILT}\n".encode(), f"\nVersion: {version}\n".encode())
@@ -45,11 +49,13 @@ def wheel_of(version: str, *, broken: bool = False) -> tuple[str, bytes]:
 
 @functools.cache
 def _built() -> bytes:
-    """As hatchling builds it, without the gateway, which no robot runs: each install compiles all that is there."""
+    """As hatchling builds it, without what no agent runs: each install compiles all that is there."""
     with TemporaryDirectory() as folder:
         tree, out = Path(folder) / "tree", Path(folder) / "out"
         for package in ("metaros", "edge_agent"):
             shutil.copytree(ROOT / package, tree / package, ignore=shutil.ignore_patterns("__pycache__"))
+        for package in UNUSED:
+            shutil.rmtree(tree / "metaros" / package)
         (tree / "gateway").mkdir()
         shutil.copy(ROOT / "gateway" / "__init__.py", tree / "gateway")
         for name in ("README.md", "LICENSE"):

@@ -20,6 +20,7 @@ import httpx
 import psutil
 import pytest
 
+from tests.support.command_line import call_metaros
 from tests.support.ports import free_port
 from tests.support.processes import END_S, end
 from tests.support.waiting import wait_until
@@ -62,8 +63,8 @@ class Up:
 
     def state(self) -> dict[str, Any]:
         """What `metaros status` says of it."""
-        done = subprocess.run([sys.executable, "-m", "metaros", "status", "-o", "json"], capture_output=True, text=True)
-        (own,) = (found for found in json.loads(done.stdout) if found["pid"] == self.process.pid)
+        rows = json.loads(call_metaros("status", "-o", "json").out)
+        (own,) = (found for found in rows if found["pid"] == self.process.pid)
         return own  # type: ignore[no-any-return]
 
     def get(self, path: str) -> Any:
@@ -199,36 +200,27 @@ def test_sigterm_while_starting_leaves_nothing(tmp_path: Path) -> None:
 @pytest.mark.integration
 @pytest.mark.timeout(600)
 def test_two_instances_share_a_router_and_the_second_outlives_the_first(tmp_path: Path) -> None:
-    zenoh = ("--zenoh-port", str(free_port()))
-    own = ("--port", str(free_port()), "--grpc-port", str(free_port()))
-    with running(tmp_path / "a", "--robots", "1", *own, *zenoh) as first:
-        own = ("--port", str(free_port()), "--grpc-port", str(free_port()))
-        with running(tmp_path / "b", "--robots", "1", *own, *zenoh) as second:
-            assert "joining it" in second.text
-            assert second.online() == {"sim_2", host_name(second)}
-            assert second.state()["data_dir"] != first.state()["data_dir"]
-            first.stop()
-            wait_until(lambda: second.online() == {"sim_2", host_name(second)}, timeout_s=60)
-            second.stop()
-
-
-@pytest.mark.integration
-@pytest.mark.timeout(600)
-def test_beside_foreign_programs_on_the_default_ports_everything_moves(tmp_path: Path) -> None:
-    """And kill -9 of `metaros up` leaves no process."""
-    with foreign_listeners(8080, 8081, 7447), running(tmp_path, "--robots", "1", "--no-host") as up:
-        state = up.state()
+    """The first moves away from foreign programs on the default ports; kill -9 of the second leaves no process."""
+    with foreign_listeners(8080, 8081, 7447), running(tmp_path / "a", "--robots", "1") as first:
+        state = first.state()
         assert state["http_port"] not in (8080, 8081)
         assert state["grpc_port"] not in (8080, 8081)
         assert state["zenoh_port"] != 7447
         for port in (8080, 8081, 7447):
-            assert f"port {port} is in use by" in up.text
-        assert str(state["http_port"]) in up.text
-        assert up.online() == {"sim_1"}
-        assert len(up.children()) >= 4
-        up.process.kill()
-        up.process.wait()
-        wait_until(up.gone, timeout_s=60)
+            assert f"port {port} is in use by" in first.text
+        assert str(state["http_port"]) in first.text
+        assert first.online() == {"sim_1", host_name(first)}
+        own = ("--port", str(free_port()), "--grpc-port", str(free_port()), "--zenoh-port", str(state["zenoh_port"]))
+        with running(tmp_path / "b", "--robots", "1", *own) as second:
+            assert "joining it" in second.text
+            assert second.online() == {"sim_2", host_name(second)}
+            assert second.state()["data_dir"] != state["data_dir"]
+            first.stop()
+            wait_until(lambda: second.online() == {"sim_2", host_name(second)}, timeout_s=60)
+            assert len(second.children()) >= 4
+            second.process.kill()
+            second.process.wait()
+            wait_until(second.gone, timeout_s=60)
 
 
 @contextmanager

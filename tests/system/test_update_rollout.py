@@ -24,7 +24,7 @@ from tests.support.wheels import wheel_of
 
 WITHIN_S = 300.0
 SLEEPER = [sys.executable, "-S", "-c", "import time; time.sleep(3600)"]
-TRIAL = ("--health-s", "1.5", "--link-s", "120", "--boots", "2")
+TRIAL = ("--health-s", "0.5", "--link-s", "120", "--boots", "2")
 
 pytestmark = [
     pytest.mark.integration,
@@ -96,7 +96,7 @@ def test_a_rollout_of_the_agent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
             before = (nodes.pid(), running_pid(nodes.state))
             sign_and_publish(metaros, tmp_path / "updates", bundles)
 
-            good = metaros.json("rollout start 2.1.0 --all --waves 1,100%")["id"]
+            good = metaros.json("rollout start 2.1.0 --all --waves 100%")["id"]
             wait_until(lambda: state_of(stack, good) in ("done", "halted"), timeout_s=WITHIN_S, every_s=0.05)
             assert state_of(stack, good) == "done", metaros(f"rollout show {good}")
             for state in states.values():
