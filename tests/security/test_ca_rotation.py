@@ -13,7 +13,7 @@ from edge_agent.identity.certificate import vouched_roots
 from edge_agent.identity.enrol import renew
 from edge_agent.identity.files import IdentityFiles, RobotIdentity
 from edge_agent.identity.pin import spki_pin
-from gateway.identity import robots
+from gateway.identity import desk, robots
 from gateway.identity.ca import make_intermediate, make_root, pem, voucher
 from gateway.identity.rotation import retire, rotate_root, settle
 from gateway.main import Ready
@@ -27,6 +27,13 @@ from tests.support.nginx import Nginx, nginx_program
 from tests.support.uplinks import wait
 
 NOW_NS = SystemClock().wall_ns()
+
+
+@pytest.fixture(autouse=True)
+def often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The gateway looks often at what another process wrote."""
+    monkeypatch.setattr(robots, "POLL_S", 0.05)
+    monkeypatch.setattr(desk, "FOLLOW_S", 0.05)
 
 
 def work(ready: Ready, *, retiring: bool) -> None:
@@ -123,8 +130,7 @@ async def test_behind_a_proxy_of_somebody_elses_a_new_root_comes_with_the_old_on
                 await renewed(first, tmp_path / "left behind")
 
 
-async def test_a_link_of_a_retired_issuer_is_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(robots, "POLL_S", 0.05)
+async def test_a_link_of_a_retired_issuer_is_cut(tmp_path: Path) -> None:
     async with running_gateway(tmp_path, door=RING, tls="on", require_enrolment=True) as ready:
         identity = await enrol_robot(ready, tmp_path)
         async with linked(identity, "grpc") as (owner, uplink):

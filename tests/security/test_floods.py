@@ -23,6 +23,7 @@ import pytest
 
 import gateway.crowd
 import gateway.main
+from gateway.ingest import lane_shell
 from gateway.main import Ready
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.limits import LIMITS
@@ -254,7 +255,8 @@ async def test_a_socket_that_floods_is_ended_and_others_are_not(tmp_path: Path, 
 
 
 @pytest.mark.integration
-async def test_lanes_that_say_nothing_keep_no_robot_out(tmp_path: Path) -> None:
+async def test_lanes_that_say_nothing_keep_no_robot_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lane_shell, "HELLO_S", 3.0)
     async with running_gateway(tmp_path) as ready, AsyncExitStack() as stack:
         target, options = f"127.0.0.1:{ready.grpc_port}", [("grpc.use_local_subchannel_pool", 1)]
         calls: list[Any] = []
