@@ -7,7 +7,6 @@ import json
 import os
 import shlex
 import ssl
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -168,14 +167,14 @@ async def test_the_lock_out_and_the_log_know_the_client_behind_the_proxy(tmp_pat
 
 @pytest.mark.integration
 def test_the_program_says_it_and_writes_no_more_than_that(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "metaros", "gateway", "--host", "0.0.0.0", "--port", "0", "--grpc-port", "0"]
-    environ = {**os.environ, "HOME": str(tmp_path)}
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environ)
-    assert done.returncode == 2
-    assert done.stderr.startswith("error: --host 0.0.0.0: other machines can connect there")
-    add, _ = commands(done.stderr)
+    words = ["gateway", "--host", "0.0.0.0", "--port", "0", "--grpc-port", "0"]
+    done = call_metaros(*words, HOME=str(tmp_path))
+    assert done.code == 2
+    assert done.err.startswith("error: --host 0.0.0.0: other machines can connect there")
+    add, _ = commands(done.err)
     assert call_metaros(*shlex.split(add)[1:], HOME=str(tmp_path)).code == 0
     status = tmp_path / "status.json"
-    with started([*command, "--status-file", str(status)], env=environ) as process:
+    command = [sys.executable, "-m", "metaros", *words, "--status-file", str(status)]
+    with started(command, env={**os.environ, "HOME": str(tmp_path)}) as process:
         wait_until(lambda: status.exists() or process.poll() is not None)
         assert json.loads(status.read_text())["url"].startswith("https://127.0.0.1:")
