@@ -40,7 +40,7 @@ from load_tests.report.page import page
 from load_tests.report.record import Record, changes, load, machine, save
 from metaros.errors import ConfigError
 
-__all__ = ["main"]
+__all__ = ["SCENARIOS", "chosen", "main"]
 
 FOLDER: Final = Path(".make/fleet")
 ACTIVE: Final = Load(name="active", period_s=1.0, rows=20, samples=2, sample_bytes=1024)
@@ -97,6 +97,7 @@ async def _viewers(setting: Setting, options: argparse.Namespace, record: Record
         viewers=options.viewers,
         load=WATCHED,
         seconds=options.seconds,
+        cut_s=options.cut_s,
     )
 
 
@@ -153,8 +154,8 @@ SCENARIOS: Final[dict[str, tuple[Scenario, str, dict[str, Any], dict[str, Any]]]
     "viewers": (
         _viewers,
         "People who watch",
-        {"robots": 20, "viewers": 100, "seconds": 20.0},
-        {"robots": 3, "viewers": 6, "seconds": 3.0},
+        {"robots": 20, "viewers": 100, "seconds": 20.0, "cut_s": 25.0},
+        {"robots": 3, "viewers": 6, "seconds": 3.0, "cut_s": 3.0},
     ),
     "bulk": (
         _bulk,
@@ -183,7 +184,8 @@ SCENARIOS: Final[dict[str, tuple[Scenario, str, dict[str, Any], dict[str, Any]]]
 }
 
 
-def _options(argv: list[str]) -> argparse.Namespace:
+def chosen(argv: list[str]) -> argparse.Namespace:
+    """The options, with a scenario's own defaults."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenario", nargs="?", choices=sorted(SCENARIOS), help="without one: a short steady")
     parser.add_argument("--idle", type=int, help="robots with heartbeats and statistics alone")
@@ -191,6 +193,7 @@ def _options(argv: list[str]) -> argparse.Namespace:
     parser.add_argument("--robots", type=int, help="of viewers: those that are watched; of bulk: the honest ones")
     parser.add_argument("--viewers", type=int, help="of viewers: how many watch")
     parser.add_argument("--heavy", type=int, help="of bulk: robots over their quota")
+    parser.add_argument("--cut-s", type=float, help="of viewers: how long the one that never reads may stay")
     parser.add_argument("--acts", type=int, help="of chaos: how many times something breaks")
     parser.add_argument("--seconds", type=float, help="how long each phase is measured")
     parser.add_argument("--ramp", type=float, help="robots that come a second")
@@ -248,7 +251,7 @@ def run_loop(work: Awaitable[None]) -> None:
 
 def main(argv: list[str]) -> int:
     """Run, write the report, print what it comes to; 1 when a goal was missed."""
-    options = _options(argv)
+    options = chosen(argv)
     before = None
     if options.against is not None:
         try:

@@ -22,7 +22,6 @@ __all__ = ["viewers"]
 
 UP_S = 60.0
 READ_BYTES = 4096  # of the stalled viewer's socket: the gateway's queue, not the kernel, is what fills
-CUT_S = 25.0
 STALL_P99_MS = 250.0
 
 
@@ -78,8 +77,8 @@ class Audience:
         except (OSError, WebSocketException, TimeoutError) as error:
             self.failed.append(f"a viewer of {robot} ended: {type(error).__name__}")
 
-    async def stall(self, robot: str) -> float:
-        """A viewer that never reads; after how many seconds the gateway cut it, -1 where it did not."""
+    async def stall(self, robot: str, *, most_s: float) -> float:
+        """A viewer that never reads; after how many seconds the gateway cut it, -1 where it did not in so long."""
         reader, writer = await asyncio.open_connection(
             "127.0.0.1", int(self._url.split(":")[2].split("/")[0]), limit=256
         )
@@ -96,7 +95,7 @@ class Audience:
         began_s = time.monotonic()
         writer.transport.pause_reading()  # type: ignore[attr-defined]
         try:
-            while time.monotonic() - began_s < CUT_S:
+            while time.monotonic() - began_s < most_s:
                 await asyncio.sleep(0.5)
                 try:
                     writer.write(b"\x8a\x80" + bytes(4))  # an empty pong: it shows whether the connection still lives
@@ -111,9 +110,12 @@ class Audience:
 
 
 async def viewers(
-    setting: Setting, figures: dict[str, Any], *, robots: int, viewers: int, load: Load, seconds: float
+    setting: Setting, figures: dict[str, Any], *, robots: int, viewers: int, load: Load, seconds: float, cut_s: float
 ) -> None:
-    """Viewers evenly over robots for `seconds`; then as long again beside one that never reads."""
+    """Viewers evenly over robots for `seconds`; then as long again beside one that never reads.
+
+    Whether that one is cut is looked at for `cut_s`.
+    """
     figures |= {"robots": robots, "viewers": viewers, "load": load.describe()}
     async with running(setting, figures) as run:
         await run.crowd.join([load] * robots, per_s=100.0)
@@ -136,7 +138,7 @@ async def viewers(
         figures["latency_ms"] = audience.age_s.summary_ms()
         audience.age_s = Histogram()
         run.mark("one never reads")
-        stalling = asyncio.create_task(audience.stall(names[0]))
+        stalling = asyncio.create_task(audience.stall(names[0], most_s=cut_s))
         await asyncio.sleep(seconds)
         figures["latency_beside_a_stalled_one_ms"] = audience.age_s.summary_ms()
         figures["stalled_viewer_cut_after_s"] = await stalling

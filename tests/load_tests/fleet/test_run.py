@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import sqlite3
 from pathlib import Path
@@ -10,50 +11,55 @@ from typing import Any
 
 import pytest
 
-from load_tests.bench_fleet import main
+from load_tests.bench_fleet import SCENARIOS, chosen, main
 from load_tests.fleet.conclude import conclude
 from load_tests.fleet.load import Load
 from load_tests.fleet.run import Setting, running
-from load_tests.fleet.steady import steady
 from load_tests.fleet.verify import verify
+from load_tests.report.record import Record, machine, save
 
+SMALL = (
+    ["storm"],
+    ["chaos"],
+    ["viewers", "--seconds", "1", "--cut-s", "1"],
+    *(["steady", "--transport", name, "--idle", "2", "--active", "3", "--seconds", "1"] for name in ("ws", "aio")),
+)
 LOAD = Load(name="some", period_s=0.2, rows=4, samples=2, sample_bytes=100)
 
 
 @pytest.mark.integration
 @pytest.mark.timeout(180)
 def test_the_quick_sample_keeps_its_promise_and_writes_a_report(tmp_path: Path) -> None:
-    figures = tmp_path / "fleet.json"
-    assert main(["--quick", "--quiet", "--idle", "8", "--active", "4", "--json", str(figures)]) == 0
+    figures, earlier = tmp_path / "fleet.json", tmp_path / "earlier.json"
+    save(Record("steady", "", "", machine(), [{"gateway_cores": 0.5}]), earlier)
+    words = ["--quick", "--quiet", "--idle", "8", "--active", "4", "--seconds", "2", "--json", str(figures)]
+    assert main([*words, "--against", str(earlier)]) == 0
     found = json.loads(figures.read_text())["rounds"][0]
     assert found["accepted"] == found["stored"] > 0
     assert found["gateway_cores"] > 0
     assert found["links_ended"] == {}
-    assert "<svg" in (tmp_path / "fleet.html").read_text()
-    again = ["--quick", "--quiet", "--idle", "2", "--active", "1", "--json", str(tmp_path / "b.json")]
-    assert main([*again, "--against", str(figures)]) == 0
-    assert "Compared with" in (tmp_path / "b.html").read_text()
+    shown = (tmp_path / "fleet.html").read_text()
+    assert "<svg" in shown
+    assert "Compared with" in shown
 
 
 @pytest.mark.integration
 @pytest.mark.timeout(180)
-@pytest.mark.parametrize("transport", ["ws", "aio"])
-async def test_other_transports_carry_the_same_link(transport: str) -> None:
-    figures: dict[str, Any] = {}
-    setting = Setting(transport=transport, quiet=True)
-    await steady(setting, figures, idle=2, active=3, load=LOAD, seconds=1.0, ramp_per_s=50.0)
-    assert [goal["text"] for goal in figures["goals"] if not goal["met"]] == []
-
-
-@pytest.mark.integration
-@pytest.mark.timeout(180)
-@pytest.mark.parametrize("words", [["storm"], ["chaos"], ["viewers", "--seconds", "1"]])
-def test_scenarios_run_small(words: list[str], tmp_path: Path) -> None:
-    main([*words, "--quick", "--quiet", "--json", str(tmp_path / "fleet.json")])  # speed is not what is tested here
-    found = json.loads((tmp_path / "fleet.json").read_text())
-    assert not found["interrupted"]
-    for figures in found["rounds"]:
-        assert (figures["lost"], figures["duplicated"], figures["not_acknowledged"]) == (0, 0, 0)
+async def test_scenarios_and_other_transports_small() -> None:
+    """Each with a gateway of its own, beside each other: they wait most of the time. Speed is not what is tested."""
+    records: dict[str, Record] = {}
+    async with asyncio.TaskGroup() as group:
+        for words in SMALL:
+            options = chosen([*words, "--quick"])
+            record = records[" ".join(words)] = Record(options.scenario, "", "", machine())
+            setting = Setting(transport=options.transport, quiet=True)
+            group.create_task(SCENARIOS[options.scenario][0](setting, options, record))  # type: ignore[arg-type]
+    assert {
+        name: [(found["lost"], found["duplicated"], found["not_acknowledged"]) for found in record.rounds]
+        for name, record in records.items()
+    } == {name: [(0, 0, 0)] for name in records}
+    links = [goal for record in records.values() if record.scenario == "steady" for goal in record.rounds[0]["goals"]]
+    assert [goal["text"] for goal in links if not goal["met"]] == []
 
 
 @pytest.mark.integration
