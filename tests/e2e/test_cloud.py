@@ -26,8 +26,9 @@ pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
 OpenPage = Callable[..., Page]
 CANVAS = "[data-card=cloud] canvas"
-RAW = FakeTopic("points", "sensor_msgs/msg/PointCloud2", "live", 5.0)
-SMALL = FakeTopic("points/quantized", "metaros_msgs/msg/QuantizedCloud", "live", 5.0)
+# Drawn by software; at 5 Hz the page was busy with that alone, and each of its answers took seconds.
+RAW = FakeTopic("points", "sensor_msgs/msg/PointCloud2", "live", 2.0)
+SMALL = FakeTopic("points/quantized", "metaros_msgs/msg/QuantizedCloud", "live", 2.0)
 WITHOUT_WEBGL = """const real = HTMLCanvasElement.prototype.getContext;
 HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
   return kind === "webgl2" ? null : real.call(this, kind, ...more);

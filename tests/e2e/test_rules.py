@@ -22,6 +22,7 @@ SECRET = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
 SELECTED = (
     "document.activeElement.value.slice(document.activeElement.selectionStart, document.activeElement.selectionEnd)"
 )
+LOOKS_AGAIN_MS = 5000  # the page of a rule asks for it so often
 
 
 @pytest.fixture
@@ -120,10 +121,11 @@ def test_form_and_json_are_one_document(admin: FakeGateway, open_page: OpenPage)
 
 
 def test_who_comes_second_is_told(admin: FakeGateway, open_page: OpenPage) -> None:
-    page = open_page(f"{admin.url}/rules/battery_low")
+    page = open_page(f"{admin.url}/rules/battery_low", clock=True)
     page.get_by_label("Below").fill("0.1")
     row = admin.rules.rows["battery_low"]
     row |= {"revision": 4, "metric": {"series": "cpu", "robots": ["*"], "above": 90}}
+    page.clock.fast_forward(LOOKS_AGAIN_MS)
     expect(page.locator(".moved")).to_contain_text("revision 4")
     page.get_by_role("button", name="Save").click()
     expect(page.locator(".rule-foot").get_by_role("alert")).to_have_text("it was changed meanwhile")
