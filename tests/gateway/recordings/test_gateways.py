@@ -10,6 +10,7 @@ import pytest
 
 from gateway.identity.local import LOCAL_KEY_FILE
 from gateway.main import Ready
+from gateway.recordings import desk
 from tests.gateway.harness import client, running_gateway
 from tests.gateway.recordings.robot import PART, RecordingRobot, content
 from tests.gateway.recordings.test_flow import in_state, save, when
@@ -18,6 +19,12 @@ from tests.support.postgres import PostgresServer
 from tests.support.waiting import wait_until_async
 
 BLOB = content(5 * 1024 * 1024 + 3)
+
+
+@pytest.fixture(autouse=True)
+def attentive(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A gateway learns of the other's deeds by looking; here it need not be waited for."""
+    monkeypatch.setattr(desk, "LOOK_S", 0.1)
 
 
 async def test_a_robot_that_moves_starts_at_what_the_other_gateway_has(
@@ -76,7 +83,7 @@ async def test_asked_at_one_gateway_while_the_robot_is_at_the_other(tmp_path: Pa
                 await asyncio.sleep(0.05)  # who asks without a pause is told that it is too often
         assert answer.status_code == 202, answer.text
         asked = answer.json()
-        command = await robot.asked()  # the other gateway looks every few seconds
+        command = await robot.asked()
         assert command.save_recording.recording_id == asked["id"]
         json = {"Content-Type": "application/json"}
         await robot.offer(asked["id"], BLOB)
