@@ -109,8 +109,10 @@ def test_each_viewer_gets_its_rate_and_nobody_costs_nothing(shared_gateway: Stac
     settings.write_text(CONFIG)
     with shared_gateway.beside(tmp_path) as stack:
         stack.router()
-        stack.sim("--no-camera")
-        stack.agent(ROBOT, "--config", str(settings), namespace="/sim_1")
+        stack.at_once(
+            lambda: stack.sim("--no-camera"),
+            lambda: stack.agent(ROBOT, "--config", str(settings), namespace="/sim_1"),
+        )
         wait_until(lambda: ROBOT in stack.online() and {TOPIC, OTHER} <= set(stack.topics(ROBOT)))
         check_nobody_costs_nothing(stack)
         check_two_rates(stack)

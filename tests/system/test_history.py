@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from tests.support.stack import Stack
 from tests.support.waiting import wait_until
 
 ROBOTS = ("sim_1", "sim_2")
-SPAN_S = 6
+SPAN_S = 4
 Samples = dict[str, dict[int, bytes]]  # by topic: payload by the source's stamp
 
 
@@ -34,9 +35,8 @@ def test_robots_come_back_as_they_were_published(shared_gateway: Stack, tmp_path
     with shared_gateway.beside(tmp_path) as stack:
         stack.router()
         bag = tmp_path / "bag"
-        stack.sim(robots=len(ROBOTS))
-        for robot in ROBOTS:
-            stack.agent(f"kept_{robot}", namespace=f"/{robot}")
+        agents = [partial(stack.agent, f"kept_{robot}", namespace=f"/{robot}") for robot in ROBOTS]
+        stack.at_once(lambda: stack.sim(robots=len(ROBOTS)), *agents)
         wait_until(lambda: stack.online() >= {f"kept_{robot}" for robot in ROBOTS}, timeout_s=60)
         recorder = stack.start(
             "recorder", "bag", "record", "--all", "--target", str(bag), "--duration", str(SPAN_S), ready=False

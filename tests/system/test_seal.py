@@ -178,8 +178,7 @@ def test_the_gateways_disk_and_memory_hold_nothing_readable_and_the_key_opens_wh
     run_metaros("seal", "key", "new", str(keyring))
     with Stack(tmp_path) as stack:
         stack.router()
-        gateway = stack.gateway()
-        agent = stack.agent("r1", "--config", str(config))
+        gateway, agent = stack.at_once(stack.gateway, lambda: stack.agent("r1", "--config", str(config)))
         with (
             metaros.Context(connect=f"tcp/127.0.0.1:{stack.zenoh_port}") as context,
             open_socket(stack.url, "/api/v1/stream", key=stack.key) as viewer,
