@@ -59,7 +59,7 @@ def run(
     waiting = {number: [fault for fault in faults if fault.robot == number] for number in range(robots)}
     deviations, second, told = _Deviations(robots), 0, time.monotonic()
     running: dict[int, Fault] = {}
-    while running or any(waiting.values()):
+    while any(waiting.values()) or any(fault.found_s < 0.0 for fault in running.values()):  # who may still be found
         seconds = bodies.second()
         if second < learn_s:
             deviations.add(seconds)
@@ -79,6 +79,8 @@ def run(
             told = time.monotonic()
             left = sum(map(len, waiting.values()))
             print(f"\r{second / 3600.0:5.1f} h of {robots} robots, {left} faults to come  ", end="", file=sys.stderr)
+    if log is not None:
+        print("".join(f"{_line(fault)}\n" for fault in running.values()), end="", file=log, flush=True)
     if verbose:
         print(f"\r{feed.rows / 1e6:.0f} million rows{' ' * 40}", file=sys.stderr)
     return faults
