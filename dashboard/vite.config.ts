@@ -1,4 +1,4 @@
-import { defineConfig } from "vite";
+import { defineConfig } from "vitest/config";
 
 // `npm run dev` serves the page from Vite and everything else from a running gateway.
 const gateway = "http://127.0.0.1:8080";
@@ -28,5 +28,6 @@ export default defineConfig({
     rolldownOptions: { output: { codeSplitting: { groups: [{ name: "base", test: EVERYWHERE }, { name: "plot", test: PLOTS }] } } },
   },
   worker: { format: "es" },
+  test: { isolate: false, setupFiles: ["src/fresh_modules.ts"] },
   server: { proxy: { "/api": { target: gateway, ws: true, changeOrigin: true } } },
 });
