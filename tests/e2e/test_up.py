@@ -19,6 +19,7 @@ import psutil
 import pytest
 from playwright.sync_api import Page, expect
 
+from tests.e2e.chromium import sign_in
 from tests.e2e.conftest import PHONE, save
 from tests.support.ports import free_port
 from tests.support.processes import END_S, end
@@ -117,7 +118,7 @@ def up(tmp_path_factory: pytest.TempPathFactory, built: None) -> Iterator[Up]:
         running.stop()
 
 
-def sign_in(page: Page, link: str, path: str) -> None:
+def come_by(link: str, page: Page, path: str) -> None:
     """By a one-time link, leaving the password for later; then to a page."""
     page.goto(link)
     page.get_by_role("button", name="Later").click()
@@ -178,7 +179,8 @@ def test_the_past_is_scrubbed_and_its_minute_is_saved(up: Up, open_page: OpenPag
     assert page.evaluate(POSE) == before, "an address is an instant"
     save(page, "robot-past")
     expect(page.get_by_role("button", name="Save 60 s here")).to_have_count(0)  # this is a viewer yet
-    sign_in(page, up.link(), f"{up.url}/recordings")
+    sign_in(page, up.link())
+    page.goto(f"{up.url}/recordings")
     page.get_by_label("Robot to record").select_option("sim_1")
     page.get_by_role("button", name="Save last 60 s").click()
     row = page.locator("tr[data-recording][data-state=stored]")
@@ -194,7 +196,7 @@ def test_who_signs_in_by_the_printed_link_drives_and_letting_go_stops(up: Up, op
     expect(page.locator("[data-card=teleop]")).to_contain_text("Operators may drive.")
     expect(page.locator(".pad")).to_have_count(0)
     save(page, "up-viewer")
-    sign_in(page, up.printed_link(), f"{up.url}/robots/sim_2")
+    come_by(up.printed_link(), page, f"{up.url}/robots/sim_2")
     page.wait_for_function(f"() => Number(document.querySelector({MAP!r})?.dataset.scans) > 1")
     page.locator(".pad").focus()
     page.keyboard.down("KeyA")
@@ -210,8 +212,7 @@ def test_who_signs_in_by_the_printed_link_drives_and_letting_go_stops(up: Up, op
 
 
 def test_an_outage_is_filled_in_and_the_link_tab_says_so(up: Up, open_page: OpenPage) -> None:
-    page = open_page(up.url)
-    sign_in(page, up.link(), f"{up.url}/robots/sim_1?tab=link")
+    page = open_page(f"{up.url}/robots/sim_1?tab=link", link=up.link())
     expect(page.locator("[data-card=connection] [data-transport=grpc]")).to_be_visible()
     gateway, log = up.gateway(), up.log.parent / "data" / "logs" / "agent-sim_1.log"
     gateway.suspend()
