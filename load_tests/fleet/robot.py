@@ -48,6 +48,7 @@ class LiveChannel:
     channel_id: int = LIVE
     live_seq: int = 0
     dropped: int = 0
+    video: None = None  # it is none
 
 
 class SimChannels:

@@ -58,6 +58,8 @@ async def test_scenarios_and_other_transports_small() -> None:
         name: [(found["lost"], found["duplicated"], found["not_acknowledged"]) for found in record.rounds]
         for name, record in records.items()
     } == {name: [(0, 0, 0)] for name in records}
+    (watched,) = (record.rounds[0] for record in records.values() if record.scenario == "viewers")
+    assert watched["deliveries_per_s"] > 0
     links = [goal for record in records.values() if record.scenario == "steady" for goal in record.rounds[0]["goals"]]
     assert [goal["text"] for goal in links if not goal["met"]] == []
 
