@@ -132,9 +132,9 @@ class Run:
             with contextlib.suppress(OSError, TimeoutError, asyncio.IncompleteReadError):
                 async with asyncio.timeout(10):
                     reader, writer = await asyncio.open_connection("127.0.0.1", self.gateway.http_port)
-                    writer.write(b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")
-                    await reader.read()
-                    writer.close()
+                    with contextlib.closing(writer):  # also where the gateway dies or stands still meanwhile
+                        writer.write(b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")
+                        await reader.read()
                     self.answers_s.add(self.crowd.clock.monotonic_s() - began_s)
             await asyncio.sleep(max(0.0, began_s + every_s - self.crowd.clock.monotonic_s()))
 
