@@ -26,6 +26,7 @@ from tests.support.ports import free_port
 
 ROOT = Path(__file__).resolve().parents[2]
 DEPLOY = ROOT / "deploy"
+LEFT_OUT = ("--no-cache", "--compile-bytecode")  # what takes half of the time, and changes nothing of what is installed
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
@@ -172,6 +173,14 @@ async def test_the_health_check_asks_a_gateway(tls: str, tmp_path: Path) -> None
         assert answer[0] == 1
 
 
+def test_what_the_install_below_leaves_out_is_an_option_of_uv() -> None:
+    uv = Path(sys.executable).with_name("uv")
+    asked = subprocess.run([uv, "pip", "install", "--help"], capture_output=True, text=True, check=True).stdout
+    assert [option for option in LEFT_OUT if not re.search(rf"{option}\b", asked)] == []
+    (install,) = of("installed", "RUN")
+    assert [option for option in LEFT_OUT if f" {option} " not in install] == []
+
+
 @pytest.mark.integration
 @pytest.mark.skipif(sys.platform != "linux", reason="the image is Linux's")
 @pytest.mark.timeout(900)
@@ -195,10 +204,11 @@ def test_its_commands_make_an_install_that_runs_from_a_read_only_root(tmp_path: 
 
 
 def _shell(text: str, folder: Path) -> None:
-    """A command of the recipe, in folders of the test, with uv's cache."""
+    """A command of the recipe, in folders of the test, with uv's cache, and without what only saves time later."""
     for there, here in (("/build", "build"), ("/dist", "dist"), ("/opt/metaros", "opt"), ("/tmp/uv.", "uv.")):
         text = re.sub(rf"(?<![\w.]){re.escape(there)}", str(folder / here), text)
-    text = text.replace(" --no-cache", "")
+    for option in LEFT_OUT:
+        text = text.replace(f" {option}", "")
     environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
     done = subprocess.run(
         ["sh", "-ec", text], cwd=folder / "src", env=environment, capture_output=True, text=True, check=False
