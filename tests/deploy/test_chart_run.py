@@ -69,7 +69,7 @@ def cluster(seaweed: SeaweedServer) -> Rendered:
     router = f"tcp/127.0.0.1:{free_port()}"
     options = [f"{name}.existingSecret=" for name in none]
     options += [f"objects.url=s3://{BUCKET}/chart?endpoint={seaweed.endpoint}", f"zenoh.endpoints={{{router}}}"]
-    options += ["functions.runners.enabled=true"]
+    options += ["functions.runners.enabled=true", "gateway.drain.noticeSeconds=1"]
     return with_free_ports("existing-secrets", *(part for option in options for part in ("--set", option)))
 
 

@@ -6,6 +6,7 @@ Docker is not here: the file is read, and the command lines of its gateways run 
 from __future__ import annotations
 
 import contextlib
+import functools
 import http.client
 import ipaddress
 import json
@@ -212,9 +213,9 @@ class OneHost(Stack):
         """As docker compose orders it: router, migrate, gateways, nginx."""
         self.start("router", *self.words("router"))
         self.run_once(*self.words("migrate"))
-        for name in GATEWAYS:
-            free = ["--grpc-port=0", "--api-grpc-port=0", "--foxglove-port=off", "--rosbridge-port=off"]
-            self.start(name, *self.words(name), f"--port={self.ports[name]}", *free)
+        free = ["--grpc-port=0", "--api-grpc-port=0", "--foxglove-port=off", "--rosbridge-port=off"]
+        commands = {name: [*self.words(name), f"--port={self.ports[name]}", *free] for name in GATEWAYS}
+        self.at_once(*(functools.partial(self.start, name, *words) for name, words in commands.items()))
         text = (DEPLOY / "nginx.conf").read_text()
         swaps = {
             "/tmp/": f"{self.folder}/",

@@ -6,6 +6,7 @@ for each mounted volume. Where this machine allows it, they see all but the pod'
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import http.client
 import os
@@ -13,11 +14,12 @@ import shutil
 import ssl
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
+from tests.support.command_line import call_metaros
 from tests.support.processes import started
 
 __all__ = ["PodHere", "asked", "probed", "walls"]
@@ -77,8 +79,12 @@ class PodHere:
         return ["unshare", "-m", "sh", "-c", mounts, "sh", *self.command(container)]
 
     def run(self, container: Object) -> subprocess.CompletedProcess[str]:
-        """To its end."""
+        """To its end; where it is `metaros`, in this process, with nothing but the container's environment."""
         environ = self.environ(container)
+        if "command" not in container:
+            with _environment(environ):
+                done = call_metaros(*self.command(container)[3:])
+            return subprocess.CompletedProcess(container["args"], done.code, done.out, done.err)
         return subprocess.run(self.command(container), capture_output=True, text=True, env=environ, timeout=120)
 
     def start(self, container: Object) -> AbstractContextManager[subprocess.Popen[str]]:
@@ -95,6 +101,19 @@ class PodHere:
             if text == path or text.startswith(f"{path}/"):
                 return str(self._folder / mount["name"]) + text.removeprefix(path)
         return text
+
+
+@contextlib.contextmanager
+def _environment(environ: Mapping[str, str]) -> Iterator[None]:
+    """In the place of this process's own."""
+    before = dict(os.environ)
+    try:
+        os.environ.clear()
+        os.environ.update(environ)
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
 
 
 def probed(container: Object, kind: str, *, host: str = "127.0.0.1") -> int:
