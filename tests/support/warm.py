@@ -32,6 +32,8 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any, NoReturn
 
+from metaros.supervise.guard import die_with_parent
+
 __all__ = ["Forked", "warm_metaros"]
 
 MODULES = (
@@ -190,8 +192,10 @@ class Server:
         said = b""
         while len(said) < int.from_bytes(head, "big"):
             said += link.recv(1 << 16)
+        server = os.getpid()
         pid = os.fork()
         if pid == 0:
+            die_with_parent(server)  # also where the server is killed with the worker
             self._become(files, *ast.literal_eval(said.decode()))
         for file in files:
             os.close(file)
