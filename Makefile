@@ -28,15 +28,7 @@ profile: setup
 	@$(BIN)/python tools/profile_tests.py -n $(WORKERS) --dist loadgroup $(MARKERS) $(ARGS)
 
 check: setup
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/lint-imports
-	$(BIN)/python tools/gen_proto.py --check
-	$(BIN)/python tools/gen_interfaces.py --check
-	$(BIN)/python tools/gen_drivers.py --check
-	$(BIN)/python tools/gen_ts_client.py --check
-	$(BIN)/python tools/dashboard.py check
+	@$(BIN)/python tools/check.py
 
 fmt: setup
 	$(BIN)/ruff check --fix .

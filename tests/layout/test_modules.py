@@ -1,12 +1,9 @@
-"""The shape of the tree: module size, docstrings, exports, and what each package may import."""
+"""The shape of the tree: module size, docstrings, exports; the import rule of `make check` has every package."""
 
 from __future__ import annotations
 
 import importlib
 import pkgutil
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
@@ -59,12 +56,6 @@ def test_exports_exist(package: str) -> None:
         if len(set(exported)) != len(exported):
             broken.append(f"{name}.__all__ names something twice")
     assert broken == []
-
-
-def test_import_rule_holds() -> None:
-    lint = Path(sys.executable).with_name("lint-imports")
-    done = subprocess.run([lint, "--no-cache"], cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout[-4000:]
 
 
 def test_every_package_is_in_the_import_rule() -> None:
