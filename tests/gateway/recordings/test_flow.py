@@ -226,7 +226,8 @@ async def test_a_cut_found_broken_later(ready: Ready, http: httpx.AsyncClient, n
 
 @shared
 async def test_what_nobody_asked_for_is_not_taken(ready: Ready, http: httpx.AsyncClient, name: str) -> None:
-    async with RecordingRobot(ready, name) as robot, RecordingRobot(ready, "sim_2", session=b"2" * 16) as other:
+    second = f"{name}_other"
+    async with RecordingRobot(ready, name) as robot, RecordingRobot(ready, second, session=b"2" * 16) as other:
         await robot.offer("01ARZ3NDEKTSV4RRFFQ69G5FAV", BLOB)
         assert (await robot.wanted()).unwanted
         asked = await save(http, name)
