@@ -28,11 +28,15 @@ HASHED = ("--require-hashes", "-r")
 EDITABLE = ("--no-deps", "--no-build-isolation", "-e", ".")
 EDITABLE_ENV = {**os.environ, "METAROS_SKIP_DASHBOARD": "1"}
 
-# (command, what works without it, Debian package): said in one line each, never fatal.
+# (commands any of which does, what is left out without, Debian package): said in one line each, never fatal.
 OPTIONAL = (
-    ("chromium-headless-shell", "browser tests, unless there is another Chromium,", "chromium-headless-shell"),
-    ("cc", "tests of C structs", "gcc libc6-dev"),
-    ("espeak-ng", "tests of a speaker's texts", "espeak-ng"),
+    (
+        ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome"),
+        "browser tests",
+        "chromium-headless-shell",
+    ),
+    (("cc",), "tests of C structs", "gcc libc6-dev"),
+    (("espeak-ng",), "tests of a speaker's texts", "espeak-ng"),
 )
 
 
@@ -155,9 +159,9 @@ def main() -> None:
     install(state=fingerprint([ROOT / "requirements.lock", ROOT / "pyproject.toml"]))
     with compiling():
         build_dashboard()
-    for command, what, package in OPTIONAL:
-        if shutil.which(command) is None:
-            say(f"no {command}: {what} are skipped (Debian: apt install {package})")
+    for commands, what, package in OPTIONAL:
+        if not any(map(shutil.which, commands)):
+            say(f"no {commands[0]}: {what} are skipped (Debian: apt install {package})")
 
 
 if __name__ == "__main__":

@@ -52,6 +52,7 @@ def test_the_answers_are_those_of_a_gateway_that_is_set_up_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, warm: Path
 ) -> None:
     if probe().level < Level.L2:
+        assert not os.environ.get("CI"), "CI must have a sandbox of functions"
         pytest.skip("this machine has no sandbox of functions that the page would be content with")
     monkeypatch.setenv("HOME", str(tmp_path))
     with Stack(tmp_path) as stack:

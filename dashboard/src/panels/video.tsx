@@ -106,7 +106,7 @@ function Video({ robot, topic, title, choice }: { robot: string; topic: string; 
   });
   return (
     <Card title={title} kind="camera" topic={topic} note={<span ref={note} class="num" />} stampMs={received.value} missing={missing.value}>
-      <div class="camera" data-codec="h264">
+      <div class="camera" data-codec="h264" data-asks={asks.value}>
         <canvas ref={canvas} width={640} height={360} role="img" aria-label={`Video of ${topic}`} />
         {choice}
         {problem.value && <p class="problem">{problem.value}</p>}
