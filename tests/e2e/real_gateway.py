@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import ssl
 import threading
 from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from contextlib import AsyncExitStack, contextmanager
@@ -18,6 +17,7 @@ from gateway.settings import Settings
 from metaros._proto import link_pb2
 from tests.gateway.harness import ScriptedAgent, channel
 from tests.support.key_ring import bearer
+from tests.support.plain_http import TRUSTS_NOBODY
 from tests.support.quick_passwords import make_quick
 from tests.support.stack import Stack
 
@@ -28,7 +28,6 @@ STARTED_S = 60.0
 ENDED_S = 60.0
 ROBOT_WAITS_S = 3600.0
 BEAT_S = 3.0  # after 15 s of silence a link counts as dead
-NO_ROOTS = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # for plain http: to read all root certificates takes 30 ms a client
 
 
 Obey = Callable[[ScriptedAgent], Coroutine[Any, Any, None]]
@@ -67,7 +66,7 @@ def send(
     url: str, method: str, path: str, *, key: str, headers: dict[str, str] | None = None, **options: Any
 ) -> httpx.Response:
     """One request to a gateway over plain http, as who has that key."""
-    with httpx.Client(base_url=f"{url}/api/v1", trust_env=False, verify=NO_ROOTS, timeout=60) as http:
+    with httpx.Client(base_url=f"{url}/api/v1", trust_env=False, verify=TRUSTS_NOBODY, timeout=60) as http:
         return http.request(method, path, headers={**(bearer(key) if key else {}), **(headers or {})}, **options)
 
 

@@ -6,7 +6,6 @@ while it runs, so that it is done and nobody has heard of it.
 
 from __future__ import annotations
 
-import ssl
 import threading
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -19,6 +18,7 @@ import pytest
 
 import metaros
 from metaros.interfaces.example_interfaces.srv import AddTwoInts
+from tests.support.plain_http import TRUSTS_NOBODY
 from tests.support.stack import Program, Stack
 from tests.support.waiting import wait_until
 
@@ -27,7 +27,6 @@ pytestmark = [pytest.mark.integration, pytest.mark.timeout(900)]
 COMMANDS = 16
 KILLS = {2: "agent", 8: "gateway", 9: "agent"}  # before that number is sent
 WITHIN = {5: "agent", 12: "gateway"}  # while the robot does it
-PLAIN = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # plain HTTP needs no roots, whose reading takes 50 ms
 TYPE = "example_interfaces/srv/AddTwoInts"
 
 
@@ -58,7 +57,7 @@ class World:
                 headers = {"Authorization": f"Bearer {self.stack.key}", **options.get("headers", {})}
                 url = f"{self.stack.url}/api/v1{path}"
                 body = options.get("json")
-                answer = httpx.request(method, url, json=body, headers=headers, verify=PLAIN, timeout=30)
+                answer = httpx.request(method, url, json=body, headers=headers, verify=TRUSTS_NOBODY, timeout=30)
             except (httpx.TransportError, FileNotFoundError):
                 self.revive()
                 return False

@@ -30,11 +30,11 @@ from metaros.idl import schema_text, type_hash
 from metaros.limits import LIMITS
 from metaros.link import pack_batch, pack_metrics
 from tests.support.key_ring import KeyRing, bearer
+from tests.support.plain_http import TRUSTS_NOBODY
 
 CONTROL, DATA, BACKFILL = link_pb2.LANE_CONTROL, link_pb2.LANE_DATA, link_pb2.LANE_BACKFILL
 EPOCH = 77
 RING = KeyRing()
-TRUSTS_NOBODY = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # plain HTTP needs no roots, whose reading takes 50 ms
 QUICK = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)  # what a real hash costs is for its own tests
 OPERATOR_KEY = RING.add(role=Role.OPERATOR, name="test operator")
 

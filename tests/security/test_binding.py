@@ -20,8 +20,9 @@ from gateway.names import machine_names, outward_address
 from gateway.settings import Settings
 from metaros._proto import link_pb2, link_pb2_grpc
 from metaros.errors import ConfigError
-from tests.gateway.harness import TRUSTS_NOBODY, client, running_gateway
+from tests.gateway.harness import client, running_gateway
 from tests.support.command_line import ask_metaros, call_metaros
+from tests.support.plain_http import TRUSTS_NOBODY
 from tests.support.postgres import PostgresServer
 from tests.support.processes import started
 from tests.support.quick_passwords import quick_passwords  # noqa: F401 - a fixture

@@ -30,7 +30,6 @@ from metaros.clock import SystemClock
 from tests.gateway.harness import ScriptedAgent, bearer, client, running_gateway
 from tests.support.key_ring import KeyRing
 from tests.support.plain_http import FREE, PlainHttp, plain_http
-from tools.gen_permissions import PAGE, render
 
 pytestmark = [pytest.mark.asyncio(loop_scope="module"), pytest.mark.xdist_group("permission matrix")]
 
@@ -244,10 +243,6 @@ async def test_every_rpc_has_a_row() -> None:
     methods = {f"/{service.full_name}/{method.name}" for service in services for method in service.methods}
     assert methods == {path for path in RPCS if path.startswith("/metaros.")}
     assert {permission(name).who for path, name in RPCS.items() if "/metaros.v1.Link/" in path} == {"robots"}
-
-
-async def test_the_page_of_permissions_is_up_to_date() -> None:
-    assert PAGE.read_text() == render()
 
 
 async def test_everybody_on_every_operation_and_socket(world: World) -> None:

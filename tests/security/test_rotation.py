@@ -22,9 +22,9 @@ from metaros.errors import MetarosError
 from metaros.interfaces.std_msgs.msg import String
 from metaros.record import open_bag
 from tests.docs.console import Command, World, commands_of, environment, matches
-from tests.gateway.harness import TRUSTS_NOBODY
 from tests.support.command_line import Done, call_metaros
 from tests.support.key_ring import bearer
+from tests.support.plain_http import TRUSTS_NOBODY
 from tests.support.waiting import wait_until
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "howto" / "rotate_keys.md"

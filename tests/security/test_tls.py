@@ -24,7 +24,8 @@ from gateway.main import Ready
 from gateway.tls import HttpTls
 from metaros.clock import SystemClock
 from metaros.errors import ConfigError
-from tests.gateway.harness import TRUSTS_NOBODY, ScriptedAgent, client, hear, open_socket, running_gateway
+from tests.gateway.harness import ScriptedAgent, client, hear, open_socket, running_gateway
+from tests.support.plain_http import TRUSTS_NOBODY
 
 CLOCK = SystemClock()
 DAY_NS = 86_400 * 10**9

@@ -20,7 +20,8 @@ from botocore.config import Config
 from gateway.functions.catalogue_shapes import faults_of
 from gateway.identity.local import LOCAL_KEY_FILE
 from gateway.main import Ready
-from tests.gateway.harness import TRUSTS_NOBODY, running_gateway
+from tests.gateway.harness import running_gateway
+from tests.support.plain_http import TRUSTS_NOBODY
 from tests.support.quick_boto import read_documents_once
 
 __all__ = ["HANDLER", "ROLE", "LambdaGateway", "lambda_gateway", "zipped"]

@@ -9,7 +9,6 @@ import asyncio
 import itertools
 import json
 import secrets
-import ssl
 import time
 from collections import Counter
 from collections.abc import AsyncIterator, Sequence
@@ -29,6 +28,7 @@ from gateway.store import Store
 from gateway.store.retention import Retention
 from metaros.clock import SystemClock
 from tests.support.key_ring import bearer
+from tests.support.plain_http import TRUSTS_NOBODY
 from tests.support.ports import free_port
 from tests.support.stack import Program, Stack
 from tests.support.uplinks import Owner, feed, running, wait
@@ -37,7 +37,6 @@ from tests.support.viewer import records
 __all__ = ["Fleet", "Replica", "Replicas", "Robot", "Watcher", "fleet"]
 
 PAUSE_S = 0.02  # between two batches of a robot's
-PLAIN = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # plain HTTP needs no roots, whose reading takes 50 ms
 
 
 @dataclass
@@ -70,7 +69,9 @@ class Replica:
 
     def client(self) -> httpx.AsyncClient:
         """An administrator's client of it."""
-        return httpx.AsyncClient(base_url=self.url, headers=bearer(self.key), verify=PLAIN, trust_env=False, timeout=30)
+        return httpx.AsyncClient(
+            base_url=self.url, headers=bearer(self.key), verify=TRUSTS_NOBODY, trust_env=False, timeout=30
+        )
 
 
 class Replicas:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import random  # noqa: TID251 - seeded
-import ssl
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,12 +19,12 @@ from edge_agent.update.source import Source
 from edge_agent.update.updater import AgentUpdates
 from metaros.bundle import BundleError
 from metaros.clock import ManualClock
+from tests.support.plain_http import TRUSTS_NOBODY
 from tests.support.tuf_repository import Served, TufRepository, serve, utc
 
 __all__ = ["OLD", "Hurry", "TufRobot", "fill_slot", "tuf_robot"]
 
 OLD = "2.0.0"
-TRUSTS_NOBODY = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # the server speaks plain HTTP; to read roots takes 50 ms
 PATIENT = Patience(head_s=60.0, span_s=60.0, span_bytes=10_000)
 
 

@@ -14,8 +14,9 @@ import pytest
 import pytest_asyncio
 
 from gateway.domain.principal import Role
-from tests.gateway.harness import RING, TRUSTS_NOBODY, client, running_gateway
+from tests.gateway.harness import RING, client, running_gateway
 from tests.support.lambda_gateway import zipped
+from tests.support.plain_http import TRUSTS_NOBODY
 
 ADMIN = RING.add(role=Role.ADMIN, name="functions' admin")
 VIEWER = RING.add(role=Role.VIEWER, name="functions' viewer")

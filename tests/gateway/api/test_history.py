@@ -35,17 +35,8 @@ from metaros.cdr import codec
 from metaros.clock import SystemClock
 from metaros.interfaces.std_msgs.msg import String
 from metaros.limits import LIMITS, Limits
-from tests.gateway.harness import (
-    DATA,
-    EPOCH,
-    OPERATOR_KEY,
-    TRUSTS_NOBODY,
-    ScriptedAgent,
-    bearer,
-    channel,
-    client,
-    running_gateway,
-)
+from tests.gateway.harness import DATA, EPOCH, OPERATOR_KEY, ScriptedAgent, bearer, channel, client, running_gateway
+from tests.support.plain_http import TRUSTS_NOBODY
 
 shared = pytest.mark.asyncio(loop_scope="module")
 BASE = "/api/v1/robots/sim_1"

@@ -12,8 +12,9 @@ import httpx
 import pytest
 
 from gateway.main import Ready
-from tests.gateway.harness import TRUSTS_NOBODY, client, running_gateway
+from tests.gateway.harness import client, running_gateway
 from tests.support.oidc_server import CLIENT_ID, CLIENT_SECRET, OidcServer, another_key, oidc_server
+from tests.support.plain_http import TRUSTS_NOBODY
 
 START, BACK = "/api/v1/auth/oidc/start", "/api/v1/auth/oidc/callback"
 JSON = {"Accept": "application/json"}

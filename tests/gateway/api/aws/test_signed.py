@@ -17,8 +17,8 @@ from botocore.credentials import Credentials
 from botocore.exceptions import ClientError
 
 from gateway.identity.local import LOCAL_KEY_FILE
-from tests.gateway.harness import TRUSTS_NOBODY
 from tests.support.lambda_gateway import LambdaGateway
+from tests.support.plain_http import TRUSTS_NOBODY
 from tests.support.waiting import wait_until
 
 FUNCTIONS = "/lambda/2015-03-31/functions"
