@@ -6,6 +6,8 @@ BIN = .venv/bin
 unexport PYTHONDONTWRITEBYTECODE
 # Tests of the real world wait for other processes a third of their time: one worker more than CI has cores.
 WORKERS ?= $(if $(or $(CI),$(ALL)),3,2)
+# Tests that share a fixture stay together, and all begin in the order of tests/conftest.py.
+SHARED = --dist loadgroup --no-loadscope-reorder
 # CI runs the integration tests too; at a desk they are one word away: make test ALL=1
 MARKERS = $(if $(or $(CI),$(ALL)),,-m "not integration")
 
@@ -22,11 +24,11 @@ test: setup
 ifdef CHANGED
 	@$(BIN)/python tools/changed_tests.py -n $(WORKERS) -m "not integration" $(ARGS)
 else
-	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadgroup $(MARKERS) $(ARGS)
+	@$(BIN)/python -m pytest -n $(WORKERS) $(SHARED) $(MARKERS) $(ARGS)
 endif
 
 profile: setup
-	@$(BIN)/python tools/profile_tests.py -n $(WORKERS) --dist loadgroup $(MARKERS) $(ARGS)
+	@$(BIN)/python tools/profile_tests.py -n $(WORKERS) $(SHARED) $(MARKERS) $(ARGS)
 
 check: setup
 	@$(BIN)/python tools/check.py

@@ -19,6 +19,7 @@ import os
 import statistics
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -32,7 +33,7 @@ __all__ = ["Filler", "main"]
 
 MIB = 1024 * 1024
 DISK_BYTES = {"robot": 24 * MIB, "gateway": 256 * MIB}
-GOAL_S, LIMIT_S = 1.0, 10.0
+GOAL_S, LIMIT_S, FELT_S = 1.0, 10.0, 30.0
 
 
 class DiskStack(LoadStack):
@@ -60,10 +61,12 @@ class Filler:
         finally:
             os.close(descriptor)
 
-    def hold(self, seconds: float) -> None:
-        """Keep it full for a while, whatever others free."""
-        until = time.monotonic() + seconds
-        while time.monotonic() < until:
+    def hold(self, seconds: float, felt: Callable[[], bool] = lambda: True) -> None:
+        """Keep it full for a while and until it was felt, whatever others free."""
+        least, most = time.monotonic() + seconds, time.monotonic() + FELT_S
+        while time.monotonic() < least or not felt():
+            if time.monotonic() > most:
+                raise TimeoutError(f"nobody felt a full disk for {FELT_S:g} s")
             self.take()
             time.sleep(0.01)
 
@@ -75,7 +78,9 @@ class Filler:
 def cycle(stack: LoadStack, who: str, filler: Filler, rng: Random, *, kill: bool) -> tuple[float, bool]:
     """Fill, hold, free; seconds until it works again, and whether the link stayed up."""
     sessions = stack.counters["sessions"]
-    filler.hold(rng.uniform(0.3, 0.8))
+    said = "retry_later" if who == "gateway" else "refused"
+    before = stack.counters[said]
+    filler.hold(rng.uniform(0.3, 0.8), lambda: stack.counters[said] > before)
     if kill:
         stack.kill(who)
         filler.hold(0.1)

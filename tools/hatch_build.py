@@ -12,6 +12,7 @@ import hashlib
 import importlib.util
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -46,6 +47,10 @@ INPUT_PATTERNS = (
     "public/**/*",
     "src/**/*",
 )
+
+
+# By path, for the build front end's environment has no metaros.
+_file_lock = runpy.run_path(str(ROOT / "metaros" / "file_lock.py"))["file_lock"]
 
 
 class DashboardBuildError(RuntimeError):
@@ -140,6 +145,8 @@ def _swap(built: Path, static: Path, content_hash: str) -> None:
 def build(root: Path) -> bool:
     """Bring gateway/static up to date; returns whether there was anything to do.
 
+    Waits for another process that is doing so.
+
     Raises:
         DashboardBuildError: no usable Node, no sources, or npm or the bundler failed.
     """
@@ -148,6 +155,12 @@ def build(root: Path) -> bool:
         raise DashboardBuildError(f"no dashboard sources in {dashboard}")
     if is_fresh(root):
         return False
+    (dashboard / "dist").mkdir(exist_ok=True)
+    with _file_lock(dashboard / "dist" / ".lock"):
+        return not is_fresh(root) and _build(root, dashboard)
+
+
+def _build(root: Path, dashboard: Path) -> bool:
     content_hash = source_hash(dashboard)
     npm, environment = _npm()
     _install_packages(dashboard, npm, environment)
