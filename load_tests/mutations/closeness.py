@@ -35,7 +35,7 @@ def by_closeness(file: str, tree: Path) -> list[str]:
         return sorted(pages, key=lambda test: (not test.startswith("tests/e2e/"), test))
     steps = _distances(file.removesuffix(".py").removesuffix("/__init__").replace("/", "."), tree)
     ranked = [(mirror_rank(file, test), _far(tree / test, tree, steps), test) for test in tests]
-    return [test for rank, far, test in sorted(ranked) if rank == 0 or far < FAR]
+    return [test for rank, far, test in sorted(ranked) if rank < 2 or far < FAR]
 
 
 def _mentions(path: Path, *words: str) -> bool:

@@ -17,6 +17,14 @@ __all__ = ["Outcome", "build_dashboard", "check_dashboard", "run_tests"]
 
 NOTHING_RAN = 5  # pytest's exit code
 DASHBOARD_S = 1800.0
+_UNSHRUNK = """
+from hypothesis import Phase, settings
+
+def pytest_configure(config):
+    now = settings.get_current_profile_name()
+    settings.register_profile("unshrunk", settings.get_profile(now), phases=(Phase.explicit, Phase.generate))
+    settings.load_profile("unshrunk")
+"""  # the first example that fails is enough; to make it small took minutes
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +47,12 @@ def run_tests(
     """One pytest over some files or tests, up to the first failure; `without` are tests left out."""
     with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
         report = Path(folder) / "report.xml"
+        Path(folder, "unshrunk.py").write_text(_UNSHRUNK)
         command = [_python(tree), "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-o", "junit_family=xunit1"]
+        command += ["-p", "unshrunk"]
         command += [f"--junitxml={report}", *(["-m", marks] if marks else [])]
         command += [f"--deselect={name}" for name in without]
-        code = _run([*command, *names], tree, timeout_s)
+        code = _run([*command, *names], tree, timeout_s, PYTHONPATH=folder)
         tests, failed = _read(report)
     if code in (0, NOTHING_RAN):
         return Outcome("", tests)
@@ -65,9 +75,9 @@ def _python(tree: Path) -> str:
     return str(tree / ".venv" / "bin" / "python")
 
 
-def _run(command: Sequence[str], tree: Path, timeout_s: float) -> int | None:
+def _run(command: Sequence[str], tree: Path, timeout_s: float, **more: str) -> int | None:
     """The exit code, None where time was over; what the program started ends with it."""
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"} | more
     with tempfile.TemporaryFile() as said:
         program = subprocess.Popen(
             command, cwd=tree, env=environment, stdin=subprocess.DEVNULL, stdout=said, stderr=said,
