@@ -5,8 +5,9 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from metaros.errors import DefinitionError
 from metaros.idl.literals import format_literal, parse_list, parse_scalar, unquoted_comment_start
-from tests.support.tables import cases
+from tests.support.tables import cases, refusal
 
 
 @cases(
@@ -23,6 +24,12 @@ from tests.support.tables import cases
 )
 def test_where_the_comment_begins(line: str, rest: str) -> None:
     assert line[: unquoted_comment_start(line)] == rest
+
+
+def test_an_escaped_quote_closes_no_text() -> None:
+    assert parse_scalar("string", r'"a\\"') == "a\\"
+    for text in (r'"a\"', r"'a\'", r'"\\\"', '"a', '"'):
+        assert "no closing quote" in refusal(DefinitionError, parse_scalar, "string", text), text
 
 
 @settings(max_examples=40)

@@ -21,6 +21,19 @@ def test_bounded_in_time() -> None:
     assert ring.evicted_early == 0
 
 
+def test_the_order_is_that_of_arrival_whatever_the_publishers_clocks_say() -> None:
+    ring = Ring(window_s=10.0, limit_bytes=1 << 20)
+    ahead_ns = 3_600_000_000_000
+    ours, theirs = stream(4), stream(4, topic="/b")
+    of_both = [item for pair in zip(theirs, ours, strict=True) for item in pair]
+    for arrival, payload in of_both:
+        late_ns = ahead_ns if arrival.route.topic == "/b" else 0
+        ring.add(arrival._replace(publish_ns=arrival.publish_ns + late_ns), payload)
+    assert [(arrival.route.topic, arrival.sequence) for arrival, _ in ring.items()] == [
+        (topic, number) for number in range(1, 5) for topic in ("/b", "/a")
+    ]
+
+
 def test_bounded_in_bytes() -> None:
     ring = Ring(window_s=100.0, limit_bytes=10_000)
     for item in stream(50, size=1000):
