@@ -51,6 +51,21 @@ def test_every_message_comes_once_in_order(engine: StoreEngine, source: Callable
 
 
 @pytest.mark.parametrize("newest_first", [False, True])
+def test_runs_that_overlap_in_time_are_told_apart_by_no_window(engine: StoreEngine, newest_first: bool) -> None:
+    """One topic's runs are long, those of the other many and short, between the stamps of a long one."""
+    numbers = fill(engine, batches=3, size=20)
+    short = [run_write(n, [b"x"], stream_id=8, topic="/short", stamp_ns=1000) for n in range(1, 61)]
+    Committer(engine).commit(short, now_ns=1)
+    wanted = {**ALL, "topics": ("/events", "/short")}
+    for window_runs in (2, 3, 7, 256):
+        walk = Walk(source=EngineSource(engine), newest_first=newest_first, window_runs=window_runs, **wanted)
+        found = [(message.seq, message.payload == b"x") for message in walk.messages()]
+        assert sorted(found) == sorted((number, is_short) for number in numbers for is_short in (False, True))
+        in_turn = [seq for seq, _ in found]
+        assert in_turn == sorted(in_turn, reverse=newest_first), window_runs
+
+
+@pytest.mark.parametrize("newest_first", [False, True])
 def test_compaction_meanwhile_changes_nothing(engine: StoreEngine, tmp_path: Path, newest_first: bool) -> None:
     numbers = fill(engine, batches=20)
     source = Compacting(engine, open_objects("", tmp_path))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import shutil
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -213,6 +215,15 @@ def test_a_failed_write_adds_nothing(tmp_path: Path) -> None:
     partial.path.mkdir()
     with pytest.raises(StoreError, match="disk failed"):
         partial.append(0, [b"x"])
+
+
+def test_no_byte_is_taken_of_what_is_kept_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    partial = Incoming(tmp_path, reserve_bytes=100).file(RID, sha256=SHA, size_bytes=256)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=106 - partial.size()))
+    assert partial.append(0, [b"abc"]) == 3
+    with pytest.raises(StoreError, match="full"):
+        partial.append(3, [b"de", b"fg"])
+    assert partial.append(3, [b"de", b"f"]) == 6
 
 
 def test_another_content_is_another_file(tmp_path: Path) -> None:
