@@ -26,24 +26,33 @@ from tests.support.waiting import wait_until_async
 
 
 @asynccontextmanager
+async def open_store(folder: Path, *, url: str = "", clock: Clock | None = None) -> AsyncIterator[Store]:
+    """A store, closed afterwards."""
+    retention = Retention(age_s=1000.0, size_bytes=1 << 30)
+    store = Store(folder / "data", clock=clock or ManualClock(), retention=retention, queue_bytes=1 << 20, url=url)
+    store.start()
+    try:
+        yield store
+    finally:
+        await store.close()
+
+
+@asynccontextmanager
 async def open_journal(
     folder: Path, *, url: str = "", clock: Clock | None = None, **limits: Any
 ) -> AsyncIterator[EventJournal]:
     """A running journal on a store, both closed afterwards as the gateway closes them."""
     clock = clock or ManualClock()
-    retention = Retention(age_s=1000.0, size_bytes=1 << 30)
-    store = Store(folder / "data", clock=clock, retention=retention, queue_bytes=1 << 20, url=url)
-    store.start()
-    journal = EventJournal(store, clock=clock, limits=replace(LIMITS, **limits))
-    await journal.start()
-    running = asyncio.create_task(journal.run())
-    try:
-        yield journal
-    finally:
-        running.cancel()
-        await asyncio.gather(running, return_exceptions=True)
-        await journal.close()
-        await store.close()
+    async with open_store(folder, url=url, clock=clock) as store:
+        journal = EventJournal(store, clock=clock, limits=replace(LIMITS, **limits))
+        await journal.start()
+        running = asyncio.create_task(journal.run())
+        try:
+            yield journal
+        finally:
+            running.cancel()
+            await asyncio.gather(running, return_exceptions=True)
+            await journal.close()
 
 
 async def stored(journal: EventJournal, seq: int) -> None:
@@ -202,6 +211,27 @@ async def test_who_watches_is_sent_home_when_the_gateway_ends(tmp_path: Path) ->
         journal.end()
         with pytest.raises(StopAsyncIteration):
             await asyncio.wait_for(waiting, 60)
+
+
+async def test_of_many_events_of_another_gateway_none_is_missed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that nobody watched is far behind; a look learns the newest alone, and the rest is read from the store."""
+    monkeypatch.setattr(module, "BATCH", 4)
+    async with open_store(tmp_path) as store:
+        ours, theirs = EventJournal(store, clock=ManualClock()), EventJournal(store, clock=ManualClock())
+        for journal, count in ((ours, 3), (theirs, 20)):
+            for number in range(count):
+                journal.emit("robot.online", f"r{number}")
+            await journal.close()
+        await ours.look()
+        assert ours.head == 23
+        page = await ours.read(after=0, limit=100)
+        seen = [item.seq for item in page.events]
+        while page.next < 23:
+            page = await ours.read(after=page.next, limit=100)
+            seen += [item.seq for item in page.events]
+        assert seen == list(range(1, 24))
 
 
 async def test_two_gateways_of_one_store_tell_each_others_events(tmp_path: Path, postgres: PostgresServer) -> None:

@@ -196,6 +196,17 @@ async def test_drives_are_numbered_and_finite() -> None:
         await teleop.drive(drive, linear=float("nan"), angular=0.0)
 
 
+async def test_a_drive_command_is_as_old_as_its_driver_says_and_never_from_the_future() -> None:
+    bot, _, teleop, clock = rig()
+    drive = await teleop.take("r1", "anna")
+    clock.advance(10.0)
+    now_ns = clock.wall_ns()
+    for sent_ns in (now_ns - 700_000_000, 0, now_ns + 1):
+        await teleop.drive(drive, linear=0.1, angular=0.0, sent_ns=sent_ns)
+    sent = [frame.teleop.sent_ns - now_ns for frame in bot.frames if frame.HasField("teleop")]
+    assert sent == [-700_000_000, 0, 0]
+
+
 async def test_a_stamped_topic_gets_stamped_commands() -> None:
     stamped = Channel(
         robot="r1", channel_id=1, topic="/r1/cmd_vel", schema_name=TWIST_STAMPED, type_hash=type_hash(TWIST_STAMPED)

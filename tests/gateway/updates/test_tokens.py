@@ -61,6 +61,16 @@ async def test_a_token_at_two_gateways(tmp_path: Path, postgres: PostgresServer)
         assert await second.by_key(first.make("r1.lab")) is not None
 
 
+async def test_a_token_ends_with_its_day(tmp_path: Path) -> None:
+    clock = ManualClock(wall_ns=NOW_NS)
+    async with tokens(tmp_path, "", clock, {}) as door:
+        text = door.make("r1")
+        clock.advance(LIMITS.fetch_token_s - 1)
+        assert await door.by_key(text) is not None
+        clock.advance(1)
+        assert await door.by_key(text) is None
+
+
 async def test_another_store_has_another_secret(tmp_path: Path) -> None:
     clock = ManualClock(wall_ns=NOW_NS)
     async with tokens(tmp_path / "a", "", clock, {}) as first, tokens(tmp_path / "b", "", clock, {}) as second:
