@@ -62,8 +62,13 @@ async def until_stored(ready: Ready, count: int) -> None:
 
 
 async def test_subscribe_introduces_each_channel_and_sends_what_is_wanted(tmp_path: Path) -> None:
-    async with running_gateway(tmp_path) as ready, ScriptedAgent(ready) as agent, telemetry(ready) as stub:
+    async with AsyncExitStack() as stack:
+        ready = await stack.enter_async_context(running_gateway(tmp_path))
+        agent = await stack.enter_async_context(ScriptedAgent(ready))
+        other = await stack.enter_async_context(ScriptedAgent(ready, "other_1", session=b"o" * 16))
+        stub = await stack.enter_async_context(telemetry(ready))
         await agent.announce(channel(1, "/sim_1/chatter", STRING), channel(2, "/sim_1/other", STRING), series=[PERCENT])
+        await other.announce(channel(1, "/other_1/noise", STRING))
 
         def subscribe(key: str = OPERATOR, **asked: Any) -> Any:
             return stub.Subscribe(telemetry_pb2.SubscribeRequest(**asked), metadata=known_by(key), timeout=60)
@@ -71,16 +76,17 @@ async def test_subscribe_introduces_each_channel_and_sends_what_is_wanted(tmp_pa
         shapes = {"cdr": telemetry_pb2.ENCODING_CDR, "json": telemetry_pb2.ENCODING_JSON}
         calls = {name: subscribe(topics=["chat*"], encoding=shape) for name, shape in shapes.items()}
         calls["values"] = subscribe(series=["battery.*"])
-        blind = subscribe(ELSEWHERE, topics=["**"], series=["**"])
+        calls["elsewhere"] = subscribe(ELSEWHERE, topics=["**"], series=["**"])
         read = {name: asyncio.ensure_future(call.read()) for name, call in calls.items()}
-        unseen = asyncio.ensure_future(blind.read())
         seq = 1
         while not all(one.done() for one in read.values()):  # a call counts once it has reached the gateway
             await agent.samples(1, seq, [text(seq)], stamp_ns=seq)
             await agent.samples(2, seq, [text(seq)], stamp_ns=seq)
             await agent.rows(seq, [(1, seq, 0.5)])
+            await other.samples(1, seq, [text(seq)], stamp_ns=seq)
             seq += 1
             await asyncio.sleep(0.02)
+        await other.samples(1, seq, [text(seq)], stamp_ns=seq)
         for name in shapes:
             told, reply = read[name].result().info, await calls[name].read()
             assert (told.robot, told.topic, told.type_name) == ("sim_1", "/sim_1/chatter", STRING), name
@@ -91,8 +97,12 @@ async def test_subscribe_introduces_each_channel_and_sends_what_is_wanted(tmp_pa
             assert shown in (text(sample.seq), json.dumps({"data": f"message {sample.seq}"}, separators=(",", ":")))
         (values,) = read["values"].result().values
         assert (values.robot, dict(values.values)) == ("sim_1", {"battery.percentage": 0.5})
-        assert not unseen.done(), "the robot is out of that key's scope"
-        unseen.cancel()
+        heard = [read["elsewhere"].result()]
+        while seq not in (sample.seq for sample in heard[-1].samples):
+            heard.append(await calls["elsewhere"].read())
+        introduced = [reply.info.robot for reply in heard if reply.HasField("info")]
+        assert introduced == ["other_1"], "sim_1 is out of that key's scope"
+        assert not any(reply.values for reply in heard)
         with pytest.raises(grpc.aio.AioRpcError) as caught:
             await subscribe(topics=["*"], max_rate_hz=-1).read()
         assert caught.value.code() is grpc.StatusCode.INVALID_ARGUMENT
