@@ -1,4 +1,7 @@
-"""A robot in a thread of its own that lives by its twin as a test says: takes it, lingers on it, refuses, goes back."""
+"""A robot in a thread of its own that lives by its twin as a test says: takes it, lingers on it, refuses, goes back.
+
+Or it obeys commands alone; or it was there once, and is away.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,11 @@ from typing import Any, Literal
 from gateway.main import Ready
 from metaros._proto import link_pb2
 from metaros.twin import digest
+from tests.e2e.real_gateway import Obey, RealGateway
 from tests.gateway.harness import CONTROL, ScriptedAgent
+from tests.support.waiting import wait_until
 
-__all__ = ["LivingRobot", "living_robot"]
+__all__ = ["LivingRobot", "living_robot", "robot_that_left"]
 
 STARTED_S = 60.0
 BEAT_S = 3.0  # after 15 s of silence a link counts as dead
@@ -102,16 +107,23 @@ class LivingRobot:
         await self._agent.send(CONTROL, twin=said)
 
 
+def robot_that_left(gateway: RealGateway, name: str) -> None:
+    """It was linked once, and the gateway knows that it is not any more."""
+    with living_robot(gateway.ready, name):
+        pass
+    wait_until(lambda: gateway.ask("GET", f"/robots/{name}")["state"] == "offline")
+
+
 @contextmanager
-def living_robot(ready: Ready, name: str) -> Iterator[LivingRobot]:
-    """Linked for the length of the block."""
+def living_robot(ready: Ready, name: str, *, obey: Obey | None = None) -> Iterator[LivingRobot]:
+    """Linked for the length of the block; `obey` is what it does with its frames instead of all that is said above."""
     robot, up, stop = LivingRobot(name), threading.Event(), asyncio.Event()
     failed: list[BaseException] = []
 
     async def run() -> None:
         async with ScriptedAgent(ready, name, session=name.encode().ljust(16, b".")[:16]) as agent:
             await robot.begin(agent)
-            tasks = [asyncio.create_task(robot.live(agent)), asyncio.create_task(_beat(agent))]
+            tasks = [asyncio.create_task((obey or robot.live)(agent)), asyncio.create_task(_beat(agent))]
             up.set()
             await stop.wait()
             for task in tasks:

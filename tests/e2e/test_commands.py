@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import AsyncExitStack
-from pathlib import Path
 
 import pytest
 from playwright.sync_api import Locator, Page, Route, expect
 
-from gateway.main import Ready
 from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.idl import message_class
 from tests.e2e.conftest import PHONE, save
-from tests.e2e.living_robot import living_robot
+from tests.e2e.living_robot import living_robot, robot_that_left
 from tests.e2e.readable import unreadable
 from tests.e2e.real_gateway import RealGateway, real_gateway
-from tests.gateway.harness import CONTROL, ScriptedAgent
+from tests.gateway.harness import CONTROL, ScriptedAgent, channel
 
 pytestmark = [
     pytest.mark.browser,
@@ -31,17 +29,20 @@ pytestmark = [
 OpenPage = Callable[..., Page]
 TRIGGER = "std_srvs/srv/Trigger"
 MARKUP = "<img src=x onerror='window.__ran=1'>"
+NUMBERS = itertools.count(1)  # each test's robot has one
 
 
 class Worker:
-    """What sim_1 does with commands: most go well, /broken does not, /slow waits until the test lets it."""
+    """What a robot does with commands: most go well, /broken does not, /slow waits until the test lets it."""
 
-    def __init__(self) -> None:
+    def __init__(self, name: str) -> None:
+        self.name = name
         self.go_on = threading.Event()
         self.done: list[link_pb2.Command] = []
 
     async def obey(self, robot: ScriptedAgent) -> None:
-        """Answer for ever."""
+        """Say that it can be driven, and answer for ever."""
+        await robot.announce(channel(1, f"/{self.name}/cmd_vel", "geometry_msgs/msg/Twist"))
         while True:
             command = (await robot.next("command", timeout_s=3600.0)).command
             self.done.append(command)
@@ -62,27 +63,32 @@ def _answer(text: str) -> bytes:
     return codec(f"{TRIGGER}_Response").encode(message_class(f"{TRIGGER}_Response")(success=True, message=text))
 
 
-async def _one_more_that_left(ready: Ready, stack: AsyncExitStack) -> None:
-    async with ScriptedAgent(ready, "sim_2", session=b"t" * 16):
-        pass
-
-
-@pytest.fixture
-def worker() -> Worker:
-    """Who does what sim_1 is told."""
-    return Worker()
-
-
-@pytest.fixture
-def gateway(tmp_path: Path, worker: Worker) -> Iterator[RealGateway]:
-    """sim_1 obeys, sim_2 was here once; ada is an operator."""
-    with real_gateway(tmp_path, obey=worker.obey, crowd=_one_more_that_left) as running:
+@pytest.fixture(scope="module")
+def gateway(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RealGateway]:
+    """ada is an operator."""
+    with real_gateway(tmp_path_factory.mktemp("commands"), robot=False) as running:
         running.user("ada", "operator")
         yield running
-        worker.go_on.set()  # nothing waits for ever
 
 
-def commands_of(gateway: RealGateway, open_page: OpenPage, robot: str = "sim_1", **options: object) -> Page:
+@pytest.fixture
+def worker(gateway: RealGateway) -> Iterator[Worker]:
+    """A robot of the test's own that obeys."""
+    made = Worker(f"arm_{next(NUMBERS)}")
+    with living_robot(gateway.ready, made.name, obey=made.obey):
+        yield made
+        made.go_on.set()  # nothing waits for ever
+
+
+@pytest.fixture
+def absent(gateway: RealGateway) -> str:
+    """A robot of the test's own that was here once."""
+    name = f"gone_{next(NUMBERS)}"
+    robot_that_left(gateway, name)
+    return name
+
+
+def commands_of(gateway: RealGateway, open_page: OpenPage, robot: str, **options: object) -> Page:
     """Ada's page of a robot's commands."""
     page = open_page(f"{gateway.url}/robots/{robot}?tab=commands", link=gateway.link("ada"), **options)
     expect(page.get_by_role("button", name="Send a command…")).to_be_visible()
@@ -109,11 +115,11 @@ def rows(page: Page) -> Locator:
 
 
 def test_a_service_is_called_and_its_answer_kept(gateway: RealGateway, worker: Worker, open_page: OpenPage) -> None:
-    page = commands_of(gateway, open_page)
+    page = commands_of(gateway, open_page, worker.name)
     expect(page.locator(".nothing")).to_contain_text("was not told anything")
     dialog = form(page)
     save(page, "commands-form")
-    dialog.get_by_label("Service", exact=True).fill("/sim_1/base/resume")
+    dialog.get_by_label("Service", exact=True).fill(f"/{worker.name}/base/resume")
     expect(dialog.get_by_label("Type", exact=True)).to_have_value(TRIGGER)
     dialog.get_by_label("Request", exact=True).fill("{nonsense")
     dialog.get_by_role("button", name="Send", exact=True).click()
@@ -125,23 +131,23 @@ def test_a_service_is_called_and_its_answer_kept(gateway: RealGateway, worker: W
     row = rows(page)
     expect(row).to_have_count(1)
     expect(row).to_have_attribute("data-state", "done")
-    expect(row.locator("summary")).to_contain_text("Call /sim_1/base/resume")
+    expect(row.locator("summary")).to_contain_text(f"Call /{worker.name}/base/resume")
     expect(row.locator("summary")).to_contain_text("ada")
     assert standings(row) == ["issued there", "delivered there", "running untold", "done there"]
     expect(row.get_by_label("Result")).to_contain_text(f'"message": "{MARKUP}"')
     assert page.evaluate("window.__ran") is None, "an answer is text, whatever it holds"
     save(page, "commands-done")
     row.get_by_role("button", name="Send again…").click()
-    expect(page.get_by_role("dialog").get_by_label("Service", exact=True)).to_have_value("/sim_1/base/resume")
+    expect(page.get_by_role("dialog").get_by_label("Service", exact=True)).to_have_value(f"/{worker.name}/base/resume")
     page.get_by_role("dialog").get_by_role("button", name="Send").click()
     expect(rows(page)).to_have_count(2)
     assert len(worker.done) == 2
 
 
 def test_a_durable_command_goes_step_by_step(gateway: RealGateway, worker: Worker, open_page: OpenPage) -> None:
-    page = commands_of(gateway, open_page)
+    page = commands_of(gateway, open_page, worker.name)
     dialog = form(page)
-    dialog.get_by_label("Service", exact=True).fill("/sim_1/slow")
+    dialog.get_by_label("Service", exact=True).fill(f"/{worker.name}/slow")
     dialog.get_by_label("Type", exact=True).fill(TRIGGER)
     dialog.get_by_role("button", name="When the robot is there").click()
     dialog.get_by_role("button", name="12 h").click()
@@ -158,8 +164,10 @@ def test_a_durable_command_goes_step_by_step(gateway: RealGateway, worker: Worke
     expect(row.get_by_label("Result")).to_contain_text("moved on")
 
 
-def test_what_waits_for_an_absent_robot_can_be_taken_back(gateway: RealGateway, open_page: OpenPage) -> None:
-    page = commands_of(gateway, open_page, "sim_2")
+def test_what_waits_for_an_absent_robot_can_be_taken_back(
+    gateway: RealGateway, absent: str, open_page: OpenPage
+) -> None:
+    page = commands_of(gateway, open_page, absent)
     dialog = form(page)
     expect(dialog.get_by_role("button", name="When the robot is there")).to_have_attribute("aria-pressed", "true")
     dialog.get_by_role("radio", name="Node").check()
@@ -178,7 +186,7 @@ def test_what_waits_for_an_absent_robot_can_be_taken_back(gateway: RealGateway, 
     dialog = form(page)
     dialog.get_by_role("button", name="Now", exact=True).click()
     expect(dialog).to_contain_text("sent now, it fails at once")
-    dialog.get_by_label("Service", exact=True).fill("/sim_2/x")
+    dialog.get_by_label("Service", exact=True).fill(f"/{absent}/x")
     dialog.get_by_label("Type", exact=True).fill(TRIGGER)
     dialog.get_by_role("button", name="Send", exact=True).click()
     expect(rows(page)).to_have_count(2)
@@ -188,12 +196,12 @@ def test_what_waits_for_an_absent_robot_can_be_taken_back(gateway: RealGateway, 
     assert page.url.endswith("tab=commands&state=cancelled")
 
 
-def test_what_waits_is_done_when_its_robot_comes(gateway: RealGateway, open_page: OpenPage) -> None:
+def test_what_waits_is_done_when_its_robot_comes(gateway: RealGateway, absent: str, open_page: OpenPage) -> None:
     order = {"kind": "set_uplink", "request": {"bytes_per_s": 9000}, "durable": True}
-    gateway.ask("POST", "/robots/sim_2/commands", order)
-    page = commands_of(gateway, open_page, "sim_2")
+    gateway.ask("POST", f"/robots/{absent}/commands", order)
+    page = commands_of(gateway, open_page, absent)
     expect(rows(page)).to_have_attribute("data-state", "issued")
-    with living_robot(gateway.ready, "sim_2") as back:
+    with living_robot(gateway.ready, absent) as back:
         expect(rows(page)).to_have_attribute("data-state", "done")
         assert len(back.commands) == 1
 
@@ -201,7 +209,7 @@ def test_what_waits_is_done_when_its_robot_comes(gateway: RealGateway, open_page
 def test_pressed_again_after_a_lost_answer_it_is_done_once(
     gateway: RealGateway, worker: Worker, open_page: OpenPage
 ) -> None:
-    page = commands_of(gateway, open_page, own=True)
+    page = commands_of(gateway, open_page, worker.name, own=True)
     answers: list[int] = []
 
     def lose_the_first(route: Route) -> None:
@@ -211,9 +219,9 @@ def test_pressed_again_after_a_lost_answer_it_is_done_once(
         answers.append(answer.status)
         return route.abort() if len(answers) == 1 else route.fulfill(response=answer)
 
-    page.route("**/api/v1/robots/sim_1/commands", lose_the_first)
+    page.route(f"**/api/v1/robots/{worker.name}/commands", lose_the_first)
     dialog = form(page)
-    dialog.get_by_label("Service", exact=True).fill("/sim_1/once")
+    dialog.get_by_label("Service", exact=True).fill(f"/{worker.name}/once")
     dialog.get_by_label("Type", exact=True).fill(TRIGGER)
     dialog.get_by_role("button", name="Send", exact=True).click()
     expect(dialog.get_by_role("alert")).to_contain_text("does not answer")
@@ -223,18 +231,18 @@ def test_pressed_again_after_a_lost_answer_it_is_done_once(
     assert (answers, len(worker.done)) == ([200, 200], 1)
 
 
-def test_a_refusal_says_why(gateway: RealGateway, open_page: OpenPage) -> None:
-    page = commands_of(gateway, open_page)
+def test_a_refusal_says_why(gateway: RealGateway, worker: Worker, open_page: OpenPage) -> None:
+    page = commands_of(gateway, open_page, worker.name)
     dialog = form(page)
     dialog.get_by_role("radio", name="Publish").check()
-    dialog.get_by_label("Topic", exact=True).fill("/sim_1/cmd_vel")
+    dialog.get_by_label("Topic", exact=True).fill(f"/{worker.name}/cmd_vel")
     expect(dialog.get_by_label("Type", exact=True)).to_have_value("geometry_msgs/msg/Twist")
     expect(dialog).to_contain_text("drive pad alone")
     dialog.get_by_role("button", name="Send", exact=True).click()
     expect(dialog.get_by_role("alert")).to_contain_text("lease")
     save(page, "commands-refused")
     dialog.get_by_role("radio", name="Call a service").check()
-    dialog.get_by_label("Service", exact=True).fill("/sim_1/broken")
+    dialog.get_by_label("Service", exact=True).fill(f"/{worker.name}/broken")
     dialog.get_by_label("Type", exact=True).fill(TRIGGER)
     dialog.get_by_role("button", name="Send", exact=True).click()
     row = rows(page).first
@@ -242,9 +250,9 @@ def test_a_refusal_says_why(gateway: RealGateway, open_page: OpenPage) -> None:
     expect(row.locator("summary")).to_contain_text("no_such_service")
 
 
-def test_a_viewer_reads_and_sends_nothing(gateway: RealGateway, open_page: OpenPage) -> None:
-    gateway.ask("POST", "/robots/sim_1/commands", {"kind": "set_uplink", "request": {"bytes_per_s": 50_000}})
-    page = open_page(f"{gateway.url}/robots/sim_1?tab=commands")
+def test_a_viewer_reads_and_sends_nothing(gateway: RealGateway, worker: Worker, open_page: OpenPage) -> None:
+    gateway.ask("POST", f"/robots/{worker.name}/commands", {"kind": "set_uplink", "request": {"bytes_per_s": 50_000}})
+    page = open_page(f"{gateway.url}/robots/{worker.name}?tab=commands")
     expect(rows(page)).to_contain_text("Limit the uplink to 50.0\u202fkB/s")
     expect(page.get_by_text("Operators may send commands.")).to_be_visible()
     expect(page.get_by_role("button", name="Send a command…")).to_have_count(0)
@@ -252,26 +260,26 @@ def test_a_viewer_reads_and_sends_nothing(gateway: RealGateway, open_page: OpenP
     expect(page.get_by_role("button", name="Send again…")).to_have_count(0)
 
 
-def test_older_ones_come_page_by_page(gateway: RealGateway, open_page: OpenPage) -> None:
+def test_older_ones_come_page_by_page(gateway: RealGateway, absent: str, open_page: OpenPage) -> None:
     for number in range(60):
         order = {"kind": "set_uplink", "request": {"bytes_per_s": 1000 + number}, "durable": True}
-        gateway.ask("POST", "/robots/sim_2/commands", order)
-    page = commands_of(gateway, open_page, "sim_2")
+        gateway.ask("POST", f"/robots/{absent}/commands", order)
+    page = commands_of(gateway, open_page, absent)
     expect(rows(page)).to_have_count(50)
     page.get_by_role("button", name="Older ones").click()
     expect(rows(page)).to_have_count(60)
     expect(page.get_by_role("button", name="Older ones")).to_have_count(0)
 
 
-def test_it_fits_a_phone_and_can_be_read(gateway: RealGateway, open_page: OpenPage) -> None:
-    call = {"kind": "call_service", "request": {"service": "/sim_1/" + "x" * 80, "type": TRIGGER}}
-    gateway.ask("POST", "/robots/sim_1/commands", call)
-    gateway.ask("POST", "/robots/sim_1/commands", {**call, "request": {"service": "/broken", "type": TRIGGER}})
-    gateway.ask("POST", "/robots/sim_1/commands", {"kind": "set_uplink", "request": {"bytes_per_s": None}})
-    desk = commands_of(gateway, open_page)
+def test_it_fits_a_phone_and_can_be_read(gateway: RealGateway, worker: Worker, open_page: OpenPage) -> None:
+    call = {"kind": "call_service", "request": {"service": f"/{worker.name}/" + "x" * 80, "type": TRIGGER}}
+    gateway.ask("POST", f"/robots/{worker.name}/commands", call)
+    gateway.ask("POST", f"/robots/{worker.name}/commands", {**call, "request": {"service": "/broken", "type": TRIGGER}})
+    gateway.ask("POST", f"/robots/{worker.name}/commands", {"kind": "set_uplink", "request": {"bytes_per_s": None}})
+    desk = commands_of(gateway, open_page, worker.name)
     rows(desk).first.locator("summary").click()
     faults = unreadable(desk, "desk", shot="commands-desk")
-    page = commands_of(gateway, open_page, size=PHONE, touch=True)
+    page = commands_of(gateway, open_page, worker.name, size=PHONE, touch=True)
     expect(rows(page)).to_have_count(3)
     rows(page).last.locator("summary").click()
     faults += unreadable(page, "phone", shot="commands-phone")
