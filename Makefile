@@ -4,8 +4,8 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11 python; do \
 BIN = .venv/bin
 # A machine that forbids bytecode compiles every module again in each of a thousand processes.
 unexport PYTHONDONTWRITEBYTECODE
-# Tests of the real world wait for other processes a third of their time: one worker more than CI has cores.
-WORKERS ?= $(if $(or $(CI),$(ALL)),3,2)
+# Tests wait for the disk and for other processes a quarter of their time: one worker more than CI has cores.
+WORKERS ?= 3
 # Tests that share a fixture stay together, and all begin in the order of tests/conftest.py.
 SHARED = --dist loadgroup --no-loadscope-reorder
 # CI runs the integration tests too; at a desk they are one word away: make test ALL=1

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).resolve().parent.parent
 # What makes a test one of the real world, wherever it stands; a test that needs time, kills or root marks itself.
-INTEGRATION_FOLDERS = ("tests/e2e/", "tests/faults/", "tests/system/")
+INTEGRATION_FOLDERS = ("tests/e2e/", "tests/faults/", "tests/system/", "tests/examples/")
 INTEGRATION_FIXTURES = frozenset({"browser", "postgres", "seaweed"})
 
 

@@ -26,7 +26,8 @@ def assert_no_failures(failures: list[tuple[int, str]], options: str = "") -> No
     assert not failures, f"{failures[:3]}; again: python -m load_tests.campaign_sim{options} --seeds {seeds}"
 
 
-@pytest.mark.parametrize("block", range(BLOCKS))
+# The first block at a desk, all in CI.
+@pytest.mark.parametrize("block", [0, *(pytest.param(n, marks=pytest.mark.integration) for n in range(1, BLOCKS))])
 def test_accepted_is_stored_once_or_declared_lost(block: int) -> None:
     assert_no_failures(run(range(block * WORLDS, (block + 1) * WORLDS)))
 

@@ -86,6 +86,7 @@ def heard_until(ear: socket.socket, word: str) -> list[str]:
     return heard
 
 
+@pytest.mark.integration
 def test_a_gateway_that_was_killed_is_started_again_is_ready_beats_and_ends(
     hearing: tuple[socket.socket, str], tmp_path: Path
 ) -> None:

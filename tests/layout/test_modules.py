@@ -12,6 +12,7 @@ from tests.layout.reading import PACKAGES, ROOT, shape, sources
 MODULE_LINES = 400
 TEST_LINES = 600
 FUNCTION_LINES = 60
+SHARES_THE_READING = pytest.mark.xdist_group("shape of modules")  # of thousands of files, which is read once a worker
 
 
 def test_no_module_is_over_the_size_cap() -> None:
@@ -21,6 +22,7 @@ def test_no_module_is_over_the_size_cap() -> None:
     assert over == {}
 
 
+@SHARES_THE_READING
 def test_no_function_is_over_its_cap() -> None:
     over = [
         f"{path.relative_to(ROOT)}:{line} {name} ({lines})"
@@ -31,6 +33,7 @@ def test_no_function_is_over_its_cap() -> None:
     assert over == []
 
 
+@SHARES_THE_READING
 def test_every_module_and_public_name_has_a_docstring() -> None:
     assert [name for path in sources(*PACKAGES) for name in shape(path).bare] == []
 

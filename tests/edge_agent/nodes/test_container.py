@@ -146,6 +146,7 @@ class Robot:
         return pid
 
 
+@pytest.mark.integration
 async def test_it_ends_with_its_node_and_with_a_killed_supervisor(robot: TufRobot, engine: FakeEngine) -> None:
     row = row_of(wanted(args=["--fast"]), NodeSettings(), PLACE, await bundles(robot).get("lidar", "1.0"))
     await asyncio.to_thread(the_life_of_a_container, Robot(robot.state_dir, row), engine)

@@ -233,6 +233,7 @@ async def test_what_is_wanted_runs_and_outlives_the_agent(rig: Rig) -> None:
     assert rig.node("b") == {}
 
 
+@pytest.mark.integration
 async def test_a_killed_supervisor_comes_back_with_its_nodes(rig: Rig) -> None:
     await rig.desk.set_nodes({"a": {"allowed": "sleep"}})
     pid = (await rig.until("a", state="running"))["pid"]

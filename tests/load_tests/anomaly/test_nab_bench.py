@@ -27,6 +27,7 @@ def written(folder: Path, rows: int, *, odd: int = -1) -> Path:
     return path
 
 
+@pytest.mark.integration
 def test_one_parameter_set_and_one_threshold_reach_the_goals(development: tuple[Series, ...]) -> None:
     scores = score_all(development, FIXED)
     assert all(((score >= 0.0) & (score <= 1.0)).all() for score in scores)
@@ -96,6 +97,7 @@ def test_what_there_is_to_measure(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out.count("python -m load_tests.anomaly") == 2 * 4
 
 
+@pytest.mark.integration
 def test_the_table_of_folds(development: tuple[Series, ...], capsys: pytest.CaptureFixture[str]) -> None:
     few = [one for one in development if one.category == "realAdExchange"]
     results, folds = cross_validate(few, list(candidates(2)), progress=lambda done, total: None)

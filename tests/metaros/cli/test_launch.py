@@ -116,6 +116,7 @@ def launch(path: Path, *options: str) -> tuple[int, str]:
     return done.code, done.out + done.err
 
 
+@pytest.mark.integration
 @pytest.mark.skipif(sys.platform != "linux", reason="the parent-death signal is Linux's")
 def test_nodes_are_killed_hang_crash_and_are_asked_for_and_at_last_the_launcher_is_killed(tmp_path: Path) -> None:
     stop = "import os; open('stopped', 'w').write(os.environ['METAROS_NODE'])"

@@ -356,6 +356,7 @@ PUBLISHER = """
 """
 
 
+@pytest.mark.integration
 def test_a_killed_publisher_is_no_longer_alive(listener, zenoh_router):
     heard: list[Any] = []
     matched: list[Any] = []

@@ -53,6 +53,7 @@ def under_way(state: Path) -> tuple[int, int]:
         backlog.close()
 
 
+@pytest.mark.integration
 async def test_no_event_is_lost_and_only_what_was_at_hand_is_done_twice(
     robot: Robot, zenoh_router: str, tmp_path: Path
 ) -> None:

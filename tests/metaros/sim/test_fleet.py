@@ -39,6 +39,7 @@ def test_the_same_seed_gives_the_same_states() -> None:
     assert [state(robot) for robot in first.robots] != [state(robot) for robot in other.robots]
 
 
+@pytest.mark.integration
 def test_a_crowd_waits_turns_back_creeps_and_has_no_accident() -> None:
     fleet = Fleet(robots=16, seed=5)
     way = dict.fromkeys((robot.name for robot in fleet.robots), 0.0)

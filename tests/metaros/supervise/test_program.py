@@ -62,6 +62,7 @@ def wait_up(directory: Path, *names: str) -> dict[str, int]:
     return pids(directory)
 
 
+@pytest.mark.integration
 @pytest.mark.skipif(sys.platform != "linux", reason="the parent-death signal is Linux's")
 def test_killing_it_kills_all_its_nodes_and_it_comes_back_with_them(tmp_path: Path) -> None:
     put_table(tmp_path, row("a"), row("b", DEAF), row("c", DEAF, after=["a"]))
@@ -127,6 +128,7 @@ def test_a_damaged_table_is_said_and_starts_nothing(tmp_path: Path) -> None:
     assert "supervisor.json" in done.err
 
 
+@pytest.mark.integration
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGTERM")
 def test_a_second_request_kills_who_does_not_end(tmp_path: Path) -> None:
     put_table(tmp_path, row("a", DEAF))

@@ -29,6 +29,7 @@ def become_user(folder: Path) -> None:
     os.setresuid(USER, USER, USER)
 
 
+@pytest.mark.integration
 def test_levels_without_root(tmp_path: Path) -> None:
     os.chown(tmp_path, USER, USER)
     levels = [str(int(level)) for level in LEVELS]

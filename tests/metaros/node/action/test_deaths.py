@@ -102,6 +102,7 @@ def node(here: metaros.Context) -> Iterator[metaros.Node]:
         thread.join()
 
 
+@pytest.mark.integration
 def test_a_server_killed_mid_goal_fails_the_result_at_once(node: metaros.Node, zenoh_router: str) -> None:
     client = node.create_action_client(Fibonacci, "fibonacci")
     trigger = node.create_client(Trigger, "never")
@@ -158,6 +159,7 @@ ENDINGS = (
 )
 
 
+@pytest.mark.integration
 def test_a_client_with_a_goal_in_flight_can_end(node: metaros.Node, zenoh_router: str) -> None:
     node.create_action_server(Fibonacci, "fibonacci", lambda goal: goal.pause(1000) and None)
     clients = [CLIENT.replace("fibonacci", "/fibonacci") + ending for ending in ENDINGS]
@@ -187,6 +189,7 @@ executor.spin()
 """
 
 
+@pytest.mark.integration
 def test_a_server_with_a_goal_in_flight_can_end(node: metaros.Node, zenoh_router: str) -> None:
     """Its executor is shut down and the interpreter ends, whatever the goal does."""
     servers = [f"{execute}\n{STOPPED}" for execute in EXECUTES]
