@@ -53,8 +53,8 @@ def test_every_message_comes_once_in_order(engine: StoreEngine, source: Callable
 @pytest.mark.parametrize("newest_first", [False, True])
 def test_runs_that_overlap_in_time_are_told_apart_by_no_window(engine: StoreEngine, newest_first: bool) -> None:
     """One topic's runs are long, those of the other many and short, between the stamps of a long one."""
-    numbers = fill(engine, batches=3, size=20)
-    short = [run_write(n, [b"x"], stream_id=8, topic="/short", stamp_ns=1000) for n in range(1, 61)]
+    numbers = fill(engine, batches=3, size=6)
+    short = [run_write(n, [b"x"], stream_id=8, topic="/short", stamp_ns=1000) for n in range(1, 19)]
     Committer(engine).commit(short, now_ns=1)
     wanted = {**ALL, "topics": ("/events", "/short")}
     for window_runs in (2, 3, 7, 256):
