@@ -1,4 +1,7 @@
-"""The whole product in a browser: `metaros up`, simulated robots, this host, and pages that show and drive them."""
+"""The whole product in a browser: `metaros up` over TLS, simulated robots, this host, pages that show and drive them.
+
+Without TLS pages come from gateways in all other tests here, and from `metaros up` in tests/system.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import math
 import os
 import re
 import signal
+import ssl
 import subprocess
 import sys
 import urllib.request
@@ -14,7 +18,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import httpx
 import psutil
 import pytest
 from playwright.sync_api import Page, expect
@@ -48,8 +51,9 @@ class Up:
 
     def __init__(self, folder: Path) -> None:
         self.http_port, self.grpc_port, self.zenoh_port = free_port(), free_port(), free_port()
-        self.url = f"http://127.0.0.1:{self.http_port}"
-        command = [sys.executable, "-m", "metaros", "up", "--robots", "2", "--data-dir", str(folder / "data")]
+        self.url = f"https://127.0.0.1:{self.http_port}"
+        command = [sys.executable, "-m", "metaros", "up", "--robots", "2", "--tls", "on"]
+        command += ["--data-dir", str(folder / "data")]
         command += ["--port", str(self.http_port), "--grpc-port", str(self.grpc_port)]
         command += ["--zenoh-port", str(self.zenoh_port)]
         self.log = folder / "up.log"
@@ -62,19 +66,28 @@ class Up:
                 env={**os.environ, "HOME": str(folder)},  # it keeps a key for the command line there
             )
 
+    def trust(self) -> ssl.SSLContext:
+        """Its own root alone."""
+        return ssl.create_default_context(cafile=str(self.log.parent / "data" / "gateway" / "root.pem"))
+
+    def ask(self, path: str, body: bytes | None = None, **headers: str) -> Any:
+        """What its API answers."""
+        asked = urllib.request.Request(f"{self.url}/api/v1{path}", body, headers)
+        with urllib.request.urlopen(asked, timeout=60, context=self.trust()) as answer:
+            return json.load(answer)
+
     def online(self) -> int:
         """How many robots the gateway calls online; 0 while it does not answer."""
         assert self.process.poll() is None, self.log.read_text()
         try:
-            with urllib.request.urlopen(f"{self.url}/api/v1/robots", timeout=30) as answer:
-                robots = json.load(answer)["robots"]
+            robots = self.ask("/robots")["robots"]
         except OSError:
             return 0
         return sum(robot["state"] == "online" for robot in robots)
 
     def printed_link(self) -> str:
         """What it printed to sign in with, once."""
-        found = re.search(r"Sign in\s+(http\S+/signin#\S+)", self.log.read_text())
+        found = re.search(r"Sign in\s+(https\S+/signin#\S+)", self.log.read_text())
         assert found is not None, self.log.read_text()
         return found[1]
 
@@ -82,14 +95,11 @@ class Up:
         """Another one, as `metaros signin` makes it."""
         key = (self.log.parent / "data" / "gateway" / "local.key").read_text().strip()
         headers = {"Authorization": f"Bearer {key}", "Content-Type": "application/json"}
-        request = urllib.request.Request(f"{self.url}/api/v1/auth/links", b"{}", headers)
-        with urllib.request.urlopen(request, timeout=60) as answer:
-            return str(json.load(answer)["url"])
+        return str(self.ask("/auth/links", b"{}", **headers)["url"])
 
     def robot(self, name: str) -> dict[str, Any]:
         """A robot as the API shows it."""
-        with urllib.request.urlopen(f"{self.url}/api/v1/robots/{name}", timeout=60) as answer:
-            found: dict[str, Any] = json.load(answer)
+        found: dict[str, Any] = self.ask(f"/robots/{name}")
         return found
 
     def gateway(self) -> psutil.Process:
@@ -164,8 +174,8 @@ def test_robot_page_shows_pose_scan_camera_and_plots(up: Up, open_page: OpenPage
 
 
 def test_the_past_is_scrubbed_and_its_minute_is_saved(up: Up, open_page: OpenPage) -> None:
-    at = f"{up.url}/api/v1/robots/sim_1/at?format=json&topic=scan&max_age=5m&t="
-    wait_until(lambda: httpx.get(f"{at}-11s", timeout=30).json()["messages"] != [])  # so long has it been there
+    at = "/robots/sim_1/at?format=json&topic=scan&max_age=5m&t=-11s"
+    wait_until(lambda: up.ask(at)["messages"] != [])  # so long has it been there
     page = open_page(f"{up.url}/robots/sim_1?span=15m")
     page.wait_for_function("() => Number(document.querySelector('.strip')?.dataset.messages) > 50")
     page.get_by_role("slider", name="Instant shown").focus()
@@ -192,11 +202,15 @@ def test_the_past_is_scrubbed_and_its_minute_is_saved(up: Up, open_page: OpenPag
 
 
 def test_who_signs_in_by_the_printed_link_drives_and_letting_go_stops(up: Up, open_page: OpenPage) -> None:
-    page = open_page(f"{up.url}/robots/sim_2")
+    page = open_page("about:blank", own=True)
+    sockets: list[str] = []
+    page.on("websocket", lambda socket: sockets.append(socket.url))
+    page.goto(f"{up.url}/robots/sim_2")
     expect(page.locator("[data-card=teleop]")).to_contain_text("Operators may drive.")
     expect(page.locator(".pad")).to_have_count(0)
     save(page, "up-viewer")
     come_by(up.printed_link(), page, f"{up.url}/robots/sim_2")
+    assert all(cookie["secure"] for cookie in page.context.cookies())
     page.wait_for_function(f"() => Number(document.querySelector({MAP!r})?.dataset.scans) > 1")
     page.locator(".pad").focus()
     page.keyboard.down("KeyA")
@@ -209,33 +223,12 @@ def test_who_signs_in_by_the_printed_link_drives_and_letting_go_stops(up: Up, op
     assert travelled(page, 0.5) < 0.02, "stands still, and autonomy has not come back"
     page.get_by_role("button", name="Resume autonomy").click()
     expect(page.locator(".resume")).to_contain_text("autonomy resumed")
+    assert len(sockets) > 2, "its stream before and after, and the pad's"
+    assert all(url.startswith(up.url.replace("https", "wss", 1)) for url in sockets), sockets
 
 
-def test_an_outage_is_filled_in_and_the_link_tab_says_so(up: Up, open_page: OpenPage) -> None:
-    page = open_page(f"{up.url}/robots/sim_1?tab=link", link=up.link())
-    expect(page.locator("[data-card=connection] [data-transport=grpc]")).to_be_visible()
-    gateway, log = up.gateway(), up.log.parent / "data" / "logs" / "agent-sim_1.log"
-    gateway.suspend()
-    try:
-        wait_until(lambda: "link down" in log.read_text(), timeout_s=60, every_s=0.2)  # silent for 15 s: it is dead
-    finally:
-        gateway.resume()
-    wait_until(lambda: up.robot("sim_1")["link"]["reconnects"] >= 1, timeout_s=60, every_s=0.2)
-    wait_until(lambda: up.online() == 3, timeout_s=60, every_s=0.2)
-    assert up.robot("sim_1")["counts"]["lost"] == 0
-    expect(page.locator("[data-card=backfill]")).to_contain_text("Up to date", timeout=60_000)
-    save(page, "link-desk")
-    slider = page.get_by_label("Byte budget of the uplink")
-    slider.focus()
-    slider.press("Home")
-    expect(page.locator("[data-limit='5000']")).to_be_visible()
-    assert up.robot("sim_1")["link"]["budget_bytes_per_s"] == 5000
-    slider.press("End")
-    expect(page.locator("[data-limit=none]")).to_be_visible()
-
-
-def test_page_recovers_when_the_gateway_is_killed(up: Up, open_page: OpenPage) -> None:
-    page = open_page(f"{up.url}/robots/sim_1")
+def test_page_and_link_recover_when_the_gateway_is_killed(up: Up, open_page: OpenPage) -> None:
+    page = open_page(f"{up.url}/robots/sim_1", link=up.link())
     page.wait_for_function(f"() => Number(document.querySelector({MAP!r})?.dataset.scans) > 3")
     page.evaluate(WATCH_STREAM)  # it may be back between two looks from here
     up.gateway().kill()
@@ -245,3 +238,17 @@ def test_page_recovers_when_the_gateway_is_killed(up: Up, open_page: OpenPage) -
     more = f"scans => {{ const now = Number(document.querySelector({MAP!r})?.dataset.scans);"
     more += " return now > scans + 5 || (now > 5 && now < scans); }"
     page.wait_for_function(more, arg=scans, timeout=START_MS)
+    wait_until(lambda: up.robot("sim_1")["link"]["reconnects"] >= 1, timeout_s=60, every_s=0.2)
+    wait_until(lambda: up.online() == 3, timeout_s=60, every_s=0.2)
+    page.get_by_role("button", name="Link").click()
+    expect(page.locator("[data-card=connection] [data-transport=grpc]")).to_be_visible()
+    expect(page.locator("[data-card=backfill]")).to_contain_text("Up to date")
+    assert up.robot("sim_1")["counts"]["lost"] == 0
+    save(page, "link-desk")
+    slider = page.get_by_label("Byte budget of the uplink")
+    slider.focus()
+    slider.press("Home")
+    expect(page.locator("[data-limit='5000']")).to_be_visible()
+    assert up.robot("sim_1")["link"]["budget_bytes_per_s"] == 5000
+    slider.press("End")
+    expect(page.locator("[data-limit=none]")).to_be_visible()
