@@ -15,6 +15,7 @@ from typing import Any, Final
 from load_tests.bench_ingest import GATEWAY
 from load_tests.fleet.figures import Probe
 from tests.support.ports import free_port
+from tests.support.warm import Forked
 
 __all__ = ["GatewayProcess"]
 
@@ -22,16 +23,22 @@ START_S: Final = 60.0
 
 
 class GatewayProcess:
-    """One gateway on ports that stay the same over its lives, with its defaults for all that `options` do not say."""
+    """One gateway on ports that stay the same over its lives, with its defaults for all that `options` do not say.
 
-    def __init__(self, folder: Path, options: Sequence[str] = (), *, core: int | None = None) -> None:
+    A `warm` one is forked off a server that has imported everything: for tests, not for figures of memory or starts.
+    """
+
+    def __init__(
+        self, folder: Path, options: Sequence[str] = (), *, core: int | None = None, warm: bool = False
+    ) -> None:
         self.folder = folder
         self.data_dir = folder / "data"
         self.http_port, self.grpc_port = free_port(), free_port()
         self.starts = 0
         self._options = list(options)
         self._core = core
-        self._process: subprocess.Popen[bytes] | None = None
+        self._warm = warm
+        self._process: subprocess.Popen[bytes] | Forked | None = None
 
     @property
     def pid(self) -> int:
@@ -47,13 +54,17 @@ class GatewayProcess:
         """Start it and wait until it serves."""
         status = self.folder / "status.json"
         status.unlink(missing_ok=True)
-        command = [sys.executable, "-c", GATEWAY, "gateway", "--port", str(self.http_port)]
+        command = ["gateway", "--port", str(self.http_port)]
         command += ["--grpc-port", str(self.grpc_port), "--api-grpc-port", "0"]
         command += ["--foxglove-port", "off", "--rosbridge-port", "off", "--data-dir", str(self.data_dir)]
         command += ["--status-file", str(status), *self._options]
         with open(self.folder / "gateway.log", "ab") as log:
             environment = {**os.environ, "GRPC_VERBOSITY": "ERROR"}
-            self._process = subprocess.Popen(command, stdout=log, stderr=log, env=environment)
+            if self._warm:
+                self._process = Forked(command, output=log.fileno(), env=environment)
+            else:
+                cold = [sys.executable, "-c", GATEWAY, *command]
+                self._process = subprocess.Popen(cold, stdout=log, stderr=log, env=environment)
         if self._core is not None:
             os.sched_setaffinity(self._process.pid, {self._core})
         self.starts += 1

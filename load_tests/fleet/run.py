@@ -36,6 +36,7 @@ class Setting:
     seed: int = 12
     gateway_options: Sequence[str] = ()
     quiet: bool = False
+    warm: bool = False  # for tests: see GatewayProcess
 
 
 @dataclass
@@ -199,7 +200,7 @@ async def running(setting: Setting, figures: dict[str, Any]) -> AsyncIterator[Ru
     """
     with tempfile.TemporaryDirectory(prefix="fleet-", ignore_cleanup_errors=True) as name:
         options = [*setting.gateway_options, *(("--store", setting.store_url) if setting.store_url else ())]
-        gateway = GatewayProcess(Path(name), options, core=setting.core)
+        gateway = GatewayProcess(Path(name), options, core=setting.core, warm=setting.warm)
         port = gateway.http_port if setting.transport == "ws" else gateway.grpc_port
         crowd = Crowd(host="127.0.0.1", port=port, transport=setting.transport, rng=Random(setting.seed))
         run = Run(gateway, crowd, setting)

@@ -43,6 +43,7 @@ MODULES = (
 PASSED_ON = ("SIGINT", "SIGTERM", "SIGHUP", "SIGUSR1")
 ROOT = Path(__file__).resolve().parents[2]
 END_S = 60.0
+BEGINNING = threading.Lock()
 
 # Nothing is imported that is not in the interpreter itself: it starts in ten milliseconds.
 CLIENT = """#!{python} -SE
@@ -125,9 +126,14 @@ class Forked:
         self.send_signal(signal.SIGKILL)
 
 
-@functools.cache
 def _server() -> str:
-    """Where this worker's server listens, until the worker ends."""
+    """Where this worker's server listens, until the worker ends; whoever asks first, in any thread, starts it."""
+    with BEGINNING:
+        return _begun()
+
+
+@functools.cache
+def _begun() -> str:
     place = str(Path(mkdtemp(prefix="metaros-warm-")) / "socket")
     server = subprocess.Popen(
         [sys.executable, "-m", "tests.support.warm", place],

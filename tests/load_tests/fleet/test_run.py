@@ -52,7 +52,7 @@ async def test_scenarios_and_other_transports_small() -> None:
         for words in SMALL:
             options = chosen([*words, "--quick"])
             record = records[" ".join(words)] = Record(options.scenario, "", "", machine())
-            setting = Setting(transport=options.transport, quiet=True)
+            setting = Setting(transport=options.transport, quiet=True, warm=True)
             group.create_task(SCENARIOS[options.scenario][0](setting, options, record))  # type: ignore[arg-type]
     assert {
         name: [(found["lost"], found["duplicated"], found["not_acknowledged"]) for found in record.rounds]
@@ -68,7 +68,7 @@ async def test_scenarios_and_other_transports_small() -> None:
 @pytest.mark.timeout(180)
 async def test_what_is_missing_in_the_store_or_there_twice_is_found(tmp_path: Path) -> None:
     figures: dict[str, Any] = {}
-    async with running(Setting(quiet=True), figures) as run:
+    async with running(Setting(quiet=True, warm=True), figures) as run:
         await run.crowd.join([LOAD] * 3, per_s=50.0)
         stored = run.crowd.counts
         assert await run.crowd.until(lambda: stored.stored > 30, timeout_s=60)
