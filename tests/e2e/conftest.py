@@ -73,15 +73,23 @@ def fake_port() -> int:
     return free_port()
 
 
-@pytest.fixture
-def gateway(fake_port: int) -> Iterator[FakeGateway]:
-    """Three robots, the second with a low battery."""
-    robots = [
-        FakeRobot("sim_1", "/sim_1"),
-        FakeRobot("sim_2", "/sim_2", phase=2.0, battery=0.14),
-        FakeRobot("sim_3", "/sim_3", phase=4.0),
-    ]
-    served = FakeGateway(fake_port, robots)
+@pytest.fixture(scope="module")
+def fake_gateway(fake_port: int, built: None) -> Iterator[FakeGateway]:
+    """One for the module's tests, each of which begins it anew."""
+    served = FakeGateway(fake_port, [])
     served.start()
     yield served
     served.stop()
+
+
+@pytest.fixture
+def gateway(fake_gateway: FakeGateway) -> FakeGateway:
+    """Three robots, the second with a low battery."""
+    fake_gateway.begin(
+        [
+            FakeRobot("sim_1", "/sim_1"),
+            FakeRobot("sim_2", "/sim_2", phase=2.0, battery=0.14),
+            FakeRobot("sim_3", "/sim_3", phase=4.0),
+        ]
+    )
+    return fake_gateway

@@ -1,4 +1,7 @@
-"""A small gateway for the browser tests: it speaks the real REST and WebSocket contract about fake robots."""
+"""A small gateway for the browser tests: it speaks the real REST and WebSocket contract about fake robots.
+
+One serves many tests, each of which begins it anew: to make its routes and to start it takes longer than most tests.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,7 @@ from typing import Any
 import uvicorn
 from fastapi import FastAPI, WebSocket, WebSocketDisconnect
 from fastapi.responses import JSONResponse, Response
+from uvicorn.server import ServerState
 
 from gateway.api.static import Dashboard
 from gateway.api.views_identity import account_view
@@ -45,13 +49,6 @@ class FakeGateway:
 
     def __init__(self, port: int, robots: list[FakeRobot]) -> None:
         self.port = port
-        self.robots = robots
-        self.teleop: list[dict[str, Any]] = []
-        self.called: list[dict[str, Any]] = []
-        self.watched: list[str] = []  # topics that a page follows now, once a subscription
-        self.lease_holder: str | None = None
-        self.refuses_uplink = False
-        self.account = account(Role.OPERATOR)
         self._clock = SystemClock()
         self.history = FakeHistory(robots, self.seconds)
         self.recordings = FakeRecordings(self.seconds)
@@ -61,6 +58,34 @@ class FakeGateway:
         self.rules = FakeRules(self.seconds)
         self._server: uvicorn.Server | None = None
         self._thread: threading.Thread | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._set(robots)
+        self._app = self._made_app()
+
+    def _set(self, robots: list[FakeRobot]) -> None:
+        self.robots = robots
+        self.teleop: list[dict[str, Any]] = []
+        self.called: list[dict[str, Any]] = []
+        self.watched: list[str] = []  # topics that a page follows now, once a subscription
+        self.lease_holder: str | None = None
+        self.refuses_uplink = False
+        self.account = account(Role.OPERATOR)
+
+    def begin(self, robots: list[FakeRobot]) -> None:
+        """Serve as if new, with these robots: nobody is connected, and nothing is left of what was."""
+        self.start()
+        self.leave()
+        self._set(robots)
+        for part, fresh in (
+            (self.history, FakeHistory(robots, self.seconds)),
+            (self.recordings, FakeRecordings(self.seconds)),
+            (self.alerts, FakeAlerts(robots, self.recordings, self.seconds)),
+            (self.graph, FakeGraph(robots)),
+            (self.functions, FakeFunctions(self.seconds)),
+            (self.rules, FakeRules(self.seconds)),
+        ):
+            vars(part).clear()  # the routes know it, so it stays
+            vars(part).update(vars(fresh))
 
     @property
     def url(self) -> str:
@@ -68,10 +93,12 @@ class FakeGateway:
         return f"http://127.0.0.1:{self.port}"
 
     def start(self) -> None:
-        """Serve in a thread of its own; returns when it answers."""
-        config = uvicorn.Config(self._app(), port=self.port, log_level="error", ws="websockets-sansio", lifespan="off")
+        """Serve in a thread of its own; returns when it answers, also if it served already."""
+        if self._server is not None:
+            return
+        config = uvicorn.Config(self._app, port=self.port, log_level="error", ws="websockets-sansio", lifespan="off")
         self._server = uvicorn.Server(config)
-        self._thread = threading.Thread(target=self._server.run, daemon=True)
+        self._thread = threading.Thread(target=self._run, args=(self._server,), daemon=True)
         self._thread.start()
         pause = threading.Event()
         for _ in range(500):
@@ -79,6 +106,22 @@ class FakeGateway:
                 return
             pause.wait(0.01)
         raise RuntimeError("the fake gateway did not start")
+
+    def _run(self, server: uvicorn.Server) -> None:
+        with asyncio.Runner(loop_factory=server.config.get_loop_factory()) as runner:
+            self._loop = runner.get_loop()
+            runner.run(server.serve())
+
+    def leave(self) -> None:
+        """End every connection, and wait until nothing is done for any of them."""
+        if self._server is not None and self._loop is not None:
+            asyncio.run_coroutine_threadsafe(self._leave(self._server.server_state), self._loop).result(60)
+
+    async def _leave(self, state: ServerState) -> None:
+        for connection in list(state.connections):
+            connection.transport.abort()
+        while state.tasks:
+            await asyncio.wait(set(state.tasks))
 
     def stop(self) -> None:
         """End it and every connection, at once."""
@@ -101,7 +144,7 @@ class FakeGateway:
     def _robot(self, robot_id: str) -> FakeRobot:
         return next(robot for robot in self.robots if robot.id == robot_id)
 
-    def _app(self) -> FastAPI:
+    def _made_app(self) -> FastAPI:
         app = FastAPI(openapi_url=None)
         app.add_api_route("/api/v1/auth/me", lambda: self.account)
         app.add_api_route("/api/v1/auth/oidc", lambda: {"name": None, "url": None})
@@ -227,13 +270,13 @@ class FakeGateway:
         while True:
             seq += 1
             now = self.seconds()
-            if not (payload := robot.encode(topic, now)):  # lost on its way
-                await asyncio.sleep(1 / rate_hz)
-                continue
-            padded = -(-len(payload) // 8) * 8
-            stamp_ns = int(now * 1e9)
-            header = struct.pack("<IIIIQqq", 40 + padded, subscription, number, len(payload), seq, stamp_ns, stamp_ns)
-            await socket.send_bytes(header + payload.ljust(padded, b"\0"))
+            if payload := robot.encode(topic, now):  # else it is lost on its way
+                padded = -(-len(payload) // 8) * 8
+                stamp_ns = int(now * 1e9)
+                sizes = (40 + padded, subscription, number, len(payload))
+                await socket.send_bytes(
+                    struct.pack("<IIIIQqq", *sizes, seq, stamp_ns, stamp_ns) + payload.ljust(padded, b"\0")
+                )
             await asyncio.sleep(1 / rate_hz)
 
 

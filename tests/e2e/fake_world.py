@@ -32,7 +32,7 @@ class FakeTopic:
 
 
 TOPICS = (
-    FakeTopic("odom", "nav_msgs/msg/Odometry", "live", 20.0),
+    FakeTopic("odom", "nav_msgs/msg/Odometry", "live", 10.0),
     FakeTopic("scan", "sensor_msgs/msg/LaserScan", "live", 10.0),
     FakeTopic("imu", "sensor_msgs/msg/Imu", "live", 50.0),
     FakeTopic("camera/image/compressed", "sensor_msgs/msg/CompressedImage", "live", 10.0),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -84,11 +84,9 @@ def robot() -> CloudRobot:
 
 
 @pytest.fixture
-def gateway(fake_port: int, robot: CloudRobot) -> Iterator[FakeGateway]:
-    served = FakeGateway(fake_port, [robot])
-    served.start()
-    yield served
-    served.stop()
+def gateway(fake_gateway: FakeGateway, robot: CloudRobot) -> FakeGateway:
+    fake_gateway.begin([robot])
+    return fake_gateway
 
 
 def picture(page: Page) -> npt.NDArray[np.uint8]:

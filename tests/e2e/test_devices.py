@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 from playwright.sync_api import Locator, Page, expect
@@ -28,12 +28,10 @@ def robot() -> DeviceRobot:
 
 
 @pytest.fixture
-def gateway(fake_port: int, robot: DeviceRobot) -> Iterator[FakeGateway]:
+def gateway(fake_gateway: FakeGateway, robot: DeviceRobot) -> FakeGateway:
     """That robot alone."""
-    served = FakeGateway(fake_port, [robot])
-    served.start()
-    yield served
-    served.stop()
+    fake_gateway.begin([robot])
+    return fake_gateway
 
 
 def row_of(page: Page, name: str) -> Locator:

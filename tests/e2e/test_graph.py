@@ -56,7 +56,7 @@ def test_what_is_chosen_shows_its_neighbours_and_is_in_the_address(gateway: Fake
     vertex(page, "odom").focus()
     page.keyboard.press("Enter")
     facts = page.locator("[data-facts='/sim_1/odom']")
-    expect(facts).to_contain_text("20.0\u202fHz")
+    expect(facts).to_contain_text("10.0\u202fHz")
     facts.get_by_role("link", name="See its messages").click()
     expect(page.locator("[data-message='/sim_1/odom'] [data-path='pose.pose.position.x']")).to_be_visible()
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -59,14 +59,12 @@ def ring() -> Keyring:
 
 
 @pytest.fixture(params=[("note",)], ids=["note"])
-def sealed(request: pytest.FixtureRequest, fake_port: int, ring: Keyring) -> Iterator[FakeGateway]:
+def sealed(request: pytest.FixtureRequest, fake_gateway: FakeGateway, ring: Keyring) -> FakeGateway:
     """One robot with sealed topics: its note, or those that a test names."""
     robot = SealedRobot("sim_1", "/sim_1", note="the safe is open")
     robot.seal_with(ring, *request.param)
-    served = FakeGateway(fake_port, [robot])
-    served.start()
-    yield served
-    served.stop()
+    fake_gateway.begin([robot])
+    return fake_gateway
 
 
 def choose(page: Page, path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 from playwright.sync_api import Page, expect
@@ -32,12 +32,10 @@ def robot() -> VideoRobot:
 
 
 @pytest.fixture
-def gateway(fake_port: int, robot: VideoRobot) -> Iterator[FakeGateway]:
+def gateway(fake_gateway: FakeGateway, robot: VideoRobot) -> FakeGateway:
     """That robot alone."""
-    served = FakeGateway(fake_port, [robot])
-    served.start()
-    yield served
-    served.stop()
+    fake_gateway.begin([robot])
+    return fake_gateway
 
 
 def frames(page: Page) -> int:
