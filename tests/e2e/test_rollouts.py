@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from gateway.main import Ready
-from tests.e2e.conftest import PHONE, save
+from tests.e2e.conftest import DESK, PHONE, save
 from tests.e2e.readable import unreadable
 from tests.e2e.real_gateway import RealGateway, real_gateway
 from tests.gateway.harness import ScriptedAgent
@@ -150,7 +150,10 @@ def test_a_rollout_halts_by_itself_and_is_mended(fleet: Fleet, open_page: OpenPa
     expect(wave(page, 2)).to_have_attribute("aria-label", "Wave 2: 3 done, 1 failed", timeout=SETTLED_MS)
     expect(wave(page, 3)).to_have_attribute("aria-label", "Wave 3: 2 waiting")
     expect(page.locator("tr[data-member]").first).to_have_attribute("data-member", bad)
-    save(page, "rollouts-halted")
+    faults = unreadable(page, "halted, desk", shot="rollouts-halted")
+    page.set_viewport_size(PHONE)  # type: ignore[arg-type]
+    assert faults + unreadable(page, "halted, phone", shot="rollouts-halted-phone") == []
+    page.set_viewport_size(DESK)  # type: ignore[arg-type]
     page.get_by_role("button", name="failed 1").click()
     expect(page.locator("tr[data-member]")).to_have_count(1)
     assert page.url.endswith("?state=failed")
@@ -258,14 +261,10 @@ def withdraw_a_version(fleet: Fleet, open_page: OpenPage) -> None:
     expect(page.get_by_role("dialog").locator("option")).to_have_text(["agent 2.9.0"])
 
 
-def test_it_fits_a_phone_and_can_be_read(fleet: Fleet, open_page: OpenPage) -> None:
-    fleet.publish("2.0.0", defect=True)
-    rid = fleet.start("2.0.0", waves=["2", "4", "100%"])
+def test_it_fits_a_phone_and_can_be_read(idle: Fleet, open_page: OpenPage) -> None:
+    fleet = idle
+    rid = fleet.start("2.0.0", selector="robot in (sim_1, sim_2)", waves=["1", "1"], health_s=600.0)
     desk = page_of(fleet, open_page, f"/rollouts/{rid}")
-    state_of(desk, "halted")
-    expect(wave(desk, 2)).to_have_attribute("aria-label", "Wave 2: 3 done, 1 failed", timeout=SETTLED_MS)
-    fleet.publish("3.0.0")
-    fleet.start("3.0.0", selector="robot=sim_1", health_s=600.0)
     phone = page_of(fleet, open_page, size=PHONE, touch=True)
     faults = []
     for page, word in ((desk, "desk"), (phone, "phone")):
