@@ -104,10 +104,11 @@ def agent_at(robot: Stack, offset_s: int, monkeypatch: pytest.MonkeyPatch) -> Pr
         monkeypatch.setenv("LD_PRELOAD", skip_without_faketime())
         monkeypatch.setenv("FAKETIME", f"{offset_s:+d}s")
         monkeypatch.setenv("DONT_FAKE_MONOTONIC", "1")
+        monkeypatch.setenv("FAKETIME_FORCE_MONOTONIC_FIX", "0")  # else threads that wait with a time-out spin
     try:
         return robot.agent("robot", "--config", str(robot.folder / "agent.toml"))
     finally:
-        for name in ("LD_PRELOAD", "FAKETIME", "DONT_FAKE_MONOTONIC"):
+        for name in ("LD_PRELOAD", "FAKETIME", "DONT_FAKE_MONOTONIC", "FAKETIME_FORCE_MONOTONIC_FIX"):
             monkeypatch.delenv(name, raising=False)
 
 

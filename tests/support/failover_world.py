@@ -142,6 +142,7 @@ class World:
         fake = {"LD_PRELOAD": self.faketime, "FAKETIME_TIMESTAMP_FILE": str(self.step_file)} if self.faketime else {}
         if fake:
             fake |= {"FAKETIME_CACHE_DURATION": "1", "DONT_FAKE_MONOTONIC": "1"}
+            fake |= {"FAKETIME_FORCE_MONOTONIC_FIX": "0"}  # else threads that wait with a time-out spin
         ports = ("--port", str(self.http_port), "--grpc-port", str(self.grpc_port), "--api-grpc-port", str(free_port()))
         self.start("gateway", "gateway", "--host", "127.0.0.1", *ports, "--data-dir", str(self.folder / "data"), **fake)
 
