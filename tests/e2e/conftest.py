@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, Page
 
 from tests.e2e.chromium import ARGUMENTS, CHROMIUM, DESK, PHONE, Chromium, Desk
 from tests.e2e.fake_gateway import FakeGateway
-from tests.e2e.fake_world import FakeRobot
+from tests.e2e.fake_world import QUIET, FakeRobot
 from tests.e2e.readable import save
 from tests.support.ports import free_port
 from tools import hatch_build
@@ -93,3 +93,10 @@ def gateway(fake_gateway: FakeGateway) -> FakeGateway:
         ]
     )
     return fake_gateway
+
+
+@pytest.fixture
+def quiet(gateway: FakeGateway) -> None:
+    """Its robots have no map and no camera, for tests that look at something else."""
+    for robot in gateway.robots:
+        robot.told = QUIET

@@ -13,7 +13,7 @@ from metaros.cdr import codec
 from metaros.idl import message_class, schema_text, type_hash
 from metaros.wire import qos_default, qos_sensor_data
 
-__all__ = ["TOPICS", "FakeRobot", "FakeTopic"]
+__all__ = ["QUIET", "TOPICS", "FakeRobot", "FakeTopic"]
 
 ROOM = (-7.0, 7.0, -4.0, 4.0)
 PILLARS = ((-3.0, 0.0, 0.5), (3.2, 1.2, 0.4))
@@ -41,6 +41,8 @@ TOPICS = (
     FakeTopic("note", "std_msgs/msg/String", "live", 1.0),
     FakeTopic("cmd_vel", "geometry_msgs/msg/Twist", "live", 0.0),
 )
+# Without what is drawn many times a second: a page with a live map and a camera takes half a core.
+QUIET = tuple(topic for topic in TOPICS if topic.rate_hz <= 1.0)
 
 
 def _message(name: str, **fields: Any) -> Any:
@@ -61,13 +63,14 @@ class FakeRobot:
     budget_bytes_per_s: int | None = None
     gaps: int = 0
     hot_from_s: float | None = None
+    told: tuple[FakeTopic, ...] = TOPICS
     alerts: dict[str, int] = field(default_factory=lambda: {"open": 0, "error": 0, "warning": 0})
     driven: list[dict[str, Any]] = field(default_factory=list)
 
     @property
     def topics(self) -> tuple[FakeTopic, ...]:
         """What it publishes and subscribes to."""
-        return TOPICS
+        return self.told
 
     def topic(self, name: str) -> str:
         """The full name of one of its topics."""

@@ -38,6 +38,7 @@ def test_the_fleet_says_who_has_alerts(gateway: FakeGateway, open_page: OpenPage
     expect(page.locator("[data-alert-row]")).to_have_count(2)
 
 
+@pytest.mark.usefixtures("quiet")
 def test_a_robot_s_page_shows_its_open_alerts_and_marks_them_in_time(gateway: FakeGateway, open_page: OpenPage) -> None:
     hot = gateway.alerts.heat(gateway.robots[0])
     now_s = gateway.seconds()
@@ -63,6 +64,7 @@ def test_a_robot_s_page_shows_its_open_alerts_and_marks_them_in_time(gateway: Fa
     expect(page.locator("h1")).to_have_text("Too hot")
 
 
+@pytest.mark.usefixtures("quiet")
 def test_an_alert_comes_to_an_open_page_and_goes(gateway: FakeGateway, open_page: OpenPage) -> None:
     page = open_page(f"{gateway.url}/robots/sim_1")
     expect(page.locator("[data-card=plot]").first).to_be_visible()

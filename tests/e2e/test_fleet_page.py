@@ -71,6 +71,7 @@ def test_page_recovers_when_the_gateway_restarts(gateway: FakeGateway, open_page
     expect(page.locator("tr[data-robot]")).to_have_count(4)
 
 
+@pytest.mark.usefixtures("quiet")
 def test_names_and_messages_of_robots_are_inert(gateway: FakeGateway, open_page: OpenPage) -> None:
     evil = f'<img src=x onerror="{PROBE}">'
     gateway.robots[0].id = gateway.robots[0].note = evil

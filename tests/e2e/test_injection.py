@@ -11,7 +11,7 @@ from playwright.sync_api import Page, expect
 from gateway.domain.principal import Role
 from tests.e2e.conftest import save
 from tests.e2e.fake_gateway import FakeGateway, account
-from tests.e2e.fake_world import FakeRobot
+from tests.e2e.fake_world import QUIET, FakeRobot
 from tests.e2e.real_gateway import real_gateway
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
@@ -68,7 +68,7 @@ class OddRobot(FakeRobot):
 @pytest.mark.parametrize("text", [LINK, IMAGE + SCRIPT + BREAKING], ids=["link", "markup"])
 def test_what_a_robot_says_is_text_on_every_page(gateway: FakeGateway, open_page: OpenPage, text: str) -> None:
     name = text.replace("/", "")  # an id is one part of a path
-    odd = OddRobot(name, "/odd", note=text)
+    odd = OddRobot(name, "/odd", note=text, told=QUIET)
     odd.gaps = 2
     gateway.robots[:] = [odd, FakeRobot("sim_2", "/sim_2")]
     gateway.account = account(Role.OPERATOR, name=text)

@@ -17,6 +17,7 @@ OpenPage = Callable[..., Page]
 LINK = "/robots/sim_1?tab=link"
 
 
+@pytest.mark.usefixtures("quiet")
 def test_the_tab_shows_the_link_and_that_nothing_waits(gateway: FakeGateway, open_page: OpenPage) -> None:
     page = open_page(f"{gateway.url}/robots/sim_1")
     page.get_by_role("button", name="Link").click()

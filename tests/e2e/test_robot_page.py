@@ -76,6 +76,7 @@ def test_map_camera_and_any_other_type_are_drawn_and_letters_drive_nothing(
     assert gateway.teleop == []
 
 
+@pytest.mark.usefixtures("quiet")
 def test_plots_show_history_and_newest_value(gateway: FakeGateway, open_page: OpenPage) -> None:
     page = open_page(f"{gateway.url}/robots/sim_2")
     battery = page.locator("[data-card=plot]", has_text="charge")
@@ -93,6 +94,7 @@ def test_topics_tab_is_in_the_address(gateway: FakeGateway, open_page: OpenPage)
     expect(row).to_contain_text("10.0\u202fHz")
 
 
+@pytest.mark.usefixtures("quiet")
 def test_holding_the_pad_drives_and_releasing_stops(gateway: FakeGateway, open_page: OpenPage) -> None:
     page = open_page(f"{gateway.url}/robots/sim_1", clock=True)
     press_pad(page)
@@ -140,6 +142,7 @@ def test_keys_drive_and_everything_that_ends_a_hold_stops(gateway: FakeGateway, 
         page.keyboard.up("KeyA")
 
 
+@pytest.mark.usefixtures("quiet")
 def test_leaving_the_page_ends_the_drive(gateway: FakeGateway, open_page: OpenPage) -> None:
     page = open_page(f"{gateway.url}/robots/sim_1")
     press_pad(page)
@@ -148,6 +151,7 @@ def test_leaving_the_page_ends_the_drive(gateway: FakeGateway, open_page: OpenPa
     wait_until(lambda: "closed" in ops(gateway), timeout_s=60)
 
 
+@pytest.mark.usefixtures("quiet")
 def test_a_taken_lease_is_refused_by_name(gateway: FakeGateway, open_page: OpenPage) -> None:
     gateway.lease_holder = "ann"
     page = open_page(f"{gateway.url}/robots/sim_1")
@@ -172,6 +176,7 @@ def test_losing_the_gateway_while_driving_ends_the_hold(gateway: FakeGateway, op
     page.mouse.up()
 
 
+@pytest.mark.usefixtures("quiet")
 def test_resume_calls_the_base(gateway: FakeGateway, open_page: OpenPage) -> None:
     page = open_page(f"{gateway.url}/robots/sim_1")
     page.get_by_role("button", name="Resume autonomy").click()
