@@ -26,6 +26,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
 OpenPage = Callable[..., Page]
 CANVAS = "[data-card=cloud] canvas"
+NARROW = {"width": 800, "height": 700}  # each pixel is drawn by software
 # Drawn by software; at 5 Hz the page was busy with that alone, and each of its answers took seconds.
 RAW = FakeTopic("points", "sensor_msgs/msg/PointCloud2", "live", 2.0)
 SMALL = FakeTopic("points/quantized", "metaros_msgs/msg/QuantizedCloud", "live", 2.0)
@@ -115,7 +116,7 @@ def drawn(page: Page, condition: str = "true") -> dict[str, str]:
 
 
 def test_a_cloud_is_drawn_and_coloured_by_height_or_otherwise(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = open_page(f"{gateway.url}/robots/sim_1")
+    page = open_page(f"{gateway.url}/robots/sim_1", size=NARROW)
     data = drawn(page, "d.points > 0")
     assert (data["points"], data["frame"]) == ("32000", "roof")
     assert 1000 < int(data["drawn"]) <= 32_000  # a browser that has just begun is slow
@@ -133,7 +134,7 @@ def test_a_cloud_is_drawn_and_coloured_by_height_or_otherwise(gateway: FakeGatew
 
 
 def test_it_is_turned_by_mouse_and_keys_and_zoomed(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = open_page(f"{gateway.url}/robots/sim_1")
+    page = open_page(f"{gateway.url}/robots/sim_1", size=NARROW)
     at = drawn(page, "d.points > 0")
     first = picture(page)
     box = page.locator(CANVAS).bounding_box()
@@ -157,7 +158,7 @@ def test_it_is_turned_by_mouse_and_keys_and_zoomed(gateway: FakeGateway, open_pa
 
 
 def test_dark_is_dark(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = open_page(f"{gateway.url}/robots/sim_1", scheme="dark")
+    page = open_page(f"{gateway.url}/robots/sim_1", size=NARROW, scheme="dark")
     drawn(page, "d.points > 0")
     wait_until(lambda: np.median(picture(page)) < 60 and len(hues(page)) >= 4)
     save(page, "cloud_dark")
@@ -167,7 +168,7 @@ def test_the_small_cloud_is_taken_by_itself_the_other_by_choice(
     gateway: FakeGateway, robot: CloudRobot, open_page: OpenPage
 ) -> None:
     robot.kinds = (RAW, SMALL)
-    page = open_page(f"{gateway.url}/robots/sim_1")
+    page = open_page(f"{gateway.url}/robots/sim_1", size=NARROW)
     assert drawn(page, "d.points > 0")["points"] == "32000"
     assert page.locator("[data-card=cloud]").get_attribute("data-topic") == "/sim_1/points/quantized"
     wait_until(lambda: len(hues(page)) >= 5)
@@ -181,7 +182,7 @@ def test_too_many_points_are_thinned_and_that_is_said(
     gateway: FakeGateway, robot: CloudRobot, open_page: OpenPage
 ) -> None:
     robot.copies = 10
-    page = open_page(f"{gateway.url}/robots/sim_1")
+    page = open_page(f"{gateway.url}/robots/sim_1", size=NARROW)
     data = drawn(page, "d.points > 0")
     assert data["points"] == "320000"
     assert int(data["drawn"]) <= 200_000
@@ -193,7 +194,7 @@ def test_a_cloud_that_lies_is_said_and_a_good_one_drawn_again(
     gateway: FakeGateway, robot: CloudRobot, open_page: OpenPage
 ) -> None:
     robot.broken = True
-    page = open_page(f"{gateway.url}/robots/sim_1")
+    page = open_page(f"{gateway.url}/robots/sim_1", size=NARROW)
     expect(page.locator("[data-card=cloud] .problem")).to_have_text("the field x does not fit into a point")
     robot.broken = False
     drawn(page, "d.points > 0")
@@ -201,7 +202,7 @@ def test_a_cloud_that_lies_is_said_and_a_good_one_drawn_again(
 
 
 def test_a_lost_context_is_said_and_comes_back(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = open_page(f"{gateway.url}/robots/sim_1")
+    page = open_page(f"{gateway.url}/robots/sim_1", size=NARROW)
     drawn(page, "d.points > 0")
     wait_until(lambda: len(hues(page)) >= 5)
     page.evaluate(f"""() => {{
@@ -215,7 +216,7 @@ def test_a_lost_context_is_said_and_comes_back(gateway: FakeGateway, open_page: 
 
 
 def test_without_webgl_words_stand_in_its_place(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = open_page(f"{gateway.url}/robots", own=True)
+    page = open_page(f"{gateway.url}/robots", size=NARROW, own=True)
     page.add_init_script(WITHOUT_WEBGL)
     page.goto(f"{gateway.url}/robots/sim_1")
     expect(page.locator("[data-card=cloud] .problem")).to_contain_text("WebGL 2 is off or missing")
@@ -227,7 +228,7 @@ def test_the_past_has_the_cloud_of_then(
 ) -> None:
     monkeypatch.setitem(KEPT_HZ, "points", 1.0)
     url, _ = at(gateway, 600)
-    page = open_page(url)
+    page = open_page(url, size=NARROW)
     assert drawn(page, "d.points > 0")["points"] == "32000"
     wait_until(lambda: len(hues(page)) >= 5)
 
