@@ -145,7 +145,8 @@ function Rows(props: RowsProps) {
   useEffect(() => {
     const mark = end.current;
     if (!mark) return;
-    const seen = new IntersectionObserver(([entry]) => entry?.isIntersecting && void older(), { rootMargin: "600px" });
+    // A busy page is told of several looks at once: the last one holds.
+    const seen = new IntersectionObserver((looks) => looks.at(-1)?.isIntersecting && void older(), { rootMargin: "600px" });
     seen.observe(mark);
     return () => seen.disconnect();
   }, [next.value]);

@@ -188,8 +188,8 @@ export function Plot(props: PlotProps) {
       if (width) plot.current?.setSize({ width, height: props.height ?? 132 });
     });
     observer.observe(box.current!);
-    const watcher = new IntersectionObserver(([entry]) => {
-      inView.current = entry!.isIntersecting;
+    const watcher = new IntersectionObserver((looks) => {
+      inView.current = looks.at(-1)!.isIntersecting; // a busy page is told of several at once
       if (inView.current) update();
     });
     watcher.observe(box.current!);
