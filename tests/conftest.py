@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parent.parent
 # What makes a test one of the real world, wherever it stands; a test that needs time, kills or root marks itself.
 INTEGRATION_FOLDERS = ("tests/e2e/", "tests/faults/", "tests/system/", "tests/examples/")
-INTEGRATION_FIXTURES = frozenset({"browser", "postgres", "seaweed"})
+INTEGRATION_FIXTURES = frozenset({"browser", "postgres", "postgres_server", "seaweed"})
 
 
 def pytest_configure() -> None:
@@ -102,8 +102,8 @@ def zenoh_router() -> Iterator[str]:
 
 
 @pytest.fixture(scope="session")
-def postgres() -> Iterator[PostgresServer]:
-    """This worker's PostgreSQL server; only CI may not be without."""
+def postgres_server() -> Iterator[PostgresServer]:
+    """This worker's PostgreSQL server, for what several tests share; only CI may not be without."""
     from tests.support.postgres import PostgresServer, postgres_binaries
 
     if postgres_binaries() is None and not os.environ.get("CI"):
@@ -114,6 +114,13 @@ def postgres() -> Iterator[PostgresServer]:
         yield server
     finally:
         server.close()
+
+
+@pytest.fixture
+def postgres(postgres_server: PostgresServer) -> Iterator[PostgresServer]:
+    """The same for one test: it takes its schemas back."""
+    with postgres_server.lending():
+        yield postgres_server
 
 
 @pytest.fixture(scope="session")

@@ -41,7 +41,11 @@ KINDS = {
     "in-process": "sockets, threads or a Zenoh session in the worker",
     "pure": "none of these",
 }
-BY_FIXTURE = {"browser": {"browser", "open_page"}, "postgres": {"postgres"}, "s3": {"seaweed", "s3_url"}}
+BY_FIXTURE = {
+    "browser": {"browser", "open_page"},
+    "postgres": {"postgres", "postgres_server"},
+    "s3": {"seaweed", "s3_url"},
+}
 STARTS = frozenset({"subprocess.Popen", "os.fork", "os.posix_spawn", "os.forkpty"})
 OPENS = frozenset({"socket.bind", "socket.connect", "_thread.start_new_thread"})
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -18,12 +17,10 @@ on_both = pytest.mark.parametrize(
 
 
 @pytest.fixture
-def store_url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+def store_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """An empty store's URL; "" is a file in `tmp_path`."""
     if getattr(request, "param", "sqlite") == "sqlite":
         place_store(tmp_path)
-        yield ""
-        return
+        return ""
     server: PostgresServer = request.getfixturevalue("postgres")
-    with server.lend() as url:
-        yield url
+    return server.schema()

@@ -18,11 +18,11 @@ _numbers = count(1)
 
 
 @pytest_asyncio.fixture(scope="module", loop_scope="module")
-async def both(tmp_path_factory: pytest.TempPathFactory, postgres: PostgresServer) -> AsyncIterator[Pair]:
+async def both(tmp_path_factory: pytest.TempPathFactory, postgres_server: PostgresServer) -> AsyncIterator[Pair]:
     """They run until the module's last test is over."""
     from tests.gateway.cluster.gateway_pair import running_pair
 
-    async with running_pair(tmp_path_factory.mktemp("pair"), postgres) as pair:
+    async with running_pair(tmp_path_factory.mktemp("pair"), postgres_server) as pair:
         yield pair
 
 

@@ -25,6 +25,7 @@ from tests.support.postgres import PostgresServer
 
 ADMIN = Editor(name="ada", code=True)
 WAITS = {"state": "stopped", "why": "no lease", "quarantined": False}
+PROMISED_S = 10.0  # from the loss of a host to the lease of the next one
 ROW = {"allowed": "beat", "migratable": True}
 
 
@@ -104,7 +105,9 @@ async def test_it_moves_when_its_robot_is_lost_and_stays_when_that_is_back(fleet
     assert here.failover.holder_of("r2", "map") == "r1"
     here.failover.on_online("r1", False)
     here.silent.add("r1")
+    lost_s = here.clock.monotonic_s()
     await here.until({"r2": {"map": 2}})
+    assert here.clock.monotonic_s() - lost_s <= PROMISED_S
     here.silent.clear()
     here.told.pop("r1")
     await here.robot(store, "r1")

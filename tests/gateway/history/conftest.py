@@ -4,7 +4,7 @@ batches and on segments, and once on PostgreSQL.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -26,15 +26,13 @@ def form(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture
-def store_url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+def store_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """An empty store's URL."""
     if "source" in request.fixturenames and request.getfixturevalue("form") == "postgres":
         server: PostgresServer = request.getfixturevalue("postgres")
-        with server.lend() as url:
-            yield url
-        return
+        return server.schema()
     place_store(tmp_path)
-    yield ""
+    return ""
 
 
 @pytest.fixture

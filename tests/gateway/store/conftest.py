@@ -17,15 +17,13 @@ ENGINES = ("sqlite", pytest.param("postgres", marks=pytest.mark.integration))
 
 
 @pytest.fixture(params=ENGINES)
-def store_url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+def store_url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     """An empty store's URL; "" is a file in `tmp_path`."""
     if request.param == "sqlite":
         place_store(tmp_path)
-        yield ""
-        return
+        return ""
     server: PostgresServer = request.getfixturevalue("postgres")
-    with server.lend() as url:
-        yield url
+    return server.schema()
 
 
 @pytest.fixture

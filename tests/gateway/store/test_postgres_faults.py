@@ -22,8 +22,8 @@ from tests.support.waiting import wait_until_async
 
 
 @pytest.fixture(scope="module")
-def victim(postgres: PostgresServer) -> Iterator[PostgresServer]:
-    """A server of these tests' own, to be killed; `postgres` says whether there can be one."""
+def victim(postgres_server: PostgresServer) -> Iterator[PostgresServer]:
+    """A server of these tests' own, to be killed; `postgres_server` says whether there can be one."""
     server = PostgresServer()
     try:
         server.start()
