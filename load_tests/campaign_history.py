@@ -77,6 +77,7 @@ class HistoryStack(LoadStack):
         self.start("gateway")
         wait_until(self.answers)
         self.check_export(stored, verdict)
+        wait_until(lambda: any(self.objects.names()))  # no life before may have been long enough to compact anything
         self.signal("gateway", signal.SIGTERM)
         self.processes["gateway"].join(60)
         self.kill("gateway")

@@ -106,12 +106,14 @@ def state_of(judge: Judge, slot: int) -> tuple[bytes, tuple[bytes, ...]]:
 @pytest.mark.integration
 def test_scores_after_kills_are_those_of_a_judge_that_never_was_interrupted(tmp_path: Path) -> None:
     with WaveStack(tmp_path) as stack:
+        watched = stack.gateway_config.data_dir / "watch"
         stack.start("gateway")
         stack.start("robot")
         for life in range(1, KILLS + 1):
             stack.wait_online()
             rows = ROWS_A_LIFE * life + 37 * life  # some snapshots; whatever the kill meets is a good one
             wait_until(lambda rows=rows: stack.counters["metric"] >= rows, timeout_s=120)  # type: ignore[misc]
+            wait_until(lambda: any(watched.glob("snapshot-*")))
             stack.kill("gateway")
             stack.start("gateway")
         stack.end()

@@ -36,7 +36,11 @@ async def stored(folder: Path, url: str) -> list[StoredBatch]:
 
 
 @pytest.mark.integration
-async def test_from_one_gateway_to_the_other_and_back(tmp_path: Path, postgres: PostgresServer) -> None:
+async def test_from_one_gateway_to_the_other_and_back(
+    tmp_path: Path, postgres: PostgresServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # A gateway that hangs is tried by both transports before the other one; who is not answered waits longer each time.
+    monkeypatch.setattr("edge_agent.uplink.uplink.OPEN_S", 0.5)
     url, ports, owner = postgres.schema(), [free_port(), free_port()], Owner()
     payloads: list[bytes] = []
 

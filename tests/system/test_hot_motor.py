@@ -16,7 +16,7 @@ from tests.support.webhook import Webhook
 
 ROBOT = "sim_1"
 SERIES = "motor_temperature.temperature"
-WARM_C = 42.0
+ABOVE_C = 4.0  # what the motor is now: a limit that it passes soon
 STEP_S = 150.0  # of the story, on a busy machine
 
 
@@ -56,11 +56,13 @@ def test_a_motor_heats_up_and_somebody_is_told_why(tmp_path: Path) -> None:
             lambda: stack.agent(ROBOT),
         )
         wait_until(lambda: stack.online() == {ROBOT}, timeout_s=60)
-        # A motor that is warm is the worst there is on this robot: nobody waits for 95 °C here.
-        check = {"high": WARM_C, "for_s": 1.0, "clear_s": 1.0, "severity": "error"}
-        assert ask(stack, "PUT", "/api/v1/alert-checks/motor_hot", check)["changed"]
         wait_until(lambda: learned(stack) >= 3, timeout_s=STEP_S, every_s=0.1)
-        ask(stack, "GET", f"/api/v1/robots/{ROBOT}/watch/band?series={SERIES}")
+        wait_until(lambda: band(stack), timeout_s=STEP_S, every_s=0.1)  # it is kept from when somebody first asked
+        # A motor that is warm is the worst there is on this robot: nobody waits for 95 °C here.
+        warm_c = round(band(stack)[-1][1] + ABOVE_C, 1)
+        check = {"high": warm_c, "for_s": 1.0, "clear_s": 1.0, "severity": "error"}
+        assert ask(stack, "PUT", "/api/v1/alert-checks/motor_hot", check)["changed"]
+        assert hot(stack, "severity=error") is None
 
         inject(stack, "hot_motor")
         # It begins as a warning, as the heat rises fast, and becomes an error where the limit is passed.
@@ -68,7 +70,7 @@ def test_a_motor_heats_up_and_somebody_is_told_why(tmp_path: Path) -> None:
         alert = hot(stack, "severity=error")
         assert alert is not None
         ask(stack, "POST", f"/api/v1/alerts/{alert['id']}/acknowledge", {"text": "I am on my way"})
-        check_explained(stack, alert)
+        check_explained(stack, alert, warm_c)
         wait_until(lambda: clip_of(stack, alert["id"]) == "stored", timeout_s=STEP_S, every_s=0.1)
         check_clip(stack, alert)
         inject(stack, "clear")
@@ -87,18 +89,22 @@ def learned(stack: Stack) -> int:
     return max((int(row["seen"]) for row in rows if row["series"] == SERIES), default=0)
 
 
-def check_explained(stack: Stack, alert: dict[str, Any]) -> None:
+def band(stack: Stack) -> list[list[Any]]:
+    """The motor's temperature as it was and was expected."""
+    return list(ask(stack, "GET", f"/api/v1/robots/{ROBOT}/watch/band?series={SERIES}")["points"])
+
+
+def check_explained(stack: Stack, alert: dict[str, Any], warm_c: float) -> None:
     """What, where, why, since when, and what was expected."""
     assert alert["severity"] == "error"
     assert alert["series"] == SERIES
-    assert alert["value"] >= WARM_C
-    assert alert["high"] == WARM_C
-    assert f"{WARM_C:g}" in alert["reason"]
+    assert alert["value"] >= warm_c
+    assert alert["high"] == warm_c
+    assert f"{warm_c:g}" in alert["reason"]
     assert alert["path"].startswith(f"/robots/{ROBOT}?t=")
-    points = ask(stack, "GET", f"/api/v1/robots/{ROBOT}/watch/band?series={SERIES}")["points"]
-    stamps, values, lows, highs, _ = zip(*points, strict=True)
+    stamps, values, lows, highs, _ = zip(*band(stack), strict=True)
     assert list(stamps) == sorted(stamps)
-    assert max(values) >= WARM_C - 5.0
+    assert max(values) >= warm_c - ABOVE_C / 2
     assert any(low is not None and high is not None and low < high for low, high in zip(lows, highs, strict=True))
     robot = ask(stack, "GET", f"/api/v1/robots/{ROBOT}")
     assert robot["alerts"]["error"] >= 1
