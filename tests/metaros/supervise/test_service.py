@@ -198,7 +198,7 @@ async def test_a_critical_node_that_keeps_dying_brings_the_robot_to_rest(rig: Ri
 
 
 async def test_a_crash_loop_is_quarantined_seen_and_told(rig: Rig) -> None:
-    code = "import sys; print('starting'); sys.exit('no lidar on /dev/ttyUSB0')"
+    code = "import sys; print('starting', flush=True); sys.exit('no lidar on /dev/ttyUSB0')"
     await rig.table(
         row("a", code, window_exits=2, base_delay_s=0.01, max_delay_s=0.02, env={"ROS_X": "1", "ROS_KEY": "s"})
     )

@@ -78,7 +78,9 @@ async def test_a_killed_child_is_back_at_once(rig: Rig) -> None:
 
 async def test_the_last_line_says_why(rig: Rig) -> None:
     once = RestartPolicy(restart=Restart.NEVER)
-    rig.start(rig.launch("a", "import sys; print('starting'); sys.exit('no camera at /dev/video7')", policy=once))
+    rig.start(
+        rig.launch("a", "import sys; print('starting', flush=True); sys.exit('no camera at /dev/video7')", policy=once)
+    )
     await wait_until_async(lambda: EventKind.ENDED in rig.kinds("a"))
     assert rig.events[1].detail == "exit code 1: no camera at /dev/video7"
     assert [status.state for status in rig.supervisor.status()] == ["ended"]
