@@ -26,16 +26,18 @@ say("typedef", ros.decodeTypeDefs(defs));
 say("request", (await told((ok, bad) => ros.getServiceRequestDetails("example_interfaces/srv/AddTwoInts", ok, bad))).typedefs);
 
 // -- topics, in every compression
-const first = (name, messageType, options) =>
+// What was sent for the subscription before is on its way still, and comes to this one: `fits` tells them apart.
+const first = (name, messageType, options, fits = () => true) =>
   new Promise((resolve) => {
     const topic = new ROSLIB.Topic({ ros, name, messageType, ...options });
     topic.subscribe((message) => {
+      if (!fits(message)) return;
       topic.unsubscribe();
       resolve(message);
     });
   });
 say("chatter", await first("/sim_1/chatter", "std_msgs/String"));
-const scan = (options) => first("/sim_1/scan", "sensor_msgs/msg/LaserScan", options);
+const scan = (options, fits) => first("/sim_1/scan", "sensor_msgs/msg/LaserScan", options, fits);
 const shown = (message) => ({
   ranges: Array.from(message.ranges).slice(0, 4).map((value) => (Number.isFinite(value) ? value : null)),
   count: message.ranges.length,
@@ -44,14 +46,15 @@ const shown = (message) => ({
 say("plain", shown(await scan()));
 say("throttled", shown(await scan({ throttle_rate: 50, queue_length: 1 })));
 say("png", shown(await scan({ compression: "png" })));
-const typed = await scan({ compression: "cbor" });
+const typed = await scan({ compression: "cbor" }, (message) => ArrayBuffer.isView(message.ranges));
 say("cbor", { ...shown(typed), kind: typed.ranges.constructor.name });
-const raw = await scan({ compression: "cbor-raw" });
+const raw = await scan({ compression: "cbor-raw" }, (message) => "bytes" in message);
 say("cbor_raw", { size: raw.bytes.length, secs: raw.secs });
 say(
   "fragments",
   await new Promise((resolve) => {
     const listen = (message) => {
+      if (!Array.isArray(message.msg.ranges)) return;
       ros.off("/sim_1/scan", listen);
       ros.callOnConnection({ op: "unsubscribe", topic: "/sim_1/scan" });
       resolve(shown(message.msg));
