@@ -177,6 +177,10 @@ def harmless(path: str) -> tuple[Any, bool, bool]:
     return request, description.client_streaming, description.server_streaming
 
 
+# What grpc.aio says of a call that was answered before its request was sent: the answer is lost in the client.
+UNSENT = "Internal error from Core"
+
+
 async def knock(channel: grpc.aio.Channel, path: str, key: str) -> tuple[grpc.StatusCode, str]:
     """The status and code of such a call."""
     request, *streams = harmless(path)
@@ -194,6 +198,8 @@ async def knock(channel: grpc.aio.Channel, path: str, key: str) -> tuple[grpc.St
             break
         call.cancel()
     except grpc.aio.AioRpcError as error:
+        if streams[0] and error.details() == UNSENT:
+            return await knock(channel, path, key)
         return error.code(), str(dict(error.trailing_metadata() or ()).get(CODE_KEY, "?"))
     return grpc.StatusCode.OK, ""
 
