@@ -75,7 +75,10 @@ class Afar:
 
     def lose_patience(self, name: str) -> None:
         """The robot's supervisor puts this node into quarantine after three exits, instead of eleven in a minute."""
-        table = json.loads((self.state / TABLE).read_text())
+        path = self.state / TABLE
+        # The agent tells of a node as soon as it is told of it; its supervisor may be starting still.
+        wait_until(lambda: path.exists() and name in path.read_text(), timeout_s=120)
+        table = json.loads(path.read_text())
         rows = [{**row, "window_exits": 2} if row["name"] == name else row for row in table["rows"]]
         ask(self.state, "set_table", rows=rows, tag=table["tag"])
 
