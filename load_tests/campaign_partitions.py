@@ -30,7 +30,7 @@ __all__ = ["KINDS", "main"]
 
 HEARTBEAT_S = 0.5
 RESUME_S = 2.0  # the goal
-LIMIT_S = 10.0  # what fails a kind that has a network of its own; of the sample it is told alone, CI has other work
+LIMIT_S = 10.0  # what fails, whatever else the machine does
 
 
 def cut(wire: Wire, stack: LoadStack, rng: Random, turn: int) -> None:
@@ -115,7 +115,7 @@ def run_inside(kinds: list[str], cycles: int, seed: int, *, explain_s: float) ->
 
 
 def show(part: str, facts: dict[str, Any]) -> bool:
-    """A line of the table; whether every link came back soon: one that did not at all has failed already."""
+    """A line of the table; whether every link came back."""
     kind = part if part in KINDS else "together"
     times = facts["times"]
     p95 = statistics.quantiles(times, n=20, method="inclusive")[-1] if len(times) > 1 else times[0]
@@ -124,7 +124,7 @@ def show(part: str, facts: dict[str, Any]) -> bool:
         f"{facts['lost']:>5} {facts['duplicate']:>5} {facts['wrong']:>6} {facts['sessions']:>9}"
         f" {statistics.median(times):>7.2f} {p95:>6.2f} {max(times):>6.2f}"
     )
-    return kind == "together" or bool(max(times) <= LIMIT_S)
+    return bool(max(times) <= LIMIT_S)
 
 
 HEAD = (

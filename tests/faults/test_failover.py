@@ -16,6 +16,7 @@ from tests.support.processes import started
 
 ROOT = Path(__file__).resolve().parents[2]
 OWN = ("--pid", "--mount-proc")  # its processes, also the supervisors, which outlive their agents, end with it
+LIMIT_S = 10.0  # the promise
 
 
 def libfaketime() -> str:
@@ -34,7 +35,10 @@ def test_it_runs_elsewhere_soon_and_never_twice(tmp_path: Path) -> None:
     assert process.returncode == 0, output
     found = json.loads(output.splitlines()[-1])
     assert found["problems"] == []
-    assert len(found["took"]) == 4  # within how many seconds is tests/gateway/fleet/test_failover.py's, by its clock
+    took = found["took"]
+    assert len(took) == 4
+    took.pop("host and gateway killed, from when the gateway is back")  # its robots come back when they can
+    assert max(took.values()) <= LIMIT_S
 
 
 def test_the_checker_sees_two_at_once() -> None:
