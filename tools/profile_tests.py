@@ -98,6 +98,12 @@ def _cpu_s() -> float:
     return time.process_time() + ended.ru_utime + ended.ru_stime + _cpu_of_children_s()
 
 
+def _ungrouped(nodeid: str) -> str:
+    """A test's name without the group that `--dist loadgroup` appends to it."""
+    name, at, group = nodeid.rpartition("@")
+    return name if at and "]" not in group else nodeid
+
+
 class Recorder:
     """Notes what each test of one worker cost."""
 
@@ -133,7 +139,7 @@ class Recorder:
             return (yield)
         finally:
             wall_s = time.monotonic() - began_s
-            cost = Cost(item.nodeid, self._kind(item), wall_s, self._setup_s, _cpu_s() - cpu_s)
+            cost = Cost(_ungrouped(item.nodeid), self._kind(item), wall_s, self._setup_s, _cpu_s() - cpu_s)
             with self._path.open("a") as file:
                 file.write(json.dumps(asdict(cost)) + "\n")
 
