@@ -300,9 +300,9 @@ check_untyped_defs = True
 follow_imports = skip
 ignore_missing_imports = True
 disable_error_code = has-type, index, type-var, valid-type, var-annotated
-[mypy-zmq.*]
+[mypy-boto3.*,botocore.*,cv2.*,grpc.*,numpy.*,orjson.*,s3transfer.*,types_boto3_s3.*,yaml.*,zenoh.*,zmq.*]
 follow_imports_for_stubs = True
-"""  # what is not followed is Any, and some of these errors only say so
+"""  # what is not followed is Any, and some of these errors only say so; psutil's stubs do depend on the platform
 SYSTEM = re.compile(
     r"^\s*(?:import|from) (?:ctypes|errno|faulthandler|fcntl|grp|locale|mmap|msvcrt|multiprocessing|os|pty|pwd|"
     r"resource|select|selectors|shutil|signal|socket|ssl|subprocess|termios|time|tty|winreg)\b",
