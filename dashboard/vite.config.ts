@@ -17,7 +17,7 @@ const EVERYWHERE = new RegExp(
 );
 
 // What more than one page draws plots with.
-const PLOTS = /src.(panels.(overlay|plot|plot_table|timeline)|ui.(canvas|hatch)|history.(density|latest))\.tsx?/;
+const PLOTS = /src.(panels.(overlay|plot|plot_table|timeline)|ui.(canvas|hatch|paint)|history.(density|latest))\.tsx?/;
 
 export default defineConfig({
   oxc: { jsx: { runtime: "automatic", importSource: "preact" } },

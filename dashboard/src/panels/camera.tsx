@@ -6,6 +6,7 @@ import { useEffect, useRef } from "preact/hooks";
 import type { Missing } from "../api/history_types";
 import type { Decoded } from "../live/decoder";
 import { useLive } from "../ui/context";
+import { inNextFrame } from "../ui/paint";
 import { Card } from "../ui/parts";
 import { useTopic } from "../ui/use_topic";
 import { usePicture } from "./picture";
@@ -23,13 +24,11 @@ export function CameraCard({ robot, topic, title, choice, remark }: CameraCardPr
   const { past } = useLive();
   const { canvas, note, meter, draw } = usePicture(topic, "image");
   const waiting = useRef<Decoded>(null);
-  const frame = useRef(0);
   const received = useSignal<number | null>(null);
   const missing = useSignal<Missing | null>(null);
   const error = useSignal("");
 
   const drawWaiting = () => {
-    frame.current = 0;
     const { bitmap, takenMs, stampMs } = waiting.current ?? {};
     waiting.current = null;
     if (!bitmap) return;
@@ -51,12 +50,12 @@ export function CameraCard({ robot, topic, title, choice, remark }: CameraCardPr
     if (Math.abs(seenMs - (received.peek() ?? 0)) > 1000) received.value = seenMs;
     waiting.current?.bitmap?.close();
     waiting.current = decoded;
-    frame.current ||= requestAnimationFrame(drawWaiting);
+    inNextFrame(drawWaiting);
   });
   useEffect(
     () => () => {
-      cancelAnimationFrame(frame.current);
       waiting.current?.bitmap?.close();
+      waiting.current = null;
     },
     [],
   );

@@ -7,6 +7,7 @@ import type { Topic } from "../api/types";
 import type { Cloud } from "../live/cloud";
 import { useLive } from "../ui/context";
 import { relativeTopic } from "../ui/format";
+import { forget, inNextFrame, onBeat } from "../ui/paint";
 import { Card } from "../ui/parts";
 import { palette } from "../ui/theme";
 import { useTopic } from "../ui/use_topic";
@@ -44,32 +45,30 @@ function CloudCard({ robot, namespace, topic, others, chosen }: Props) {
   const view = useRef<CloudView>(null);
   view.current ??= new CloudView();
   const shown = useRef<Cloud | null>(null);
-  const pending = useRef(0);
   const colouring = useSignal<Colouring>("height");
   const received = useSignal<number | null>(null);
   const missing = useSignal<Missing | null>(null);
   const problem = useSignal("");
   const trouble = useSignal("");
+  const past = useLive().past !== null;
 
-  const redraw = () => {
-    pending.current ||= requestAnimationFrame(() => {
-      pending.current = 0;
-      if (canvas.current && painter.current) paint(canvas.current, painter.current, view.current!, colouring.peek());
-    });
-  };
+  const work = useRef(() => {
+    if (canvas.current && painter.current) paint(canvas.current, painter.current, view.current!, colouring.peek());
+  });
+  const redraw = () => inNextFrame(work.current);
   const show = (cloud: Cloud | null) => {
     if (cloud && !shown.current) view.current!.reset(cloud.distance[1]);
     shown.current = cloud;
     painter.current?.show(cloud);
     report(canvas.current, note.current, cloud);
-    redraw();
+    (past ? inNextFrame : onBeat)(work.current);
   };
   const begin = (_: number, absent: Missing | null) => {
     missing.value = absent;
     received.value = null;
     if (absent) show(null);
   };
-  const enabled = useVisible().value || useLive().past !== null; // nobody sees a hidden tab, and clouds are heavy
+  const enabled = useVisible().value || past; // nobody sees a hidden tab, and clouds are heavy
   useTopic({ robot, topic, cloud: true, maxRateHz: RATE_HZ, enabled, onInstant: begin }, ({ cloud, error }, seenMs) => {
     problem.value = cloud ? "" : (error ?? "no cloud");
     if (!cloud) return;
@@ -77,7 +76,7 @@ function CloudCard({ robot, namespace, topic, others, chosen }: Props) {
     show(cloud);
   });
   useEffect(() => begun(canvas.current!, painter, trouble, shown, redraw), []);
-  useEffect(() => () => cancelAnimationFrame(pending.current), []);
+  useEffect(() => () => forget(work.current), []);
   useSignalEffect(() => {
     if (palette.value && colouring.value) redraw();
   });

@@ -83,7 +83,7 @@ export function MapCard({ robot, namespace, odom, scan }: { robot: string; names
   const scanProblem = useSignal("");
   const note = useRef<HTMLSpanElement>(null);
 
-  const { ref, redraw } = useCanvas(({ context, width, height }) => {
+  const { ref, redraw, redrawOnBeat } = useCanvas(({ context, width, height }) => {
     const { current: map } = model;
     if (view.current!.follow && map!.pose) Object.assign(view.current!, { x: map!.pose.x, y: map!.pose.y });
     drawMap({ context, width, height, view: view.current!, colours: palette.peek() }, map!, walls.current!);
@@ -105,6 +105,7 @@ export function MapCard({ robot, namespace, odom, scan }: { robot: string; names
     redraw();
   };
   const { past } = useLive();
+  const heard = past ? redraw : redrawOnBeat; // an instant is shown at once
   const showTrail = (trail: number[]) => {
     model.current!.trail = trail;
     redraw();
@@ -119,13 +120,13 @@ export function MapCard({ robot, namespace, odom, scan }: { robot: string; names
     }
     const { untilMs } = model.current!;
     if (untilMs === null ? seenMs - (received.peek() ?? 0) > 1000 : seenMs <= untilMs) received.value = seenMs;
-    redraw();
+    heard();
   });
   useTopic({ robot, topic: scan ?? "", depth: DEPTH, backS: SCANS_BACK_S, enabled: scan !== null }, ({ message, error, stampMs }) => {
     scanProblem.value = message ? "" : (error ?? "");
     if (!message) return;
     model.current!.addScan(toScan(message, stampMs));
-    redraw();
+    heard();
   });
 
   const middle = (event: MouseEvent): [number, number] => {

@@ -1,11 +1,12 @@
 /** uPlot in a card: loaded when first needed, coloured by the theme, its header shows the newest or hovered value. */
 
 import { useSignalEffect, type Signal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useMemo, useRef } from "preact/hooks";
 import type uPlot from "uplot";
 import { fixed, short } from "../ui/format";
 import type { Span } from "../api/history_types";
 import { hatched } from "../ui/hatch";
+import { forget, inNextFrame, onBeat } from "../ui/paint";
 import { palette, type Palette } from "../ui/theme";
 import { everywhere, type Overlay } from "./overlay";
 import type { Timeline } from "./timeline";
@@ -134,7 +135,6 @@ export function Plot(props: PlotProps) {
   const library = useRef<typeof uPlot>(null);
   const hovered = useRef<number | null>(null);
   const inView = useRef(true);
-  const pending = useRef(0);
   const late = useRef<ReturnType<typeof setTimeout>>(undefined);
 
   const data = (): uPlot.AlignedData => {
@@ -149,7 +149,8 @@ export function Plot(props: PlotProps) {
       const newest = shown ? timeline.valueAt(shown.cursorMs / 1000) : timeline.values.at(-1);
       const value = at !== null && current ? current.data[i + 1]?.[at] : newest;
       const cell = values.current?.children[i]?.lastElementChild;
-      if (cell) cell.textContent = fixed(value, props.digits, props.unit);
+      const words = fixed(value, props.digits, props.unit);
+      if (cell && cell.textContent !== words) cell.textContent = words;
     });
   };
   const paint = () => {
@@ -158,14 +159,15 @@ export function Plot(props: PlotProps) {
     plot.current?.setData(data());
   };
   /** Painting is what costs: a plot that nobody sees is painted once a second. */
-  const update = () => {
-    pending.current ||= requestAnimationFrame(() => {
-      pending.current = 0;
-      if (inView.current) paint();
-      else late.current ??= setTimeout(paint, UNSEEN_MS);
-      caption();
-    });
+  const look = () => {
+    if (inView.current) paint();
+    else late.current ??= setTimeout(() => onBeat(work.paint), UNSEEN_MS);
+    caption();
   };
+  const newest = useRef({ paint, look });
+  newest.current = { paint, look };
+  const work = useMemo(() => ({ paint: () => newest.current.paint(), look: () => newest.current.look() }), []);
+  const update = () => (props.frame ? inNextFrame : onBeat)(work.look);
   const rebuild = () => {
     plot.current?.destroy();
     if (!library.current || !box.current) return;
@@ -197,8 +199,8 @@ export function Plot(props: PlotProps) {
       gone = true;
       observer.disconnect();
       watcher.disconnect();
-      cancelAnimationFrame(pending.current);
-      pending.current = 0;
+      forget(work.look);
+      forget(work.paint);
       clearTimeout(late.current);
       late.current = undefined;
       plot.current?.destroy();

@@ -2,6 +2,7 @@
 
 import { useEffect, useRef } from "preact/hooks";
 import type { RefObject } from "preact";
+import { forget, inNextFrame, onBeat } from "./paint";
 
 export interface Surface {
   context: CanvasRenderingContext2D;
@@ -10,38 +11,42 @@ export interface Surface {
   height: number;
 }
 
-export function useCanvas(draw: (surface: Surface) => void): { ref: RefObject<HTMLCanvasElement | null>; redraw: () => void } {
+interface Canvas {
+  ref: RefObject<HTMLCanvasElement | null>;
+  /** In the next frame: somebody did something. */
+  redraw: () => void;
+  /** With the other cards: a message came. */
+  redrawOnBeat: () => void;
+}
+
+export function useCanvas(draw: (surface: Surface) => void): Canvas {
   const ref = useRef<HTMLCanvasElement>(null);
   const drawing = useRef(draw);
   drawing.current = draw;
-  const pending = useRef(0);
-  const redraw = useRef(() => {
-    if (pending.current) return;
-    pending.current = requestAnimationFrame(() => {
-      pending.current = 0;
-      const canvas = ref.current;
-      const context = canvas?.getContext("2d");
-      if (!canvas || !context) return;
-      const density = devicePixelRatio || 1;
-      const { clientWidth: width, clientHeight: height } = canvas;
-      if (canvas.width !== Math.round(width * density) || canvas.height !== Math.round(height * density)) {
-        canvas.width = Math.round(width * density);
-        canvas.height = Math.round(height * density);
-      }
-      context.setTransform(density, 0, 0, density, 0, 0);
-      context.clearRect(0, 0, width, height);
-      drawing.current({ context, width, height });
-    });
+  const work = useRef(() => {
+    const canvas = ref.current;
+    const context = canvas?.getContext("2d");
+    if (!canvas || !context) return;
+    const density = devicePixelRatio || 1;
+    const { clientWidth: width, clientHeight: height } = canvas;
+    if (canvas.width !== Math.round(width * density) || canvas.height !== Math.round(height * density)) {
+      canvas.width = Math.round(width * density);
+      canvas.height = Math.round(height * density);
+    }
+    context.setTransform(density, 0, 0, density, 0, 0);
+    context.clearRect(0, 0, width, height);
+    drawing.current({ context, width, height });
   });
+  const redraw = useRef(() => inNextFrame(work.current)).current;
+  const redrawOnBeat = useRef(() => onBeat(work.current)).current;
   useEffect(() => {
-    const observer = new ResizeObserver(() => redraw.current());
+    const observer = new ResizeObserver(redraw);
     observer.observe(ref.current!);
-    redraw.current();
+    redraw();
     return () => {
       observer.disconnect();
-      cancelAnimationFrame(pending.current);
-      pending.current = 0;
+      forget(work.current);
     };
   }, []);
-  return { ref, redraw: redraw.current };
+  return { ref, redraw, redrawOnBeat };
 }
