@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 
@@ -22,23 +26,35 @@ pytestmark = [pytest.mark.integration, pytest.mark.skipif(sys.platform == "win32
 
 STEPS = ("downloading", "verified", "emptied", "unpacked", "installed", "sealed", "switched")
 PROGRAM = """
-import os, random, ssl, sys
+import os, random, ssl, sys, traceback
 from pathlib import Path
 from edge_agent.update.handover import Loaded
 from edge_agent.update.slots import Slots
 from edge_agent.update.source import Source
 from edge_agent.update.updater import AgentUpdates
 from metaros.clock import SystemClock
-state, url, kill_at = Path(sys.argv[1]), sys.argv[2], sys.argv[3]
-source = Source(state / "update", url, ssl.create_default_context, SystemClock())
-source.folder.mkdir(parents=True, exist_ok=True)
-updates = AgentUpdates(
-    Slots(state), source, SystemClock(), random.Random(1), loaded=Loaded(loader=("x",)), running="2.0.0", restart=print
-)
-def step(name):
-    if name == kill_at:
-        os.kill(os.getpid(), 9)
-updates.install("2.1.0", step)
+state, url = Path(sys.argv[1]), sys.argv[2]
+def update(kill_at):
+    source = Source(state / "update", url, ssl.create_default_context, SystemClock())
+    source.folder.mkdir(parents=True, exist_ok=True)
+    loaded = Loaded(loader=("x",))
+    updates = AgentUpdates(
+        Slots(state), source, SystemClock(), random.Random(1), loaded=loaded, running="2.0.0", restart=print
+    )
+    def step(name):
+        if name == kill_at:
+            os.kill(os.getpid(), 9)
+    updates.install("2.1.0", step)
+for line in sys.stdin:
+    pid = os.fork()
+    if pid == 0:
+        try:
+            update(line.strip())
+        except BaseException:
+            traceback.print_exc()
+        os._exit(1)
+    print(pid, flush=True)
+    print(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), flush=True)
 """
 MODULE = {"metaros_kill_test.py": "VERSION = '2.1.0'"}
 
@@ -51,8 +67,34 @@ def repository() -> TufRepository:
     return found
 
 
-def program(state: Path, served: Served, kill_at: str = "") -> list[str]:
-    return [sys.executable, "-c", PROGRAM, str(state), served.url, kill_at]
+class Agents:
+    """Updates, each in a process of its own, forked off one that has imported everything."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self._process = process
+
+    def begin(self, kill_at: str = "") -> int:
+        """Update; the process's id."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(f"{kill_at}\n")
+        self._process.stdin.flush()
+        return self._said()
+
+    def ended(self) -> int:
+        """Its exit code, once it has ended."""
+        return self._said()
+
+    def _said(self) -> int:
+        assert self._process.stdout is not None
+        return int(self._process.stdout.readline())
+
+
+@contextmanager
+def agents(state: Path, served: Served) -> Iterator[Agents]:
+    """Until the block ends."""
+    command = [sys.executable, "-c", PROGRAM, str(state), served.url]
+    with started(command, stdin=subprocess.PIPE, stderr=None) as process:
+        yield Agents(process)
 
 
 def old_runs(state: Path) -> Slots:
@@ -63,10 +105,16 @@ def old_runs(state: Path) -> Slots:
     return slots
 
 
-def killed(state: Path, served: Served, step: str) -> None:
+def killed(agents: Agents, step: str) -> None:
     """An update that ends there."""
-    with started(program(state, served, step)) as process:
-        assert process.wait(END_S) == -9, step
+    agents.begin(step)
+    assert agents.ended() == -signal.SIGKILL, step
+
+
+def kill(agents: Agents, pid: int) -> None:
+    """From outside, while it runs."""
+    os.kill(pid, signal.SIGKILL)
+    assert agents.ended() == -signal.SIGKILL
 
 
 def check_whole(slots: Slots, version: str) -> None:
@@ -89,30 +137,27 @@ def test_killed_at_every_step_and_made_in_the_end(tmp_path: Path, repository: Tu
         half.set()
         served.ending.wait()
 
-    with serve(repository) as served:
+    with serve(repository) as served, agents(tmp_path, served) as robot:
         served.misbehave(".zip", stall)
-        with started(program(tmp_path, served)) as process:  # in the middle of the download
-            assert half.wait(END_S)
-            wait_until(lambda: sum(path.stat().st_size for path in tmp_path.glob("update/parts/*")) == 300)
-            process.kill()
-            process.wait(END_S)
+        pid = robot.begin()
+        assert half.wait(END_S)
+        wait_until(lambda: sum(path.stat().st_size for path in tmp_path.glob("update/parts/*")) == 300)
+        kill(robot, pid)  # in the middle of the download
         served.faults.clear()
         check_whole(slots, OLD)
         for step in STEPS[: STEPS.index("unpacked") + 1]:
-            killed(tmp_path, served, step)
+            killed(robot, step)
             check_whole(slots, OLD)
             if step == "verified":  # what came is not fetched again
                 assert [span for path, span in served.asked if path.endswith(".zip")] == ["", "bytes=300-"]
-        with started(program(tmp_path, served)) as process:  # while pip runs
-            python = python_of(slots.path("b"))
-            wait_until(lambda: python.exists() and process.poll() is None)
-            process.kill()
-            process.wait(END_S)
+        pid = robot.begin()
+        wait_until(python_of(slots.path("b")).exists)
+        kill(robot, pid)  # while pip runs
         check_whole(slots, OLD)
         for step in STEPS[STEPS.index("unpacked") + 1 : -1]:
-            killed(tmp_path, served, step)
+            killed(robot, step)
             check_whole(slots, OLD)
-        killed(tmp_path, served, STEPS[-1])
+        killed(robot, STEPS[-1])
     current = slots.boot(most=100)
     assert (current.version, current.previous_version, current.probing) == ("2.1.0", OLD, True)
     check_whole(slots, "2.1.0")

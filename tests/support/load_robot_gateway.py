@@ -1,4 +1,7 @@
-"""The real gateway program as a child of a fault campaign."""
+"""The real gateway program as a child of a fault campaign.
+
+Who starts it need not import it: the fork server has done so (`PRELOAD`), which costs two seconds once.
+"""
 
 from __future__ import annotations
 
@@ -6,23 +9,11 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
-import gateway.binding
-import gateway.ingest.link_service
-import gateway.settings
-import gateway.store.compactor
-import gateway.store.writer
-from gateway.main import run
-from gateway.settings import Settings
-from gateway.store.compact import CompactPace
-from gateway.store.writer import Pace
 from tests.support.load_robot import die_with_parent, log_to
 
-__all__ = ["GatewayConfig", "run_gateway"]
+__all__ = ["PRELOAD", "GatewayConfig", "run_gateway"]
 
-BUSY_COMPACTION = CompactPace(
-    size_bytes=48 << 10, small_bytes=0, age_s=0.5, batches=400, look_every_s=0.005, sweep_every_s=0.3, retry_s=0.05
-)
-BUSY_WRITER = Pace(merge_at_batches=32, merge_after_s=0.5, purge_every_s=0.2)
+PRELOAD = ("tests.support.load_robot_stack", "gateway.main")  # also what the campaign's own module imports, each time
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,14 +34,19 @@ class GatewayConfig:
 
 def run_gateway(config: GatewayConfig) -> None:
     """The process."""
+    import gateway.binding
+    import gateway.ingest.link_service
+    import gateway.settings
+    from gateway.main import run
+    from gateway.settings import Settings
+
     die_with_parent()
     log_to(config.folder / "gateway.log")
     if config.host != "127.0.0.1":  # in a network namespace of the campaign's own there is nobody else
         gateway.settings.is_loopback = gateway.binding.is_loopback = lambda host: True
         vars(gateway.ingest.link_service)["is_local_peer"] = lambda peer: True
     if config.busy:
-        vars(gateway.store.compactor)["CompactPace"] = lambda: BUSY_COMPACTION
-        vars(gateway.store.writer)["Pace"] = lambda: BUSY_WRITER
+        be_busy()
     known = {field.name for field in dataclasses.fields(Settings)}
     wanted = {
         "host": config.host,
@@ -66,3 +62,18 @@ def run_gateway(config: GatewayConfig) -> None:
     }
     values = {name: value for name, value in wanted.items() if name in known and value is not None}
     run(Settings(**values), status_file=config.folder / "gateway.json")  # type: ignore[arg-type]
+
+
+def be_busy() -> None:
+    """Compact, merge and purge as fast as it goes."""
+    import gateway.store.compactor
+    import gateway.store.writer
+    from gateway.store.compact import CompactPace
+    from gateway.store.writer import Pace
+
+    compaction = CompactPace(
+        size_bytes=48 << 10, small_bytes=0, age_s=0.5, batches=400, look_every_s=0.005, sweep_every_s=0.3, retry_s=0.05
+    )
+    writing = Pace(merge_at_batches=32, merge_after_s=0.5, purge_every_s=0.2)
+    vars(gateway.store.compactor)["CompactPace"] = lambda: compaction
+    vars(gateway.store.writer)["Pace"] = lambda: writing

@@ -17,7 +17,7 @@ from typing import Any
 
 from tests.support.checker import Stored, Verdict, check, read_sqlite
 from tests.support.load_robot import RobotConfig, run_robot
-from tests.support.load_robot_gateway import GatewayConfig, run_gateway
+from tests.support.load_robot_gateway import PRELOAD, GatewayConfig, run_gateway
 from tests.support.load_robot_samples import Counters
 from tests.support.ports import free_port
 from tests.support.waiting import wait_until
@@ -36,7 +36,7 @@ class LoadStack:
         """`robot` and `gateway` override fields of their configurations."""
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         os.environ.setdefault("GRPC_VERBOSITY", "ERROR")
-        CONTEXT.set_forkserver_preload(["tests.support.load_robot_gateway"])
+        CONTEXT.set_forkserver_preload(list(PRELOAD))
         folder.mkdir(parents=True, exist_ok=True)
         self.folder = folder
         self.gateway_config = replace(

@@ -155,8 +155,9 @@ class Replicas:
 class Robot:
     """An agent's uplink that knows all replicas, another one first for each robot, and is fed all the while."""
 
-    def __init__(self, name: str, replicas: Replicas, first: int) -> None:
+    def __init__(self, name: str, replicas: Replicas, first: int, *, pause_s: float = PAUSE_S) -> None:
         self.name = name
+        self.pause_s = pause_s
         self.owner = Owner(robot=name)
         self.sent: list[bytes] = []
         links = [replica.link for replica in replicas.all]
@@ -180,7 +181,7 @@ class Robot:
             fresh = [f"{self.name} {batch} {number} ".encode() * 5 for number in range(10)]
             self.sent.extend(fresh)
             feed(self.owner, uplink, fresh)
-            await asyncio.sleep(PAUSE_S)
+            await asyncio.sleep(self.pause_s)
 
     async def timed(self, ups: int) -> None:
         """Note how long the next session takes."""
@@ -273,11 +274,12 @@ class Fleet:
 
 
 @asynccontextmanager
-async def fleet(replicas: Replicas, *, robots: int = 3) -> AsyncIterator[Fleet]:
+async def fleet(replicas: Replicas, *, robots: int = 3, pause_s: float = PAUSE_S) -> AsyncIterator[Fleet]:
     """Robots at work, a viewer, and all replicas up."""
     await replicas.start()
     count = len(replicas.all)
-    made = Fleet(replicas, [Robot(f"r{n + 1}", replicas, n % count) for n in range(robots)], Watcher(replicas, 0))
+    fed = [Robot(f"r{n + 1}", replicas, n % count, pause_s=pause_s) for n in range(robots)]
+    made = Fleet(replicas, fed, Watcher(replicas, 0))
     async with AsyncExitStack() as stack:
         for robot in made.robots:
             _, uplink = await stack.enter_async_context(running(*robot.addresses, owner=robot.owner))

@@ -18,6 +18,7 @@ from tests.support.uplinks import wait
 
 TIMES = 4  # at which a schedule fires
 EVERY_S = 3
+PAUSE_S = 0.1  # between two batches of a robot's: always some are under way, and how many at most is the campaign's
 
 
 async def check_samples(run: Fleet) -> None:
@@ -35,7 +36,7 @@ async def test_replicas_are_killed_under_load_and_restarted_one_after_the_other(
 ) -> None:
     with Stack(tmp_path) as stack:
         replicas = Replicas(stack, postgres.schema(), options=("--drain-s", "5"))
-        async with fleet(replicas) as run:
+        async with fleet(replicas, pause_s=PAUSE_S) as run:
             names = await schedule(replicas.all[0], times=TIMES, every_s=EVERY_S)
             for killed in replicas.all[:2]:
                 await check_kill(run, killed)
@@ -117,7 +118,7 @@ async def order(run: Fleet, sent: dict[str, str]) -> None:
                     sent[key] = str(answer.json()["id"])
                     break
                 assert answer.status_code in (401, 503), answer.text  # it ends, or has just begun
-            await asyncio.sleep(0.01)
+            await asyncio.sleep(0.05)
         number += 1
 
 

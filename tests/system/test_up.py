@@ -128,54 +128,6 @@ def host_name(up: Up) -> str:
     return str(up.state()["robots"][-1])
 
 
-def test_a_robot_and_this_machine_come_up_survive_their_gateway_and_go(tmp_path: Path) -> None:
-    with running(tmp_path, "--robots", "1", "--data-dir", str(tmp_path / "data"), *ports()) as up:
-        assert up.get("/readyz")["status"] == "ready"
-        everyone = {"sim_1", host_name(up)}
-        assert up.online() == everyone
-        assert up.state()["state"] == "ready"
-        assert {path.name for path in (tmp_path / "data" / "logs").iterdir()} >= {
-            "gateway.log",
-            "router.log",
-            "sim.log",
-        }
-        first = up.pid_of("gateway")
-        os.kill(first, signal.SIGKILL)
-        wait_until(lambda: "gateway restarted" in up.text)
-        wait_until(lambda: (up.get("/readyz") or {}).get("status") == "ready", timeout_s=60, every_s=0.05)
-        wait_until(lambda: up.online() == everyone, timeout_s=60, every_s=0.05)
-        assert "gateway killed by SIGKILL" in up.text
-        assert up.pid_of("gateway") != first
-        up.stop()
-        assert up.text.rstrip().endswith("stopped")
-        assert list((tmp_path / "runtime").glob("up-*")) == []
-
-
-def test_the_printed_link_signs_in_once_and_the_command_line_has_a_key(tmp_path: Path) -> None:
-    """Until its terminal is closed: then it stops in order."""
-    credentials = tmp_path / "home" / ".metaros" / "credentials"
-    with running(tmp_path, "--robots", "0", "--no-host", "--data-dir", str(tmp_path / "data"), *ports()) as up:
-        wait_until(lambda: "Ctrl-C" in up.text)
-        link = re.search(r"Sign in +(http://127\.0\.0\.1:\d+)/signin#([0-9a-f]{64}) ", up.text)
-        assert link is not None, up.text
-        assert link[1] == up.state_url
-
-        def follow() -> httpx.Response:
-            return httpx.post(f"{link[1]}/api/v1/auth/link", json={"token": link[2]}, trust_env=False, timeout=60)
-
-        first, second = follow(), follow()
-        assert (first.status_code, first.json()["name"], first.json()["role"]) == (200, "admin", "admin")
-        assert (second.status_code, second.json()["code"]) == (401, "bad_credentials")
-        assert credentials.stat().st_mode & 0o077 == 0
-        listed = subprocess.run(
-            [sys.executable, "-m", "metaros", "user", "list", "-o", "json"], capture_output=True, text=True, timeout=120
-        )
-        assert [user["name"] for user in json.loads(listed.stdout)] == ["admin"], listed.stderr
-        assert link[2] not in "".join(path.read_text() for path in (tmp_path / "data" / "logs").iterdir())
-        up.stop(signal.SIGHUP)
-        assert json.loads(credentials.read_text()) == {"gateways": {}}
-
-
 def test_an_explicit_port_in_use_is_an_error_that_names_the_owner(tmp_path: Path) -> None:
     with ExitStack() as stack:
         ups = []
@@ -199,28 +151,81 @@ def test_sigterm_while_starting_leaves_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.integration
 @pytest.mark.timeout(600)
-def test_two_instances_share_a_router_and_the_second_outlives_the_first(tmp_path: Path) -> None:
-    """The first moves away from foreign programs on the default ports; kill -9 of the second leaves no process."""
+def test_an_instance_survives_its_gateway_and_another_one_on_its_router_outlives_it(tmp_path: Path) -> None:
+    """The first moves away from foreign programs on the default ports, and stops in order where its terminal is closed.
+
+    kill -9 of the second leaves no process. One story, as each start costs as much as all that is asked of it.
+    """
     with foreign_listeners(8080, 8081, 7447), running(tmp_path / "a", "--robots", "1") as first:
         state = first.state()
-        assert state["http_port"] not in (8080, 8081)
-        assert state["grpc_port"] not in (8080, 8081)
-        assert state["zenoh_port"] != 7447
-        for port in (8080, 8081, 7447):
-            assert f"port {port} is in use by" in first.text
-        assert str(state["http_port"]) in first.text
+        check_moved(first, state)
+        assert first.get("/readyz")["status"] == "ready"
         assert first.online() == {"sim_1", host_name(first)}
+        logs = Path(state["data_dir"]) / "logs"
+        assert {path.name for path in logs.iterdir()} >= {"gateway.log", "router.log", "sim.log"}
+        secret = check_signs_in(first, credentials(tmp_path))
+        check_survives(first)
         own = ("--port", str(free_port()), "--grpc-port", str(free_port()), "--zenoh-port", str(state["zenoh_port"]))
-        with running(tmp_path / "b", "--robots", "1", *own) as second:
+        with running(tmp_path / "b", "--robots", "1", "--data-dir", str(tmp_path / "data"), *own) as second:
             assert "joining it" in second.text
             assert second.online() == {"sim_2", host_name(second)}
-            assert second.state()["data_dir"] != state["data_dir"]
-            first.stop()
+            assert second.state()["data_dir"] == str(tmp_path / "data")
+            first.stop(signal.SIGHUP)
+            assert first.text.rstrip().endswith("stopped")
+            assert first.state_url not in credentials(tmp_path).read_text()
+            assert secret not in "".join(path.read_text() for path in logs.iterdir())
+            assert list((tmp_path / "runtime").glob(f"up-{first.process.pid}.*")) == []
             wait_until(lambda: second.online() == {"sim_2", host_name(second)}, timeout_s=60)
             assert len(second.children()) >= 4
             second.process.kill()
             second.process.wait()
             wait_until(second.gone, timeout_s=60)
+
+
+def check_moved(up: Up, state: dict[str, Any]) -> None:
+    """It took other ports than the foreign programs have, and said so."""
+    assert state["state"] == "ready"
+    for name, port in (("http_port", 8080), ("grpc_port", 8081), ("zenoh_port", 7447)):
+        assert state[name] not in (8080, 8081, 7447)
+        assert f"port {port} is in use by" in up.text
+    assert str(state["http_port"]) in up.text
+
+
+def credentials(folder: Path) -> Path:
+    """The keys of this user's command line."""
+    return folder / "home" / ".metaros" / "credentials"
+
+
+def check_signs_in(up: Up, keys: Path) -> str:
+    """The printed link signs in once, and the command line has a key; the link's token."""
+    wait_until(lambda: "Ctrl-C" in up.text)
+    link = re.search(r"Sign in +(http://127\.0\.0\.1:\d+)/signin#([0-9a-f]{64}) ", up.text)
+    assert link is not None, up.text
+    assert link[1] == up.state_url
+
+    def follow() -> httpx.Response:
+        return httpx.post(f"{link[1]}/api/v1/auth/link", json={"token": link[2]}, trust_env=False, timeout=60)
+
+    first, second = follow(), follow()
+    assert (first.status_code, first.json()["name"], first.json()["role"]) == (200, "admin", "admin")
+    assert (second.status_code, second.json()["code"]) == (401, "bad_credentials")
+    listed = subprocess.run(
+        [sys.executable, "-m", "metaros", "user", "list", "-o", "json"], capture_output=True, text=True, timeout=120
+    )
+    assert [user["name"] for user in json.loads(listed.stdout)] == ["admin"], listed.stderr
+    assert keys.stat().st_mode & 0o077 == 0
+    return link[2]
+
+
+def check_survives(up: Up) -> None:
+    """kill -9 of its gateway: another one comes, and everybody is back there."""
+    everyone, first = up.online(), up.pid_of("gateway")
+    os.kill(first, signal.SIGKILL)
+    wait_until(lambda: "gateway restarted" in up.text)
+    wait_until(lambda: (up.get("/readyz") or {}).get("status") == "ready", timeout_s=60, every_s=0.05)
+    wait_until(lambda: up.online() == everyone, timeout_s=60, every_s=0.05)
+    assert "gateway killed by SIGKILL" in up.text
+    assert up.pid_of("gateway") != first
 
 
 @contextmanager
