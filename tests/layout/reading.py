@@ -1,25 +1,18 @@
-"""What the layout tests look at in a module, each parsed once: a parser's time is felt in two thousand files."""
+"""What the layout tests look at in a module; a parser's time is felt in two thousand files, so few are parsed."""
 
 from __future__ import annotations
 
 import ast
-import functools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from importlib.machinery import SourceFileLoader
+from inspect import CO_OPTIMIZED
 from pathlib import Path
+from types import CodeType
 
-__all__ = ["PACKAGES", "ROOT", "Shape", "shape", "sources"]
+__all__ = ["PACKAGES", "ROOT", "functions", "may_be_longer", "sources"]
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("metaros", "edge_agent", "gateway")
-
-
-@dataclass(frozen=True, slots=True)
-class Shape:
-    """The functions of a module (line, name, how many lines), and its public names that have no docstring."""
-
-    functions: tuple[tuple[int, str, int], ...]
-    bare: tuple[str, ...]
 
 
 def sources(*folders: str) -> list[Path]:
@@ -32,25 +25,27 @@ def sources(*folders: str) -> list[Path]:
     )
 
 
-@functools.cache
-def shape(path: Path) -> Shape:
-    """Of a module."""
-    tree = ast.parse(path.read_text())
-    return Shape(tuple(_functions(tree)), tuple(_bare(tree, str(path.relative_to(ROOT)))))
+def may_be_longer(path: Path, lines: int) -> bool:
+    """Whether a function of the module could be: by its bytecode, which is there once it has been imported.
+
+    That leaves out what makes no code at a function's end, such as `pass`: what has half of the lines is suspected.
+    """
+    return any(span > lines // 2 for span in _spans(SourceFileLoader(path.stem, str(path)).get_code(path.stem)))
 
 
-def _functions(block: ast.AST) -> Iterator[tuple[int, str, int]]:
+def _spans(code: CodeType | None) -> Iterator[int]:
+    """The lines of each function in the code, decorators included."""
+    for inner in code.co_consts if code is not None else ():
+        if isinstance(inner, CodeType):
+            if inner.co_flags & CO_OPTIMIZED:  # a function, no class
+                yield max((line for *_, line in inner.co_lines() if line), default=0) - inner.co_firstlineno + 1
+            yield from _spans(inner)
+
+
+def functions(block: ast.AST) -> Iterator[tuple[int, str, int]]:
+    """Line, name, and how many lines, of each one in it."""
     for part in ("body", "orelse", "finalbody", "handlers", "cases"):
         for node in getattr(block, part, ()):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 yield node.lineno, node.name, (node.end_lineno or node.lineno) - node.lineno + 1
-            yield from _functions(node)
-
-
-def _bare(tree: ast.Module, name: str) -> Iterator[str]:
-    if tree.body and ast.get_docstring(tree) is None:
-        yield name
-    for node in tree.body:
-        named = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
-        if named and not node.name.startswith("_") and ast.get_docstring(node) is None:
-            yield f"{name}:{node.lineno} {node.name}"
+            yield from functions(node)

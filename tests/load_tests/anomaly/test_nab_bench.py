@@ -40,13 +40,13 @@ def test_one_parameter_set_and_one_threshold_reach_the_goals(development: tuple[
 @pytest.mark.integration
 def test_parameters_and_threshold_of_other_files_are_good_for_these(development: tuple[Series, ...]) -> None:
     seen: list[int] = []
-    configs = list(candidates(4))
+    configs = list(candidates(2))  # `python -m load_tests.anomaly nab` tries two dozen
     results, folds = cross_validate(development, configs, progress=lambda done, total: seen.append(done))
-    assert seen == list(range(5))
+    assert seen == list(range(3))
     assert results["standard"].score >= 62.0
     assert results["standard"].windows == 71
     assert len(folds) == 4
-    assert all(fold.config in configs for fold in folds)
+    assert {configs.index(fold.config) for fold in folds} == {0, 1}, "folds differ in what they choose"
 
 
 def test_candidates_differ_in_what_was_tuned_and_are_the_same_each_time() -> None:

@@ -56,7 +56,7 @@ def run(served: LambdaGateway, tmp_path_factory: pytest.TempPathFactory) -> Iter
         )
         return [done.returncode, done.stdout, done.stderr]
 
-    argv = [command.with_name("python"), "-u", "-c", COMMANDS]
+    argv = [str(command.with_name("python")), "-u", "-c", COMMANDS]
     with started(argv, env=environment, cwd=folder, stdin=subprocess.PIPE) as process:
 
         def ran(*words: str, fails: bool = False, shell: bool = False) -> Any:
