@@ -115,7 +115,9 @@ def drawn(page: Page, condition: str = "true") -> dict[str, str]:
     return found
 
 
-def test_a_cloud_is_drawn_and_coloured_by_height_or_otherwise(gateway: FakeGateway, open_page: OpenPage) -> None:
+def test_a_cloud_is_drawn_coloured_by_height_or_otherwise_and_dark_where_dark_is_wished(
+    gateway: FakeGateway, open_page: OpenPage
+) -> None:
     page = open_page(f"{gateway.url}/robots/sim_1", size=NARROW)
     data = drawn(page, "d.points > 0")
     assert (data["points"], data["frame"]) == ("32000", "roof")
@@ -123,6 +125,11 @@ def test_a_cloud_is_drawn_and_coloured_by_height_or_otherwise(gateway: FakeGatew
     expect(page.locator("[data-card=cloud] .note")).to_contain_text("32,000 points")
     wait_until(lambda: len(hues(page)) >= 5)
     save(page, "cloud_light")
+    page.emulate_media(color_scheme="dark")
+    wait_until(lambda: np.median(picture(page)) < 60 and len(hues(page)) >= 4)
+    save(page, "cloud_dark")
+    page.emulate_media(color_scheme="light")
+    wait_until(lambda: np.median(picture(page)) > 200)
     before = picture(page)
     for name in ("Intensity", "Distance"):
         page.get_by_role("button", name=name).click()
@@ -155,13 +162,6 @@ def test_it_is_turned_by_mouse_and_keys_and_zoomed(gateway: FakeGateway, open_pa
     drawn(page, f"d.distance < {near['distance']}")
     page.get_by_role("button", name="Reset").click()
     drawn(page, f"d.distance === {at['distance']!r}")
-
-
-def test_dark_is_dark(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = open_page(f"{gateway.url}/robots/sim_1", size=NARROW, scheme="dark")
-    drawn(page, "d.points > 0")
-    wait_until(lambda: np.median(picture(page)) < 60 and len(hues(page)) >= 4)
-    save(page, "cloud_dark")
 
 
 def test_the_small_cloud_is_taken_by_itself_the_other_by_choice(

@@ -19,7 +19,9 @@ NAMES = "[...document.querySelectorAll('tr[data-robot]')].map(row => row.dataset
 PROBE = "window.__ran = true"
 
 
-def test_robots_are_listed_worst_first_with_live_values(gateway: FakeGateway, open_page: OpenPage) -> None:
+def test_robots_are_listed_worst_first_with_live_values_explained_and_searched(
+    gateway: FakeGateway, open_page: OpenPage
+) -> None:
     page = open_page(gateway.url)
     expect(page.locator("tr[data-robot]")).to_have_count(3)
     expect(page.locator(".counts")).to_contain_text("3 robots")
@@ -30,10 +32,11 @@ def test_robots_are_listed_worst_first_with_live_values(gateway: FakeGateway, op
     first = page.locator(cpu).get_attribute("data-value")
     page.wait_for_function(f"first => document.querySelector({cpu!r}).dataset.value !== first", arg=first)
 
+    page.keyboard.press("?")
+    expect(page.locator("dialog")).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(page.locator("dialog")).to_be_hidden()
 
-def test_search_is_in_the_address(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = open_page(gateway.url)
-    expect(page.locator("tr[data-robot]")).to_have_count(3)
     page.keyboard.press("/")
     page.keyboard.type("sim_3")
     expect(page.locator("tr[data-robot]")).to_have_count(1)
@@ -93,15 +96,6 @@ def test_phone_shows_cards_and_nothing_wider_than_the_screen(gateway: FakeGatewa
         page.goto(gateway.url + path)
         expect(page.locator("main h1, main .counts").first).to_be_visible()
         assert page.evaluate("document.documentElement.scrollWidth") == PHONE["width"], path
-
-
-def test_help_by_key(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = open_page(gateway.url)
-    expect(page.locator("[data-stream=open]")).to_be_visible()
-    page.keyboard.press("?")
-    expect(page.locator("dialog")).to_be_visible()
-    page.keyboard.press("Escape")
-    expect(page.locator("dialog")).to_be_hidden()
 
 
 def test_text_has_contrast_of_level_aa(gateway: FakeGateway, open_page: OpenPage) -> None:

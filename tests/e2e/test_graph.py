@@ -30,7 +30,9 @@ def vertex(page: Page, name: str) -> Locator:
     return page.locator(f"[data-vertex='/sim_1/{name}'][data-kind={kind}]")
 
 
-def test_nodes_and_topics_stand_apart_and_arrows_lead_right(gateway: FakeGateway, open_page: OpenPage) -> None:
+def test_all_stand_apart_arrows_lead_right_worries_are_said_and_a_search_narrows(
+    gateway: FakeGateway, open_page: OpenPage
+) -> None:
     page = opened(gateway, open_page)
     boxes = [box for each in page.locator("[data-vertex] rect").all() if (box := each.bounding_box())]
     assert len(boxes) == 16
@@ -43,6 +45,18 @@ def test_nodes_and_topics_stand_apart_and_arrows_lead_right(gateway: FakeGateway
     assert order[0]["x"] < order[1]["x"]
     expect(page.locator(".graph-edge")).to_have_count(15)
     expect(page.locator(".graph-still")).to_have_count(2)  # nothing flows on cmd_vel
+
+    worries = page.locator(".graph-worries li")
+    expect(worries).to_have_count(1)
+    expect(worries).to_contain_text("best effort is offered, reliable is asked for")
+    expect(page.locator(".graph-broken")).to_have_attribute("data-edge", "topic /sim_1/note > node /sim_1/watchdog")
+    worries.get_by_role("button").click()
+    expect(page.locator("[data-facts='/sim_1/note']")).to_be_visible()
+
+    page.get_by_role("searchbox").fill("imu")
+    expect(page.locator("[data-vertex]")).to_have_count(3)
+    page.get_by_role("searchbox").fill("no such thing")
+    expect(page.locator(".nothing")).to_be_visible()
 
 
 def test_what_is_chosen_shows_its_neighbours_and_is_in_the_address(gateway: FakeGateway, open_page: OpenPage) -> None:
@@ -59,24 +73,6 @@ def test_what_is_chosen_shows_its_neighbours_and_is_in_the_address(gateway: Fake
     expect(facts).to_contain_text("10.0\u202fHz")
     facts.get_by_role("link", name="See its messages").click()
     expect(page.locator("[data-message='/sim_1/odom'] [data-path='pose.pose.position.x']")).to_be_visible()
-
-
-def test_what_does_not_get_through_is_said(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = opened(gateway, open_page)
-    worries = page.locator(".graph-worries li")
-    expect(worries).to_have_count(1)
-    expect(worries).to_contain_text("best effort is offered, reliable is asked for")
-    expect(page.locator(".graph-broken")).to_have_attribute("data-edge", "topic /sim_1/note > node /sim_1/watchdog")
-    worries.get_by_role("button").click()
-    expect(page.locator("[data-facts='/sim_1/note']")).to_be_visible()
-
-
-def test_a_search_leaves_what_it_names_and_its_neighbours(gateway: FakeGateway, open_page: OpenPage) -> None:
-    page = opened(gateway, open_page)
-    page.get_by_role("searchbox").fill("imu")
-    expect(page.locator("[data-vertex]")).to_have_count(3)
-    page.get_by_role("searchbox").fill("no such thing")
-    expect(page.locator(".nothing")).to_be_visible()
 
 
 def test_a_robot_that_tells_no_graph_says_so(gateway: FakeGateway, open_page: OpenPage) -> None:
