@@ -10,6 +10,7 @@ on what it touches while it lasts; its delay is until the call that told it. Aft
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from collections import Counter
@@ -49,9 +50,16 @@ class _Deviations:
 
 
 def run(
-    *, each: int, robots: int, seed: int, learn_s: float = LEARN_S, verbose: bool = True, log: TextIO | None = None
+    *,
+    each: int,
+    robots: int,
+    seed: int,
+    learn_s: float = LEARN_S,
+    until_s: float = math.inf,
+    verbose: bool = True,
+    log: TextIO | None = None,
 ) -> list[Fault]:
-    """All faults, with when and by what they were found; each is written to `log` when it is over."""
+    """All faults, with when and by what they were found `until_s`; each is written to `log` when it is over."""
     rng = np.random.default_rng([seed, 1])
     bodies = Robots(robots, rate_hz=10, rng=np.random.default_rng([seed, 2]), hour=7.5)
     feed = Feed(Judge(), robots, rng=np.random.default_rng([seed, 3]))
@@ -59,7 +67,9 @@ def run(
     waiting = {number: [fault for fault in faults if fault.robot == number] for number in range(robots)}
     deviations, second, told = _Deviations(robots), 0, time.monotonic()
     running: dict[int, Fault] = {}
-    while any(waiting.values()) or any(fault.found_s < 0.0 for fault in running.values()):  # who may still be found
+    while second < until_s and (
+        any(waiting.values()) or any(fault.found_s < 0.0 for fault in running.values())  # who may still be found
+    ):
         seconds = bodies.second()
         if second < learn_s:
             deviations.add(seconds)
