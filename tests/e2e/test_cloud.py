@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 
 OpenPage = Callable[..., Page]
 CANVAS = "[data-card=cloud] canvas"
-NARROW = {"width": 800, "height": 700}  # each pixel is drawn by software
+NARROW = {"width": 520, "height": 480}  # each pixel is drawn by software
 # Drawn by software; at 5 Hz the page was busy with that alone, and each of its answers took seconds.
 RAW = FakeTopic("points", "sensor_msgs/msg/PointCloud2", "live", 2.0)
 SMALL = FakeTopic("points/quantized", "metaros_msgs/msg/QuantizedCloud", "live", 2.0)
