@@ -45,9 +45,9 @@ def test_every_module_and_public_name_has_a_docstring(tmp_path: Path) -> None:
     """One module has faults, and they are all that is found; private modules, which ruff leaves alone, are not ours."""
     assert [path for path in sources(*PACKAGES) if path.stem.startswith("_") and not path.stem.endswith("__")] == []
     (tmp_path / "planted.py").write_text("class A: ...\n\n\ndef f() -> int:\n    return 1\n")
-    ruff = Path(sys.executable).with_name("ruff")
+    ruff = str(Path(sys.executable).with_name("ruff"))
     flags = ["--isolated", "--no-cache", "--output-format", "concise", "--exclude", "_proto", "--select", DOCSTRINGS]
-    asked = [ruff, "check", *flags, tmp_path / "planted.py", *PACKAGES]
+    asked = [ruff, "check", *flags, str(tmp_path / "planted.py"), *PACKAGES]
     found = subprocess.run(asked, cwd=ROOT, capture_output=True, text=True).stdout.splitlines()
     named = [line for line in found if ": D" in line]
     assert [line.split(": ")[1].split()[0] for line in named if "planted.py:" in line] == ["D100", "D101", "D103"], (
