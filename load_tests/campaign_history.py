@@ -5,7 +5,7 @@ retention deletes the oldest bulk messages at once. Meanwhile somebody exports. 
 gateway started once more: what it exports must be what its database and its segments hold, and those are compared with
 the robot's journal. Of what retention deletes, only the oldest may be gone, without a hole.
 
-    python -m load_tests.campaign history [--postgres] [--cycles 200] [--leg 50] [--seed N] [--keep]
+    python -m load_tests.campaign history [--postgres] [--cycles 200] [--leg 50] [--tick-ms 5] [--seed N] [--keep]
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import signal
 import threading
 import time
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -42,7 +43,8 @@ __all__ = ["HistoryStack", "main"]
 
 ACTS = (("kill compacting", 6), ("kill exporting", 4), ("kill starting", 2), ("stop gateway", 1))
 DRAIN_S = 240.0  # a gateway that does all this at once answers late, and back-fill takes that for a slow network
-KEPT = ("bulk=,200KiB",)
+KEPT_S = 1.0  # of what the robot makes, at 200 KiB/s with a tick of 5 ms
+SAMPLE_BYTES = 200
 
 
 class HistoryStack(LoadStack):
@@ -50,12 +52,13 @@ class HistoryStack(LoadStack):
 
     legs = 0
 
-    def __init__(self, folder: Path, url: str = "") -> None:
+    def __init__(self, folder: Path, url: str = "", *, tick_s: float = 0.005) -> None:
         HistoryStack.legs += 1
         self.purged = HistoryStack.legs % 2 == 0
-        rules = KEPT if self.purged else ()
+        self.kept_bytes = round(KEPT_S * 1024 / tick_s)
+        rules = (f"bulk=,{self.kept_bytes / 1024:.1f}KiB",) if self.purged else ()
         gateway = {"busy": True, "retention_rules": rules, "store_url": url}
-        super().__init__(folder, robot={"drain_s": DRAIN_S}, gateway=gateway)
+        super().__init__(folder, robot={"drain_s": DRAIN_S, "tick_s": tick_s}, gateway=gateway)
         self.objects = DirectoryStore(self.gateway_config.data_dir / "objects")
 
     def export(self, timeout_s: float = 60.0) -> bytes:
@@ -72,12 +75,18 @@ class HistoryStack(LoadStack):
 
     def check(self) -> Verdict:
         """End well, start again, export, and compare everything with everything."""
+        if self.purged:
+            wait_until(lambda: self.given() * SAMPLE_BYTES > 2 * self.kept_bytes)
         self.end(timeout_s=DRAIN_S + 30)
         stored, verdict = self.stored(), Verdict()
+        had_purged = self.has_purged()
         self.start("gateway")
         wait_until(self.answers)
         self.check_export(stored, verdict)
         wait_until(lambda: any(self.objects.names()))  # no life before may have been long enough to compact anything
+        if self.purged and not had_purged:
+            there = sum(len(batch.payloads) for batch in stored.batches)
+            wait_until(lambda: self.exported().total() < there, every_s=0.1)
         self.signal("gateway", signal.SIGTERM)
         self.processes["gateway"].join(60)
         self.kill("gateway")
@@ -88,6 +97,16 @@ class HistoryStack(LoadStack):
         self.check_objects(verdict)
         return verdict
 
+    def given(self) -> int:
+        """How many samples of the purged kind there have been."""
+        return sum(self.page(life)["bulk"] for life in range(self.lives))
+
+    def has_purged(self) -> bool:
+        """Whether retention has deleted anything; a leg where it never does would say nothing about it."""
+        stored = self.stored()
+        declare_purged(stored, json.loads((self.folder / "final.json").read_text()))
+        return any(why == "purged" for spans in stored.gaps.values() for _, _, why in spans)
+
     def answers(self) -> bool:
         """Whether the gateway can be asked."""
         try:
@@ -95,10 +114,14 @@ class HistoryStack(LoadStack):
         except (OSError, http.client.HTTPException):
             return False
 
+    def exported(self) -> Counter[bytes]:
+        """What an export has, and how often."""
+        reader = make_reader(io.BytesIO(self.export()), validate_crcs=True)
+        return Counter(message.data for _, _, message in reader.iter_messages())
+
     def check_export(self, stored: Stored, verdict: Verdict) -> None:
         """What is exported is what is stored; of what may be purged meanwhile, nothing else."""
-        reader = make_reader(io.BytesIO(self.export()), validate_crcs=True)
-        exported = Counter(message.data for _, _, message in reader.iter_messages())
+        exported = self.exported()
         there = Counter(data for batch in stored.batches for data in batch.payloads)
         verdict.blame("duplicate", sum((exported - there).values()), "an export has what is not stored so often")
         if not self.purged:
@@ -134,11 +157,11 @@ class PostgresHistoryStack(HistoryStack):
 
     may_end = ("gateway",)  # one that starts while there is no database; a supervisor starts it again
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, tick_s: float = 0.005) -> None:
         self.server = PostgresServer(durable=True)
         try:
             self.server.start()
-            super().__init__(folder, self.server.url)
+            super().__init__(folder, self.server.url, tick_s=tick_s)
         except BaseException:
             self.server.close()
             raise
@@ -208,10 +231,11 @@ def main(argv: list[str] | None = None) -> int:
     made.set_defaults(leg=50)
     made.add_argument("--postgres", action="store_true", help="on PostgreSQL, which is killed, too")
     options = made.parse_args(argv)
+    make = partial(PostgresHistoryStack if options.postgres else HistoryStack, tick_s=options.tick_ms / 1e3)
     if not options.postgres:
-        return run_legs(options, HistoryStack, name="history", acts=ACTS, act_on=break_one)
+        return run_legs(options, make, name="history", acts=ACTS, act_on=break_one)
     acts = (*ACTS, ("kill postgres", 5))
-    return run_legs(options, PostgresHistoryStack, name="history --postgres", acts=acts, act_on=break_one)
+    return run_legs(options, make, name="history --postgres", acts=acts, act_on=break_one)
 
 
 if __name__ == "__main__":

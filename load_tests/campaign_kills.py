@@ -4,7 +4,7 @@ Cycles run in legs, each with its own folder, processes and seed; after a leg ev
 compared: the store's rows and gaps, the robot's journal of what it accepted, and the outbox's own last numbers. A leg
 that fails keeps its folder and prints the command that repeats it.
 
-    python -m load_tests.campaign kills [--cycles 1000] [--leg 100] [--seed N] [--keep]
+    python -m load_tests.campaign kills [--cycles 1000] [--leg 100] [--tick-ms 5] [--seed N] [--keep]
 """
 
 from __future__ import annotations
@@ -162,6 +162,7 @@ def parser(description: str | None, *, cycles: int) -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     made.add_argument("--cycles", type=int, default=cycles)
     made.add_argument("--leg", type=int, default=100, help="cycles between two checks")
+    made.add_argument("--tick-ms", type=float, default=5.0, help="how often the robot makes some samples")
     made.add_argument("--seed", type=int, default=None)
     made.add_argument("--keep", action="store_true", help="keep every leg's folder")
     return made
@@ -169,7 +170,8 @@ def parser(description: str | None, *, cycles: int) -> argparse.ArgumentParser:
 
 def main(argv: list[str] | None = None) -> int:
     """Run the campaign; exit code 1 when a sample was lost, stored twice, or wrong."""
-    return run_legs(parser(__doc__, cycles=1000).parse_args(argv), LoadStack)
+    options = parser(__doc__, cycles=1000).parse_args(argv)
+    return run_legs(options, lambda folder: LoadStack(folder, robot={"tick_s": options.tick_ms / 1e3}))
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ python -m load_tests.campaign postgres [--cycles 200] [--leg 50] [--seed N] [--k
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 from random import Random
 
@@ -22,11 +23,11 @@ class PostgresStack(LoadStack):
 
     may_end = ("gateway",)  # one that starts while there is no database; a supervisor starts it again
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, tick_s: float = 0.005) -> None:
         self.server = PostgresServer(durable=True)
         try:
             self.server.start()
-            super().__init__(folder, gateway={"store_url": self.server.url})
+            super().__init__(folder, robot={"tick_s": tick_s}, gateway={"store_url": self.server.url})
         except BaseException:
             self.server.close()
             raise
@@ -74,7 +75,9 @@ def main(argv: list[str] | None = None) -> int:
         print("PostgreSQL is not installed (Debian: apt install postgresql)")
         return 0
     acts = (*ACTS, ("kill postgres", 6), ("stop postgres", 2), ("kill all", 2))
-    return run_legs(options.parse_args(argv), PostgresStack, name="postgres", acts=acts, act_on=break_any)
+    chosen = options.parse_args(argv)
+    make = partial(PostgresStack, tick_s=chosen.tick_ms / 1e3)
+    return run_legs(chosen, make, name="postgres", acts=acts, act_on=break_any)
 
 
 if __name__ == "__main__":
