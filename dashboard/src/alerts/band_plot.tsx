@@ -9,6 +9,7 @@ import type { Ranged } from "../api/history_types";
 import type { Window } from "../history/span";
 import type { Overlay } from "../panels/overlay";
 import { Plot, type Frame } from "../panels/plot";
+import { drawCursor } from "../panels/plot_cursor";
 import { HOLE_S, isBroken, Timeline } from "../panels/timeline";
 import { AROUND, isOnAxis, ownBounds, reach, rememberedOf, usualAround, windowOf } from "./band";
 import { drawBand, drawMoment, drawOutside, drawScores, drawSpan } from "./draw";
@@ -103,6 +104,7 @@ function BandPlot({ alert, spanMs, fits }: { alert: Alert; spanMs: number; fits:
         version={shown.version}
         height={HEIGHT_PX}
         frame={shown.frame}
+        cursor={drawCursor}
         overlay={shown.overlay}
       />
       <p class="band-legend" data-points={empty.value ? 0 : undefined}>

@@ -52,13 +52,7 @@ export function CameraCard({ robot, topic, title, choice, remark }: CameraCardPr
     waiting.current = decoded;
     inNextFrame(drawWaiting);
   });
-  useEffect(
-    () => () => {
-      waiting.current?.bitmap?.close();
-      waiting.current = null;
-    },
-    [],
-  );
+  useEffect(() => () => waiting.current?.bitmap?.close(), []);
   return (
     <Card title={title} kind="camera" topic={topic} note={<span ref={note} class="num" />} stampMs={received.value} missing={missing.value}>
       <div class="camera">

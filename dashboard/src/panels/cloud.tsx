@@ -7,7 +7,7 @@ import type { Topic } from "../api/types";
 import type { Cloud } from "../live/cloud";
 import { useLive } from "../ui/context";
 import { relativeTopic } from "../ui/format";
-import { forget, inNextFrame, onBeat } from "../ui/paint";
+import { inNextFrame, onBeat, useWork } from "../ui/paint";
 import { Card } from "../ui/parts";
 import { palette } from "../ui/theme";
 import { useTopic } from "../ui/use_topic";
@@ -52,16 +52,16 @@ function CloudCard({ robot, namespace, topic, others, chosen }: Props) {
   const trouble = useSignal("");
   const past = useLive().past !== null;
 
-  const work = useRef(() => {
+  const work = useWork(() => {
     if (canvas.current && painter.current) paint(canvas.current, painter.current, view.current!, colouring.peek());
   });
-  const redraw = () => inNextFrame(work.current);
+  const redraw = () => inNextFrame(work);
   const show = (cloud: Cloud | null) => {
     if (cloud && !shown.current) view.current!.reset(cloud.distance[1]);
     shown.current = cloud;
     painter.current?.show(cloud);
     report(canvas.current, note.current, cloud);
-    (past ? inNextFrame : onBeat)(work.current);
+    (past ? inNextFrame : onBeat)(work);
   };
   const begin = (_: number, absent: Missing | null) => {
     missing.value = absent;
@@ -76,7 +76,6 @@ function CloudCard({ robot, namespace, topic, others, chosen }: Props) {
     show(cloud);
   });
   useEffect(() => begun(canvas.current!, painter, trouble, shown, redraw), []);
-  useEffect(() => () => forget(work.current), []);
   useSignalEffect(() => {
     if (palette.value && colouring.value) redraw();
   });

@@ -12,6 +12,7 @@ import { useLive } from "../ui/context";
 import { Card } from "../ui/parts";
 import { PAST_PLOTS, plotsOf, type PlotSpec } from "./plot_table";
 import { Plot, type Frame } from "./plot";
+import { drawCursor } from "./plot_cursor";
 import { HOLE_S, isBroken, Timeline } from "./timeline";
 
 /** Of what is loaded at once, so that moving a little needs no request: the shown span is half of it. */
@@ -119,6 +120,7 @@ export function PastPlots({ robot, names, windowS }: { robot: string; names: str
             windowS={windowS}
             version={track.version}
             frame={standing}
+            cursor={drawCursor}
           />
         </Card>
       ))}

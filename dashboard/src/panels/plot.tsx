@@ -1,14 +1,15 @@
 /** uPlot in a card: loaded when first needed, coloured by the theme, its header shows the newest or hovered value. */
 
 import { useSignalEffect, type Signal } from "@preact/signals";
-import { useEffect, useMemo, useRef } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import type uPlot from "uplot";
-import { fixed, short } from "../ui/format";
+import { clockTime, fixed, short } from "../ui/format";
 import type { Span } from "../api/history_types";
 import { hatched } from "../ui/hatch";
-import { forget, inNextFrame, onBeat } from "../ui/paint";
+import { inNextFrame, onBeat, useWork } from "../ui/paint";
 import { palette, type Palette } from "../ui/theme";
 import { everywhere, type Overlay } from "./overlay";
+import type { drawCursor } from "./plot_cursor";
 import type { Timeline } from "./timeline";
 
 const UNSEEN_MS = 1000;
@@ -33,14 +34,13 @@ export interface PlotProps {
   height?: number;
   /** The past; without it the window ends now. */
   frame?: Signal<Frame | null>;
+  /** Draws the instant of the frame: a live page goes without its code. */
+  cursor?: typeof drawCursor;
   /** Where data of the live window is known to be lost. */
   holes?: Signal<Span[]>;
   /** What is drawn beside the lines, in the place of what every plot of the robot has. */
   overlay?: Signal<Overlay | null>;
 }
-
-const clock = new Intl.DateTimeFormat("en-GB", { hour: "2-digit", minute: "2-digit", second: "2-digit" });
-const hourMinute = new Intl.DateTimeFormat("en-GB", { hour: "2-digit", minute: "2-digit" });
 
 function options(props: PlotProps, colours: Palette, width: number, hovered: (index: number | null) => void): uPlot.Options {
   const axis = { stroke: colours.muted, grid: { stroke: colours.grid, width: 1 }, ticks: { show: false }, font: "11px system-ui" };
@@ -57,7 +57,7 @@ function options(props: PlotProps, colours: Palette, width: number, hovered: (in
       y: { range: props.bounds ?? ((_, low, high) => padded(low, high)) },
     },
     axes: [
-      { ...axis, size: 24, space: 70, values: (_, splits, __, ___, stepS) => splits.map((split) => (stepS < 60 ? clock : hourMinute).format(split * 1000)) },
+      { ...axis, size: 24, space: 70, values: (_, splits, __, ___, stepS) => splits.map((split) => clockTime(split * 1000).slice(0, stepS < 60 ? 8 : 5)) },
       { ...axis, size: 46, space: 28, values: (_, splits) => splits.map(short) },
     ],
     series: [
@@ -80,7 +80,7 @@ function options(props: PlotProps, colours: Palette, width: number, hovered: (in
       ],
       draw: [
         (plot) => {
-          if (props.frame?.peek()) drawCursor(plot, props.frame.peek()!, colours);
+          if (props.frame?.peek()) props.cursor!(plot, props.frame.peek()!, colours);
           overlay.peek()?.over(plot, colours);
         },
       ],
@@ -102,16 +102,6 @@ function drawHoles(plot: uPlot, holes: Span[], colours: Palette): void {
   }
 }
 
-function drawCursor(plot: uPlot, frame: Frame, colours: Palette): void {
-  const { top, height } = plot.bbox;
-  const x = Math.round(plot.valToPos(frame.cursorMs / 1000, "x", true));
-  plot.ctx.save();
-  plot.ctx.fillStyle = colours["accent-2"];
-  plot.ctx.fillRect(x - devicePixelRatio / 2, top, Math.max(1, 1.5 * devicePixelRatio), height);
-  plot.ctx.restore();
-  plot.root.parentElement!.dataset.atMs = String(frame.cursorMs);
-}
-
 /** The window up to now; while there is less history than that, only from its beginning, but never under a minute of it. */
 function timeRange(first: number | null, last: number | null, windowS: number): [number, number] {
   const end = Math.max(last ?? 0, Date.now() / 1000 - 5);
@@ -120,7 +110,7 @@ function timeRange(first: number | null, last: number | null, windowS: number): 
 
 /** Some room around the values; a flat line still gets an axis. */
 function padded(low: number | null, high: number | null): [number, number] {
-  if (low === null || high === null || low == null) return [0, 1];
+  if (low == null || high == null) return [0, 1];
   const room = Math.max((high - low) * 0.12, Math.abs(high) * 0.02, 0.05);
   return [low >= 0 && low - room < 0 ? 0 : low - room, high + room];
 }
@@ -149,8 +139,7 @@ export function Plot(props: PlotProps) {
       const newest = shown ? timeline.valueAt(shown.cursorMs / 1000) : timeline.values.at(-1);
       const value = at !== null && current ? current.data[i + 1]?.[at] : newest;
       const cell = values.current?.children[i]?.lastElementChild;
-      const words = fixed(value, props.digits, props.unit);
-      if (cell && cell.textContent !== words) cell.textContent = words;
+      if (cell) cell.textContent = fixed(value, props.digits, props.unit);
     });
   };
   const paint = () => {
@@ -159,15 +148,12 @@ export function Plot(props: PlotProps) {
     plot.current?.setData(data());
   };
   /** Painting is what costs: a plot that nobody sees is painted once a second. */
-  const look = () => {
+  const work = useWork(() => {
     if (inView.current) paint();
-    else late.current ??= setTimeout(() => onBeat(work.paint), UNSEEN_MS);
+    else late.current ??= setTimeout(paint, UNSEEN_MS);
     caption();
-  };
-  const newest = useRef({ paint, look });
-  newest.current = { paint, look };
-  const work = useMemo(() => ({ paint: () => newest.current.paint(), look: () => newest.current.look() }), []);
-  const update = () => (props.frame ? inNextFrame : onBeat)(work.look);
+  });
+  const update = () => (props.frame ? inNextFrame : onBeat)(work);
   const rebuild = () => {
     plot.current?.destroy();
     if (!library.current || !box.current) return;
@@ -199,8 +185,6 @@ export function Plot(props: PlotProps) {
       gone = true;
       observer.disconnect();
       watcher.disconnect();
-      forget(work.look);
-      forget(work.paint);
       clearTimeout(late.current);
       late.current = undefined;
       plot.current?.destroy();

@@ -2,7 +2,7 @@
 
 import { useEffect, useRef } from "preact/hooks";
 import type { RefObject } from "preact";
-import { forget, inNextFrame, onBeat } from "./paint";
+import { inNextFrame, onBeat, useWork } from "./paint";
 
 export interface Surface {
   context: CanvasRenderingContext2D;
@@ -21,32 +21,24 @@ interface Canvas {
 
 export function useCanvas(draw: (surface: Surface) => void): Canvas {
   const ref = useRef<HTMLCanvasElement>(null);
-  const drawing = useRef(draw);
-  drawing.current = draw;
-  const work = useRef(() => {
+  const work = useWork(() => {
     const canvas = ref.current;
     const context = canvas?.getContext("2d");
     if (!canvas || !context) return;
     const density = devicePixelRatio || 1;
     const { clientWidth: width, clientHeight: height } = canvas;
-    if (canvas.width !== Math.round(width * density) || canvas.height !== Math.round(height * density)) {
-      canvas.width = Math.round(width * density);
-      canvas.height = Math.round(height * density);
-    }
+    const [wide, high] = [Math.round(width * density), Math.round(height * density)];
+    if (canvas.width !== wide || canvas.height !== high) Object.assign(canvas, { width: wide, height: high });
     context.setTransform(density, 0, 0, density, 0, 0);
     context.clearRect(0, 0, width, height);
-    drawing.current({ context, width, height });
+    draw({ context, width, height });
   });
-  const redraw = useRef(() => inNextFrame(work.current)).current;
-  const redrawOnBeat = useRef(() => onBeat(work.current)).current;
+  const redraw = () => inNextFrame(work);
   useEffect(() => {
     const observer = new ResizeObserver(redraw);
     observer.observe(ref.current!);
     redraw();
-    return () => {
-      observer.disconnect();
-      forget(work.current);
-    };
+    return () => observer.disconnect();
   }, []);
-  return { ref, redraw, redrawOnBeat };
+  return { ref, redraw, redrawOnBeat: () => onBeat(work) };
 }

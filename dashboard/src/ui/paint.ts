@@ -6,6 +6,8 @@
  * next frame, and a beat that is due is painted with it.
  */
 
+import { useRef } from "preact/hooks";
+
 type Work = () => void;
 
 /** A beat takes part in a frame that is painted anyway: a camera of 10 Hz sets it. */
@@ -31,19 +33,20 @@ export function onBeat(work: Work): void {
   timer ??= setTimeout(() => (frame ||= requestAnimationFrame(paint)), Math.max(0, beatMs + LATEST_MS - performance.now()));
 }
 
-/** It is not to be done any more. */
-export function forget(work: Work): void {
-  forFrame.delete(work);
-  forBeat.delete(work);
+/** A component's work, as of its newest rendering; it may be done once more when the component is gone. */
+export function useWork(work: Work): Work {
+  const newest = useRef(work);
+  newest.current = work;
+  return useRef(() => newest.current()).current;
 }
 
 function paint(): void {
   frame = 0;
-  const due = [...forFrame];
+  const due = new Set(forFrame);
   forFrame.clear();
   const now = performance.now();
-  if (now - beatMs >= EARLIEST_MS && forBeat.size > 0) {
-    due.push(...[...forBeat].filter((work) => !due.includes(work)));
+  if (timer && now - beatMs >= EARLIEST_MS) {
+    for (const work of forBeat) due.add(work);
     forBeat.clear();
     clearTimeout(timer);
     timer = undefined;
