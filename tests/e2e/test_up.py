@@ -63,7 +63,8 @@ class Up:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env={**os.environ, "HOME": str(folder)},  # it keeps a key for the command line there
+                # It keeps a key for the command line in the one, and is found through the other: by no other test.
+                env={**os.environ, "HOME": str(folder), "METAROS_RUNTIME_DIR": str(folder / "run")},
             )
 
     def trust(self) -> ssl.SSLContext:

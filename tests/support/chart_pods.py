@@ -54,8 +54,11 @@ class PodHere:
                 (place / key).chmod(0o400)
 
     def environ(self, container: Object) -> dict[str, str]:
-        """What the container has, and the way to this Python's programs."""
-        found = {"PATH": os.environ["PATH"]}
+        """What the container has, and the way to this Python's programs.
+
+        Also a place for what runs in the pod: where it would be, in the temporary folder, Python looks only once.
+        """
+        found = {"PATH": os.environ["PATH"], "METAROS_RUNTIME_DIR": str(self._folder / "tmp" / "run")}
         for item in container.get("env", ()):
             value = item.get("value")
             if value is None:
@@ -128,9 +131,7 @@ def asked(scheme: str, host: str, port: int, path: str, headers: Mapping[str, st
     """The status of a GET; 0 where nobody answers."""
     connection: http.client.HTTPConnection
     if scheme == "https":
-        anybody = ssl.SSLContext(
-            ssl.PROTOCOL_TLS_CLIENT
-        )  # the default one reads the machine's roots: busily, and in vain
+        anybody = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # the default one reads the machine's roots, in vain
         anybody.check_hostname, anybody.verify_mode = False, ssl.CERT_NONE
         connection = http.client.HTTPSConnection(host, port, timeout=10, context=anybody)
     else:
