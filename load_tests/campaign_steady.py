@@ -9,14 +9,17 @@ The last runs go on beside two processes that never rest, at the same priority. 
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 __all__ = ["main"]
 
+ROOT = Path(__file__).resolve().parents[1]
 BUSY_PROCESSES = 2
 
 
@@ -26,14 +29,13 @@ def main(argv: list[str]) -> int:
     parser.add_argument("--runs", type=int, default=10)
     parser.add_argument("--beside", type=int, default=3, help="how many of them beside busy processes")
     parser.add_argument("--all", action="store_true", help="CI's tests, not only the plain ones")
-    parser.add_argument("--workers", default="2")
     options = parser.parse_args(argv)
     failed = 0
     for number in range(1, options.runs + 1):
         busy = number > options.runs - options.beside
         began_s = time.monotonic()
         with _busy(BUSY_PROCESSES if busy else 0):
-            passed = _passes(options.workers, everything=options.all)
+            passed = _passes(everything=options.all)
         failed += not passed
         beside = f" beside {BUSY_PROCESSES} busy processes" if busy else ""
         print(f"  run {number}: {'PASS' if passed else 'FAIL'}, {time.monotonic() - began_s:.0f} s{beside}", flush=True)
@@ -41,10 +43,9 @@ def main(argv: list[str]) -> int:
     return int(bool(failed))
 
 
-def _passes(workers: str, *, everything: bool) -> bool:
-    chosen = [] if everything else ["-m", "not integration"]
-    command = [sys.executable, "-m", "pytest", "-q", "-n", workers, "--dist", "loadgroup", *chosen]
-    done = subprocess.run(command, check=False, stdout=subprocess.PIPE, text=True)
+def _passes(*, everything: bool) -> bool:
+    env = {**os.environ, "CI": "true"} if everything else {k: v for k, v in os.environ.items() if k != "CI"}
+    done = subprocess.run(["make", "test", "ARGS=-q"], cwd=ROOT, env=env, stdout=subprocess.PIPE, text=True)
     if done.returncode:
         print(done.stdout[-20_000:], flush=True)
     return done.returncode == 0

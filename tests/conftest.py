@@ -25,6 +25,7 @@ ROOT = Path(__file__).resolve().parent.parent
 # What makes a test one of the real world, wherever it stands; a test that needs time, kills or root marks itself.
 INTEGRATION_FOLDERS = ("tests/e2e/", "tests/faults/", "tests/system/", "tests/examples/")
 INTEGRATION_FIXTURES = frozenset({"browser", "postgres", "postgres_server", "seaweed"})
+LONGEST_ID = 100  # letters
 
 
 def pytest_configure() -> None:
@@ -71,6 +72,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> Iterator[None]:
             item.add_marker(pytest.mark.xdist_group(item.nodeid.partition("::")[0]))
     items.sort(key=lambda item: not item.nodeid.startswith(INTEGRATION_FOLDERS))  # the longest must not be the last
     return (yield)
+
+
+def pytest_make_parametrize_id(val: object, argname: str) -> str | None:
+    """Megabytes are no name: it goes to every worker, and into the environment of every process that a test starts."""
+    return f"{argname}-{len(val)}" if isinstance(val, str | bytes) and len(val) > LONGEST_ID else None
 
 
 def _shares_a_fixture(item: pytest.Item) -> bool:
