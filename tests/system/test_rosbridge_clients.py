@@ -100,7 +100,9 @@ async def carried_out(world: BridgedRobot) -> None:
     assert (done.status.name, list(done.result.sequence)) == ("SUCCEEDED", [4])
     await wait_until_async(lambda: heard)  # feedback comes by another way than the result
     assert list(heard[0].sequence) == [1]
-    long = await sender.send_goal(FIBONACCI.Goal(order=1000), timeout_s=60)
+    heard.clear()
+    long = await sender.send_goal(FIBONACCI.Goal(order=1000), feedback=heard.append, timeout_s=60)
+    await wait_until_async(lambda: heard)  # the client has it: a goal that still waits for its turn ends without it
     assert await long.cancel(60)
     done = await long.result(60)
     assert (done.status.name, list(done.result.sequence)) == ("CANCELED", [7])
