@@ -24,6 +24,7 @@ def test_there_are_sets_for_every_way_to_install_it() -> None:
     assert [version.split(".")[0] for version in HELMS] == ["3", "4"]
 
 
+@pytest.mark.integration
 def test_helm_finds_nothing_to_complain_of() -> None:
     # The older Helm renders every set below; what more it looks at is the same in all of them.
     cases = [(HELMS[-1], name) for name in SETS] + [(version, "all-on") for version in HELMS[:-1]]

@@ -21,31 +21,24 @@ RUN = [page for page in PAGES if page.name not in PERFORMED and commands_of(page
 ALONE = {"run_a_fleet.md"}  # it starts its own robots
 NOUNS = "topic|node|service|action|graph|history|top|doctor|launch status|status"
 LOOKS = re.compile(rf"metaros ({NOUNS})\b(?! (pub|call|send_goal))")
-# These need no gateway; the others are integration tests.
-CHEAP = {"interfaces.md", "lifecycle.md", "parameters.md", "seal_topics.md", "simulate.md", "zeromq.md"}
 
 
 @pytest.fixture
-def world(
-    request: pytest.FixtureRequest, zenoh_router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[World]:
+def world(warm: Path, zenoh_router: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
     """A router and one simulated robot; the examples are at hand."""
     for name, value in environment(zenoh_router, tmp_path).items():
         monkeypatch.setenv(name, value)
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)
     world = World(zenoh_router, tmp_path)
-    if request.node.callspec.params["page"] not in CHEAP:
-        path = request.getfixturevalue("warm")
-        world.metaros = (str(path),)
-        monkeypatch.setenv("PATH", f"{path.parent}:{os.environ['PATH']}")
+    world.metaros = (str(warm),)
+    monkeypatch.setenv("PATH", f"{warm.parent}:{os.environ['PATH']}")
     with world.page():
         yield world
 
 
-@pytest.mark.parametrize(
-    "page", [pytest.param(page.name, marks=[] if page.name in CHEAP else [pytest.mark.integration]) for page in RUN]
-)
+@pytest.mark.integration
+@pytest.mark.parametrize("page", [page.name for page in RUN])
 def test_every_command_of_the_page_prints_what_it_shows(page: str, world: World) -> None:
     text = (HOWTO / page).read_text()
     if "/sim_1" in text and page not in ALONE:

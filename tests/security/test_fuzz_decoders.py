@@ -45,6 +45,7 @@ def test_a_seed_is_understood() -> None:
     assert set(TARGETS) - understood <= UNDERSTOOD_BY_NOBODY
 
 
+@pytest.mark.integration
 @pytest.mark.parametrize("name", TARGETS)
 def test_cuts_inflated_lengths_and_damage_of_every_kind(name: str) -> None:
     target, rng = TARGETS[name], random.Random(name)
