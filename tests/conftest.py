@@ -56,6 +56,7 @@ def pytest_collection() -> Generator[None, object, object]:
         return (yield)
     finally:
         gc.freeze()
+        gc.set_threshold(2_000, 10, 50)  # a worker's tests leave little that only a look through all of it would find
         gc.enable()
 
 

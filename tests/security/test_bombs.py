@@ -43,6 +43,8 @@ from metaros.record.bag_index import read_index
 from metaros.record.qos_yaml import read_qos
 from metaros.supervise.table import parse_table
 
+pytestmark = pytest.mark.integration
+
 MIB = 1024 * 1024
 BOUND = 2 * LIMITS.sample_bytes  # twice the largest thing that any of these may make
 LANES = (link_pb2.LANE_CONTROL, link_pb2.LANE_DATA, link_pb2.LANE_BACKFILL)

@@ -17,6 +17,8 @@ from gateway.errors import IdentityError
 from gateway.identity.certificates import check_csr, robot_uri
 from tests.gateway.identity.robot_keys import ask, new_key, pem_of
 
+pytestmark = pytest.mark.integration
+
 URI = robot_uri("fleet", "arm")
 HUGE = (1 << 16_383) | (1 << 9_999) | 1  # an odd number as long as a modulus of RSA-16384
 

@@ -26,6 +26,8 @@ from tests.gateway.harness import CONTROL, RING, ScriptedAgent, client, hear, op
 from tests.support.key_ring import bearer
 from tests.support.plain_http import FREE, PlainHttp, plain_http
 
+pytestmark = pytest.mark.integration
+
 VIEWER = RING.add(role=Role.VIEWER, name="viewer")
 ADMIN = RING.add(role=Role.ADMIN, name="admin")
 ELSEWHERE = {role: RING.add(role=role, robots=("other_*",), name=f"{role.word} elsewhere") for role in Role if role}

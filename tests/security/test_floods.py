@@ -31,6 +31,8 @@ from tests.gateway.harness import ScriptedAgent, client, hear, open_socket, runn
 from tests.support.leaping import LeapingClock
 from tests.support.waiting import wait_until_async
 
+pytestmark = pytest.mark.integration
+
 SLOW = 500
 LOGIN = b"POST /api/v1/auth/login HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
 SOURCES = [f"127.0.{number // 200}.{2 + number % 200}" for number in range(1000)]
@@ -70,7 +72,6 @@ async def answered(http: httpx.AsyncClient) -> None:
     assert (await http.get("/api/v1/robots")).status_code == 200
 
 
-@pytest.mark.integration
 @pytest.mark.parametrize("start", [b"GET / HTTP/1.1\r\nHost: localhost\r\nX-Slow: a", LOGIN, b"", b"\r\n"])
 async def test_500_slow_heads_are_cut_and_leave_nothing_behind(tmp_path: Path, start: bytes, impatient: None) -> None:
     async with running_gateway(tmp_path) as ready, client(ready) as http:
@@ -96,7 +97,6 @@ async def test_500_slow_heads_are_cut_and_leave_nothing_behind(tmp_path: Path, s
         await answered(http)
 
 
-@pytest.mark.integration
 async def test_500_slow_bodies_hold_up_nobody(tmp_path: Path) -> None:
     async with running_gateway(tmp_path, anonymous_requests_per_s=0) as ready, client(ready) as http:
         await answered(http)
@@ -112,7 +112,6 @@ async def test_500_slow_bodies_hold_up_nobody(tmp_path: Path) -> None:
         await answered(http)
 
 
-@pytest.mark.integration
 async def test_stalled_handshakes_are_counted_and_cut(tmp_path: Path, impatient: None) -> None:
     async with running_gateway(tmp_path, tls="on") as ready:
         context = ssl.create_default_context(cadata=ready.roots_pem)
@@ -162,7 +161,6 @@ async def test_a_socket_and_its_viewer_outlive_every_deadline_of_a_head(
         assert (await hear(stream, "error"))["code"] == "invalid_request"
 
 
-@pytest.mark.integration
 async def test_a_flood_of_wrong_passwords_and_somebody_else_signs_in(tmp_path: Path) -> None:
     async with running_gateway(tmp_path, sign_ins_per_min=0.5) as ready:
         admin = (ready.data_dir / "local.key").read_text().strip()
@@ -254,7 +252,6 @@ async def test_a_socket_that_floods_is_ended_and_others_are_not(tmp_path: Path, 
         assert (await hear(honest, "error"))["code"] == "invalid_request"
 
 
-@pytest.mark.integration
 async def test_lanes_that_say_nothing_keep_no_robot_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lane_shell, "HELLO_S", 3.0)
     async with running_gateway(tmp_path) as ready, AsyncExitStack() as stack:

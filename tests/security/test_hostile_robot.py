@@ -22,6 +22,8 @@ from metaros.limits import LIMITS
 from tests.gateway.ingest.test_links import Rig as LinksRig
 from tests.gateway.ingest.test_session import CONTROL, DATA, Rig, hello
 
+pytestmark = pytest.mark.integration
+
 SCHEMA = b"s" * LIMITS.schema_bytes
 
 

@@ -31,6 +31,8 @@ from tests.gateway.identity.robot_keys import ask, new_key
 from tests.gateway.test_robot_links import ADMIN, RING, alarm, bare, enrolled, greet, lane, revoke, said, tls_lane
 from tests.support.leaping import LeapingClock
 
+pytestmark = pytest.mark.integration
+
 HOUR_NS = 3_600_000_000_000
 KINDS = ("grpc", "websocket")
 
@@ -209,7 +211,6 @@ async def test_a_proof_is_good_for_one_challenge_and_one_hello(tmp_path: Path, k
             assert await answered(lambda it: sign(held.key, statement(it)), **changed) == "proof_refused"
 
 
-@pytest.mark.integration
 async def test_challenges_that_nobody_answers_end_by_themselves(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

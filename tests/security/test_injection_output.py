@@ -32,6 +32,8 @@ from tests.security.test_injection import MARKUP, STRINGS
 from tests.support.bags import arrivals, write_bag
 from tests.support.hostile_gateway import hostile_gateway
 
+pytestmark = pytest.mark.integration
+
 ALL = (*STRINGS, *MARKUP)
 STYLE = re.compile(r"\x1b\[[\d;]*m")
 LINE = re.compile(r"[0-9]{4}-[0-9]{2}-[0-9]{2} ")
@@ -120,7 +122,6 @@ def _home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.integration
 @pytest.mark.parametrize("program", [GATEWAY, AGENT], ids=["gateway", "agent"])
 def test_a_log_has_a_line_for_each_record(program: str, tmp_path: Path) -> None:
     done = subprocess.run(

@@ -16,6 +16,8 @@ from edge_agent.update.slots import python_of
 from tests.support.tuf_repository import Fault, Served, TufRepository, make_bundle, plain, target_file
 from tests.support.tuf_robot import OLD, Hurry, TufRobot, tuf_robot
 
+pytestmark = pytest.mark.integration
+
 World = tuple[TufRobot, TufRepository, Served]
 AGENT = "agents/metaros/2.1.0.zip"
 

@@ -23,6 +23,8 @@ from tests.gateway.api.foxglove.viewer import viewing
 from tests.gateway.harness import CONTROL, ScriptedAgent, channel, client, open_socket, running_gateway, say
 from tests.support.key_ring import KeyRing, bearer
 
+pytestmark = pytest.mark.integration
+
 DOORS = ("/foxglove", "/foxglove/sim_1", "/rosbridge", "/rosbridge/sim_1", "/api/v1/stream")
 SPOKEN: Any = ["foxglove.sdk.v1", "metaros.v1"]
 
