@@ -43,8 +43,9 @@ __all__ = ["HistoryStack", "main"]
 
 ACTS = (("kill compacting", 6), ("kill exporting", 4), ("kill starting", 2), ("stop gateway", 1))
 DRAIN_S = 240.0  # a gateway that does all this at once answers late, and back-fill takes that for a slow network
-KEPT_S = 1.0  # of what the robot makes, at 200 KiB/s with a tick of 5 ms
+KEPT_S = 0.5  # of what the robot makes, at 200 KiB/s with a tick of 5 ms
 SAMPLE_BYTES = 200
+ENOUGH = 12  # so many times what is kept: segments, of which retention counts the bytes, take a ninth of the samples
 
 
 class HistoryStack(LoadStack):
@@ -76,7 +77,7 @@ class HistoryStack(LoadStack):
     def check(self) -> Verdict:
         """End well, start again, export, and compare everything with everything."""
         if self.purged:
-            wait_until(lambda: self.given() * SAMPLE_BYTES > 2 * self.kept_bytes)
+            wait_until(lambda: self.given() * SAMPLE_BYTES > ENOUGH * self.kept_bytes)
         self.end(timeout_s=DRAIN_S + 30)
         stored, verdict = self.stored(), Verdict()
         had_purged = self.has_purged()

@@ -1,6 +1,6 @@
 """The campaign of kills on PostgreSQL, which is itself killed with `kill -9` and stopped under load.
 
-python -m load_tests.campaign postgres [--cycles 200] [--leg 50] [--seed N] [--keep]
+python -m load_tests.campaign postgres [--cycles 200] [--leg 50] [--tick-ms 5] [--seed N] [--keep]
 """
 
 from __future__ import annotations

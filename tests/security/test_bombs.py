@@ -243,7 +243,6 @@ PICTURES = {
 
 @pytest.mark.parametrize("name", PICTURES)
 def test_a_picture(name: str) -> None:
-    pytest.importorskip("cv2")
     refused(lambda: compressed_to_numpy(CompressedImage(data=PICTURES[name])), MetarosError, bound=MIB)
 
 
