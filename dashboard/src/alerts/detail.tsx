@@ -1,6 +1,6 @@
 /** One alert: what is wrong in words, the values with what was expected, what it groups, what was done, what can be. */
 
-import { useEffect } from "preact/hooks";
+import { useLayoutEffect } from "preact/hooks";
 import { Refusal } from "../admin/modal";
 import { alertsApi, type AlertDetail, type AlertFinding } from "../api/alerts";
 import { now } from "../live/age";
@@ -52,7 +52,7 @@ export function AlertPage({ id }: { id: string }) {
 
 /** Escape leads back to the list, except out of a dialog or a field. */
 function useBackKey(): void {
-  useEffect(() => {
+  useLayoutEffect(() => {
     const onKey = (event: KeyboardEvent) => {
       const busy = document.querySelector("dialog[open], :popover-open") || (event.target instanceof Element && event.target.matches("input, textarea, select"));
       if (event.key === "Escape" && !busy) go("/alerts");

@@ -1,7 +1,7 @@
 /** The alerts of the last hours: their timeline, filters, and the list, the most urgent first. */
 
 import { useSignal } from "@preact/signals";
-import { useEffect, useMemo, useRef } from "preact/hooks";
+import { useEffect, useLayoutEffect, useMemo, useRef } from "preact/hooks";
 import { Refusal } from "../admin/modal";
 import { alertsApi, type Alert } from "../api/alerts";
 import { saidOf } from "../api/client";
@@ -109,11 +109,11 @@ function Rows({ alerts, filter, any, refresh }: { alerts: Alert[]; filter: Filte
   );
 }
 
-/** `j`, `k` and the arrows move the focus along the rows, `a` acknowledges the one that has it. */
+/** `j`, `k` and the arrows move the focus along the rows, `a` acknowledges the one that has it; from the first row seen on, not a frame later. */
 function useListKeys(list: { current: HTMLOListElement | null }, acknowledge: (id: string) => void): void {
   const latest = useRef(acknowledge);
   latest.current = acknowledge;
-  useEffect(() => {
+  useLayoutEffect(() => {
     const onKey = (event: KeyboardEvent) => {
       const target = event.target instanceof Element ? event.target : null;
       if (target?.closest("input, textarea, select, dialog") || event.ctrlKey || event.metaKey || event.altKey || !list.current) return;

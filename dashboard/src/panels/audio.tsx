@@ -1,7 +1,7 @@
 /** A robot's sound: listen to each of its microphones, and talk through its speaker. */
 
 import { useSignal } from "@preact/signals";
-import { useEffect, useMemo } from "preact/hooks";
+import { useEffect, useLayoutEffect, useMemo } from "preact/hooks";
 import { openSocket, robotPath } from "../api/client";
 import { can, session } from "../api/session";
 import type { Robot, Topic } from "../api/types";
@@ -101,7 +101,7 @@ function TalkButton({ robot }: { robot: Robot }) {
     [robot.id],
   );
   const online = robot.state === "online";
-  useEffect(() => {
+  useLayoutEffect(() => {
     const stop = () => talk.letGo();
     const hidden = () => document.hidden && stop();
     addEventListener("blur", stop);

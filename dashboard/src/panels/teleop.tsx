@@ -1,7 +1,7 @@
 /** Dead-man driving: it moves only while a finger, a button or a key is held. */
 
 import { useSignal } from "@preact/signals";
-import { useEffect, useMemo, useRef } from "preact/hooks";
+import { useLayoutEffect, useMemo, useRef } from "preact/hooks";
 import { ApiError, openSocket, robotPath, send, teleopPath } from "../api/client";
 import type { AnswerOf } from "../api/operation.js";
 import { can, session } from "../api/session";
@@ -42,7 +42,7 @@ export function TeleopCard({ robot, namespace, online, lease }: { robot: string;
     thumb.value = null;
     teleop.letGo();
   };
-  useEffect(() => {
+  useLayoutEffect(() => {
     const hidden = () => document.hidden && stop();
     const escape = (event: KeyboardEvent) => event.key === "Escape" && stop();
     addEventListener("blur", stop);

@@ -1,7 +1,7 @@
 /** The time bar of a robot: LIVE, or an instant of what is stored, that every panel then shows. */
 
 import { useSignal } from "@preact/signals";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { can } from "../api/session";
 import type { Recording } from "../api/history_types";
 import { ageText, now } from "../live/age";
@@ -71,7 +71,7 @@ function LiveButton({ live }: { live: boolean }) {
 
 /** `l` goes back to LIVE from anywhere on the page, except while somebody types. */
 function useLiveKey(): void {
-  useEffect(() => {
+  useLayoutEffect(() => {
     const onKey = (event: KeyboardEvent) => {
       const typing = event.target instanceof HTMLInputElement || event.target instanceof HTMLTextAreaElement;
       if (event.key === "l" && !typing && !event.ctrlKey && !event.metaKey && !event.altKey) setMoment(null);

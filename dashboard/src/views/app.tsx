@@ -2,7 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import type { ComponentType } from "preact";
-import { useEffect } from "preact/hooks";
+import { useEffect, useLayoutEffect } from "preact/hooks";
 import { can, refresh, session, shutOut } from "../api/session";
 import { moment } from "../history/moment";
 import { alertsOpen } from "../live/fleet";
@@ -55,7 +55,7 @@ export function App() {
   useEffect(() => {
     if (state === "open" && session.peek() === null) void refresh(); // it did not answer when the page began
   }, [state]);
-  useEffect(() => {
+  useLayoutEffect(() => {
     const onKey = (event: KeyboardEvent) => {
       const typing = event.target instanceof Element && event.target.matches("input, textarea, select");
       if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
