@@ -230,7 +230,7 @@ class TwinDesk:
             return outcomes
 
         if dry_run:
-            return await self._store.read(trial)
+            return await self._of_known(trial)
         outcomes = await self._store.run(job)
         self._courier.tell(self._book.learn(item.after for item in outcomes))
         self._courier.edited()

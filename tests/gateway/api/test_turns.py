@@ -8,11 +8,20 @@ import pytest
 
 from gateway.api.turns import Turns
 from gateway.errors import TooManyRequestsError
+from metaros.clock import ManualClock
 
-QUICK = 1000.0
+PER_S = 0.5
 
 
-def turns(free: int, *, per_s: float = QUICK, most_each: int = 8, most: int = 100) -> Turns:
+@pytest.fixture(autouse=True)
+async def clock(monkeypatch: pytest.MonkeyPatch) -> ManualClock:
+    """The loop's own: nobody is let in until a test says that time has passed."""
+    made = ManualClock()
+    monkeypatch.setattr(asyncio.get_running_loop(), "time", made.monotonic_s)
+    return made
+
+
+def turns(free: int, *, per_s: float = PER_S, most_each: int = 8, most: int = 100) -> Turns:
     """`free` at once, then one after the other."""
     left = iter(range(free))
     return Turns(lambda: next(left, None) is not None, per_s=per_s, most_each=most_each, most=most)
@@ -30,6 +39,14 @@ async def arrive(line: Turns, address: str, order: list[str]) -> asyncio.Task[No
     return task
 
 
+async def let_in(clock: ManualClock, count: int) -> None:
+    """So many turns pass."""
+    for _ in range(count):
+        clock.advance(1 / PER_S)
+        for _ in range(3):  # the timer, its future, who waits for that
+            await asyncio.sleep(0)
+
+
 async def test_few_do_not_wait_and_without_a_rate_nobody_does() -> None:
     line, order = turns(2), []
     for address in ("a", "b"):
@@ -40,26 +57,31 @@ async def test_few_do_not_wait_and_without_a_rate_nobody_does() -> None:
         await free.wait("a")
 
 
-async def test_addresses_take_turns_whoever_came_first() -> None:
+async def test_addresses_take_turns_whoever_came_first(clock: ManualClock) -> None:
     line, order = turns(0), []
-    tasks = [await arrive(line, "flood", order) for _ in range(5)]
-    tasks += [await arrive(line, "other", order), await arrive(line, "honest", order)]
-    await asyncio.gather(*tasks)
-    assert order[:3] == ["flood", "other", "honest"]
+    for address in (*["flood"] * 5, "other", "honest"):
+        await arrive(line, address, order)
+    await let_in(clock, 3)
+    assert order == ["flood", "other", "honest"]
+    await let_in(clock, 4)
     assert order[3:] == ["flood"] * 4
 
 
-async def test_who_goes_away_costs_nobody_a_turn_and_too_many_are_refused() -> None:
+async def test_who_goes_away_costs_nobody_a_turn_and_too_many_are_refused(clock: ManualClock) -> None:
     line, order = turns(0, most_each=2, most=4), []
-    gone, stays = await arrive(line, "a", order), await arrive(line, "a", order)
+    gone = await arrive(line, "a", order)
+    await arrive(line, "a", order)
     with pytest.raises(TooManyRequestsError) as refused:
         await line.wait("a")
-    assert refused.value.retry_after_s >= 1 / QUICK
-    others = [await arrive(line, address, order) for address in ("b", "c")]
+    assert refused.value.retry_after_s >= 1 / PER_S
+    for address in ("b", "c"):
+        await arrive(line, address, order)
     with pytest.raises(TooManyRequestsError):
         await line.wait("d")
     gone.cancel()
-    await asyncio.gather(stays, *others)
-    assert sorted(order) == ["a", "b", "c"]
+    await let_in(clock, 3)
+    assert order == ["b", "c", "a"]
     assert not (await arrive(line, "d", order)).done()  # one after the other goes on, and ends, again
-    await asyncio.wait_for(asyncio.shield(asyncio.create_task(line.wait("e"))), 60)
+    last = await arrive(line, "e", order)
+    await let_in(clock, 2)
+    assert last.done()

@@ -248,12 +248,14 @@ async def test_a_robot_that_has_just_connected_is_known_before_the_store_has_wri
     rig.store.submit(RobotWrite(Robot("new", labels={"site": "lab"}), 1))
     looking = [asyncio.ensure_future(rig.twins.desk.state("new"))]
     looking.append(asyncio.ensure_future(rig.twins.desk.history("new", limit=1)))
+    looking.append(asyncio.ensure_future(rig.twins.desk.edit("new", Edit(patch=LIDAR), ADMIN, dry_run=True)))
     done, _ = await asyncio.wait(looking, timeout=0.05)
     busy.set()
     await writing
-    state, history = await asyncio.gather(*looking)
-    assert (done, state.labels, history) == (set(), {"site": "lab"}, [])
-    for look in (rig.twins.desk.state("nobody"), rig.twins.desk.history("nobody", limit=1)):
+    state, history, tried = await asyncio.gather(*looking)
+    assert (done, state.labels, history, tried.changed) == (set(), {"site": "lab"}, [], True)
+    trial = rig.twins.desk.edit("nobody", Edit(patch=LIDAR), ADMIN, dry_run=True)
+    for look in (rig.twins.desk.state("nobody"), rig.twins.desk.history("nobody", limit=1), trial):
         with pytest.raises(UnknownRobotError):
             await look
 
