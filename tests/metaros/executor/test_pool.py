@@ -144,10 +144,12 @@ def test_a_timer_does_not_overlap_with_itself_unless_it_may(node, spinning):
 
 def test_async_callbacks_keep_their_group_until_they_are_done(node, spinning):
     log: list[str] = []
+    gate, loops = asyncio.Event(), []
 
     async def slow(item: Item) -> None:
+        loops.append(asyncio.get_running_loop())
         log.append(f"begin {item.value}")
-        await asyncio.sleep(0.02)
+        await gate.wait()
         log.append(f"end {item.value}")
 
     node.listen("slow", slow)
@@ -158,28 +160,34 @@ def test_async_callbacks_keep_their_group_until_they_are_done(node, spinning):
     wait_until(lambda: "begin 1" in log, every_s=0.001)
     node.ingress.put(Item("same"))
     node.ingress.put(Item("other"))
+    wait_until(lambda: "other group" in log)
+    assert log == ["begin 1", "other group"]
+    loops[0].call_soon_threadsafe(gate.set)
     wait_until(lambda: len(log) == 6)
-    assert log.index("other group") < log.index("end 1")
     assert log.index("end 1") < log.index("same group")
     assert log.index("end 1") < log.index("begin 2") < log.index("end 2")
 
 
 def test_async_callbacks_of_a_reentrant_group_overlap(node, spinning):
     inside = most = done = 0
+    gate, loops = asyncio.Event(), []
 
     async def wait(item: Item) -> None:
         nonlocal inside, most, done
+        loops.append(asyncio.get_running_loop())
         inside += 1
         most = max(most, inside)
-        await asyncio.sleep(0.02)
+        await gate.wait()
         inside -= 1
         done += 1
 
     box = node.listen("a", wait, depth=None, limit_bytes=100_000, group=ReentrantCallbackGroup())
     for number in range(200):
         node.ingress.put(Item("a", number))
+    wait_until(lambda: inside == 64)
+    loops[0].call_soon_threadsafe(gate.set)
     wait_until(lambda: done == 200 and (box.running, box.busy) == (0, False))
-    assert 10 < most <= 64
+    assert most == 64
 
 
 def test_callbacks_that_raise_end_nothing(node, spinning, caplog):
