@@ -67,6 +67,9 @@ async def test_a_key_goes_before_a_cookie_and_what_is_not_good_is_remembered() -
         assert got[KEY].role is Role.NONE
     twice = await seen(ring, ("Authorization", f"Bearer {key}"), ("Authorization", f"Bearer {key}"))
     assert twice[TOKEN].code == "bad_credentials"
+    unread = await seen(ring, ("Cookie", f"metaros_session={token}; no,name=1"))
+    assert (unread[TOKEN].code, str(unread[TOKEN])) == ("bad_credentials", "the cookie cannot be read")
+    assert unread[KEY].role is Role.NONE
 
 
 async def test_the_page_itself_is_asked_for_no_credential() -> None:

@@ -119,6 +119,11 @@ async def test_a_durable_command_waits_for_its_robot(tmp_path: Path) -> None:
             await until_state(http, first["id"], "done")
             await agent.send(CONTROL, result=link_pb2.CommandResult(command_id=b"?" * 16, code="x", kept=True))
             assert (await agent.next("result_stored")).result_stored.command_id == b"?" * 16, "nobody's: forget it"
+            waited = asyncio.ensure_future(http.post(f"{SEND}?wait_s=30", json=durable))
+            third = (await agent.next("command")).command.command_id
+            await agent.send(CONTROL, result=link_pb2.CommandResult(command_id=third, ok=True, kept=True))
+            over = await waited
+            assert (over.status_code, over.json()["state"]) == (200, "done"), "without waiting it is 202"
 
 
 async def test_one_command_for_each_robot_that_is_named(tmp_path: Path) -> None:
@@ -170,6 +175,10 @@ async def test_requests_that_do_not_fit(tmp_path: Path) -> None:
             assert (answer.status_code, answer.json()["code"]) == (400, "invalid_request"), body
         key = await http.post(SEND, json=UPLINK, headers={"Idempotency-Key": "x" * 300})
         assert key.status_code == 400
+        publish, cdr = "/api/v1/robots/sim_1/publish", {"Content-Type": "application/cdr"}
+        nowhere = await http.post(f"{publish}?type=std_msgs/msg/Int8", content=b"\0\1\0\0\5", headers=cdr)
+        assert (nowhere.status_code, nowhere.json()["code"]) == (400, "invalid_request")
+        assert nowhere.json()["detail"] == "a CDR body needs the query parameter topic"
         assert (await http.get("/api/v1/commands")).json()["commands"] == []
 
 

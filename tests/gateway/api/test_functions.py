@@ -88,6 +88,8 @@ async def test_a_function_is_made_called_and_told_of(http: httpx.AsyncClient, ec
     assert called["init_ms"] > 0
     failed = (await http.post(f"{echo}/invoke", json={"fail": 1})).json()
     assert (failed["status"], failed["error_type"]) == ("error", "ValueError")
+    dry = await http.post(f"{echo}/invoke?kind=dry", json={})  # is no call, see below
+    assert dry.json() == {"request_id": "", "status": "dry", "version": "$LATEST"}
     kept = await invocations(http, echo, 2)
     assert [item["status"] for item in kept] == ["error", "ok"]
     assert kept[0]["error_message"] == "no"
@@ -150,6 +152,9 @@ async def test_code_is_shown_and_replaced_by_a_zip_file(http: httpx.AsyncClient,
     }
     called = (await http.post(f"{echo}/invoke?qualifier=live", json=0)).json()
     assert (called["payload"], called["version"]) == ("new", "1")
+    for path, said in (("live", "what all call"), ("other", "a new one"), ("live", "")):
+        led = await http.put(f"{echo}/aliases/{path}", json={"version": "1", "description": said})
+        assert led.json() == {"name": path, "version": "1", "description": said, "weights": {}, "canary": None}
     assert (await http.post(f"{echo}/invoke", json=0)).json()["payload"] == "new"
 
 
@@ -185,8 +190,10 @@ async def test_a_canary_that_fails_too_often_is_rolled_back(http: httpx.AsyncCli
 
 
 async def test_environment_is_for_who_may_change_functions(http: httpx.AsyncClient, echo: str) -> None:
-    await http.put(echo, json={"environment": {"SECRET": "s3"}, "reserved": 2})
-    assert (await http.get(echo)).json()["environment"] == {"SECRET": "s3"}
+    assert (await http.get(echo)).json()["disk_mb"] == 512
+    await http.put(echo, json={"environment": {"SECRET": "s3"}, "reserved": 2, "disk_mb": 600})
+    found = (await http.get(echo)).json()
+    assert (found["environment"], found["disk_mb"]) == ({"SECRET": "s3"}, 600)
     async with as_(http, VIEWER) as viewer, as_(http, SCOPED_ADMIN) as scoped:
         for other in (viewer, scoped):
             seen = (await other.get(echo)).json()
@@ -227,6 +234,7 @@ REFUSED: tuple[tuple[str, str, Any, int, str | None], ...] = (  # of the test's 
     ("PUT", "", {"runtime": "nodejs22.x"}, 400, None),
     ("PUT", "", {"surprise": 1}, 400, "invalid_request"),
     ("POST", f"{FUNCTIONS}/none/invoke", {}, 404, "unknown_function"),
+    ("POST", f"{FUNCTIONS}/none/invoke?kind=dry", {}, 404, "unknown_function"),
     ("GET", f"{FUNCTIONS}/none", None, 404, "unknown_function"),
     ("GET", f"{FUNCTIONS}/none/logs", None, 404, "unknown_function"),
     ("DELETE", f"{FUNCTIONS}/none", None, 404, "unknown_function"),

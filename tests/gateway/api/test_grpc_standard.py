@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import AsyncIterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import grpc
 import pytest
@@ -16,11 +19,13 @@ from grpc_reflection.v1alpha.proto_reflection_descriptor_database import ProtoRe
 from grpc_status import rpc_status
 
 from gateway.api.allow import RPCS
+from gateway.api.grpc import reflection
 from gateway.api.grpc.errors import details
 from gateway.api.grpc.serving import served
 from gateway.domain.principal import Role
-from gateway.errors import LeaseTakenError, TooManyRequestsError
+from gateway.errors import LeaseTakenError, RequestTimeoutError, TooManyRequestsError
 from metaros._proto import fleet_pb2, fleet_pb2_grpc
+from metaros.limits import LIMITS
 from tests.gateway.harness import RING, ScriptedAgent, running_gateway
 from tests.support.key_ring import bearer
 
@@ -73,6 +78,17 @@ async def test_a_client_that_knows_nothing_learns_all_by_reflection(tmp_path: Pa
             asked = iter([reflection_pb2.ServerReflectionRequest(list_services="")])
             answers = [answer async for answer in call(asked, timeout=60)]
             assert {item.name for item in answers[0].list_services_response.service} == services
+
+
+async def test_who_asks_reflection_nothing_is_sent_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def silent() -> AsyncIterator[Any]:
+        await asyncio.Event().wait()
+        yield
+
+    monkeypatch.setattr(reflection, "LIMITS", replace(LIMITS, body_s=0.0))
+    call: Any = None  # who asks does not matter
+    with pytest.raises(RequestTimeoutError, match="nothing was asked for so long"):
+        await anext(reflection.ReflectionService(["a.B"]).ServerReflectionInfo(silent(), call))
 
 
 async def test_a_refusal_has_its_code_and_its_field_in_the_details(tmp_path: Path) -> None:

@@ -94,6 +94,10 @@ async def test_hooks_have_bounds_and_a_scope(tmp_path: Path) -> None:
         chief, narrow, nobody = [await stack.enter_async_context(client(ready, key=key)) for key in (ADMIN, NARROW, "")]
         await chief.post(HOOKS, json={"name": "git"})
         assert refusal(await chief.post(HOOKS, json={"name": "git"})) == (409, "hook_exists")
+        for name in ("Git", "a/b", ".git"):
+            unfit = await chief.post(HOOKS, json={"name": name})
+            assert refusal(unfit) == (400, "invalid_request")
+            assert unfit.json()["detail"].startswith("name: 1 to 63 of"), name
         assert refusal(await narrow.post(HOOKS, json={"name": "any"})) == (400, "invalid_request")
         assert (await narrow.post(HOOKS, json={"name": "mine", "robot": "lab_1"})).status_code == 201
         assert [one["name"] for one in (await narrow.get(HOOKS)).json()["hooks"]] == ["mine"]

@@ -56,6 +56,7 @@ async def test_a_rule_is_made_changed_and_taken_away(tmp_path: Path) -> None:
 
 
 FAULTS: tuple[tuple[dict[str, Any], str], ...] = (  # what is wrong with a rule, and the path that is named
+    ({"name": "day"}, "name"),  # put as night
     ({"pattern": {"detail-type": "x"}}, "pattern"),
     ({"pattern": None}, "pattern"),
     ({"schedule": {"expression": "cron(x)"}, "pattern": None}, "schedule"),
@@ -129,6 +130,17 @@ async def test_what_users_put_is_judged_stored_and_told(tmp_path: Path) -> None:
         ):
             own = {"entries": [{"type": kind, "source": source}]}
             assert refusal(await http.post("/api/v1/happenings", json=own)) == (400, "invalid_request")
+        for name in ("id", "type", "source", "robot"):
+            odd = {"entries": [entries[0], {"type": "order", "source": "shop", name: "a\nb"}]}
+            answer = await http.post("/api/v1/happenings", json=odd)
+            assert (*refusal(answer), answer.json()["detail"]) == (
+                400,
+                "invalid_request",
+                f"entries[1].{name}: printable characters",
+            )
+        far = {"entries": [{"type": "order", "source": "shop", "robot": "hall_1"}]}
+        async with client(ready, key=NARROW) as narrow:
+            assert refusal(await narrow.post("/api/v1/happenings", json=far)) == (404, "unknown_robot")
 
 
 async def test_a_dry_run_says_what_a_rule_would_have_done(tmp_path: Path) -> None:

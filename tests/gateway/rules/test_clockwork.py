@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from gateway.errors import StoreError
+from gateway.rules import clockwork
 from gateway.rules.clockwork import Clockwork, missed
 from gateway.rules.document import read_rule
 from metaros.clock import ManualClock
@@ -127,6 +131,40 @@ async def test_a_schedule_that_is_changed_or_off_does_not_fire_at_its_old_times(
         await world.rules.book.remove("one", by="ada")
         await world.step(48 * HOUR)
         assert await world.fired() == 0
+
+
+async def test_while_the_store_is_away_schedules_wait(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    asked: list[int] = []
+    twice = asyncio.Event()
+
+    class Away:
+        """A shared store that answers again the second time."""
+
+        shared, gateway_id = True, "a"
+
+        async def run(self, _job: Any) -> bool:
+            """Another gateway has the duty."""
+            asked.append(len(asked))
+            if len(asked) == 1:
+                raise StoreError("it is away")
+            twice.set()
+            return False
+
+    monkeypatch.setattr(clockwork, "LOOK_S", 0.0)
+    caplog.set_level(logging.DEBUG, "gateway.rules.clockwork")
+    database: Any = Away()
+    made = Clockwork(database, SimpleNamespace(listeners=[]), None, clock=ManualClock(wall_ns=NOW))  # type: ignore[arg-type]
+    task = asyncio.create_task(made.run())
+    async with asyncio.timeout(60):
+        await twice.wait()
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    assert [(one.levelname, one.getMessage()) for one in caplog.records] == [
+        ("DEBUG", "schedules and timers wait for the store: it is away")
+    ]
+    assert not made.on_duty
 
 
 def test_years_of_minutes_are_passed_in_one_step() -> None:

@@ -123,11 +123,16 @@ def test_every_field_of_a_rule_is_read() -> None:
         ({"topic": {"topic": "a b"}}, "topic.topic"),
         ({"topic": {"topic": "a"}, "metric": {"series": "a", "above": 1}}, "metric"),
         ({"metric": {"series": "a", "above": float("nan")}}, "metric.above"),
+        ({"metric": {"series": "a b", "above": 1}}, "metric.series"),
+        ({"metric": {"series": None, "above": 1}}, "metric.series"),
         ({"until": {"a": ["b"]}, "pattern": {"a": ["b"]}}, "until"),
         ({"schedule": {"expression": "rate(1 hour)"}, "when": {"for": "1s"}}, "schedule"),
         ({"schedule": {"expression": "rate(1 hour)", "misfire": "never"}}, "schedule.misfire"),
+        ({"schedule": {"expression": 5}}, "schedule.expression"),
+        ({"schedule": {"expression": "rate(1 hour)", "timezone": None}}, "schedule.expression"),
         ({"targets": "all", "pattern": {"a": ["b"]}}, "targets"),
         ({"description": "x" * 70_000, "pattern": {"a": ["b"]}}, ""),
+        ({"pattern": {"a": [2**64]}}, ""),  # no number of the writer of JSON
     ],
 )
 def test_what_no_rule_can_be(change: dict[str, Any], path: str) -> None:

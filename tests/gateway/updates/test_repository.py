@@ -67,7 +67,9 @@ async def test_a_group_has_targets_of_its_own(tmp_path: Path, store_url: str) ->
     people, path = tmp_path / "people", "robots/field/nodes/lidar-node/1.0.0.zip"
     now_ns = SystemClock().wall_ns()
     async with repository(tmp_path / "gateway", store_url) as made:
-        offline.init_root(people, await made.online_keys(), passphrase, now_ns=now_ns)
+        online = await made.online_keys()
+        offline.init_root(people, online, passphrase, now_ns=now_ns)
+        assert await made.online_keys() == online  # made once: robots trust these
         bundle = make_bundle(tmp_path / "made")
         assert offline.add(people, bundle, group="field", passphrase=passphrase) == path
         for role in ("targets", "robots/field"):

@@ -16,7 +16,7 @@ from gateway.api.rosbridge.inward import arguments, message_of
 from gateway.api.rosbridge.outward import TAGS, cbor_values, json_bytes, json_values
 from metaros.cdr import codec
 from metaros.errors import FieldError
-from metaros.idl import Catalogue, message_class
+from metaros.idl import Catalogue, Field, FieldType, MessageDefinition, message_class
 from metaros.idl.arrays import DTYPES
 from metaros.interfaces.sensor_msgs.msg import BatteryState, CompressedImage, LaserScan
 from metaros.interfaces.std_msgs.msg import Header, String
@@ -123,6 +123,15 @@ def test_bytes_are_base64_out_and_either_way_in() -> None:
     assert message_of(CompressedImage, {"data": "AQI"}, now_ns=NOW_NS).data.tolist() == [1, 2]
     with pytest.raises(FieldError, match="data"):
         message_of(CompressedImage, {"data": "no base64!"}, now_ns=NOW_NS)
+
+
+def test_bytes_are_base64_in_however_deep_they_are() -> None:
+    catalogue, found = Catalogue(), {"one": {"data": "AQI="}, "more": [{"data": [1]}, {"data": "Aw"}]}
+    catalogue.add(MessageDefinition("p/msg/Leaf", (Field("data", FieldType("uint8", "unbounded")),)))
+    leaves = (Field("one", FieldType("p/msg/Leaf")), Field("more", FieldType("p/msg/Leaf", "unbounded")))
+    catalogue.add(MessageDefinition("p/msg/Tree", leaves))
+    tree = message_of(message_class("p/msg/Tree", catalogue), found, now_ns=NOW_NS)
+    assert [leaf.data.tolist() for leaf in (tree.one, *tree.more)] == [[1, 2], [1], [3]]
 
 
 def test_a_stamp_that_is_missing_is_now_and_one_that_is_there_stays() -> None:
