@@ -63,6 +63,8 @@ async def test_from_keys_to_a_rollout(tmp_path: Path) -> None:
         shown = await run("rollout", "show", rid)
         assert "metaros 2.0.0: running" in shown
         assert "sim_1  updating" in shown
+        found = json.loads(await run("rollout", "show", rid, "-o", "json"))
+        assert (found["id"], found["state"], found["members"][0]["robot"]) == (rid, "running", "sim_1")
         assert (await run("rollout", "abort", rid, "--reason", "enough")).endswith(": aborted\n")
 
         await run("update", "sign", "people", "root", "--rotate", "--replace", "root-2", *asked, offline=True)

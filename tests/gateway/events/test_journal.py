@@ -175,18 +175,21 @@ async def test_of_too_many_the_number_is_kept_and_a_long_one_is_cut(tmp_path: Pa
 
 async def test_while_the_store_is_away_events_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "RETRY_S", 0.01)
+    monkeypatch.setattr(module, "GATHER_S", 0.0)
     async with open_journal(tmp_path) as journal:
-        real, away = journal._database.run, [True]
+        real, away, tries = journal._database.run, [True], 0
 
         async def run(job: Callable[[Any], Any]) -> Any:
+            nonlocal tries
             if away[0]:
+                tries += 1
                 raise StoreError("the disk is full")
             return await real(job)
 
         monkeypatch.setattr(journal._database, "run", run)
         journal.emit("robot.online", "r1")
         journal.emit("robot.offline", "r1")
-        await asyncio.sleep(0)
+        await wait_until_async(lambda: tries >= 2, every_s=0.001)  # it tries again by itself
         assert journal.waiting == 2
         away[0] = False
         await stored(journal, 2)

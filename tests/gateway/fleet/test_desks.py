@@ -22,7 +22,7 @@ from gateway.errors import (
     UnknownRobotError,
 )
 from gateway.fleet.commands import LOOKS_PER_ROBOT, PENDING_PER_ROBOT, CommandDesk
-from gateway.fleet.desk import FleetDesk
+from gateway.fleet.desk import MAX_TIMEOUT_S, FleetDesk
 from gateway.fleet.teleop import TWIST_STAMPED, TeleopDesk
 from gateway.fleet.typed import is_large
 from gateway.fleet.types import TypeBook, full_type_name
@@ -101,6 +101,15 @@ async def test_what_is_long_is_encoded_in_a_thread_and_goes_before_what_was_said
                 group.create_task(work)
         sizes = [getattr(frame.command, kind).ByteSize() > 50_000 for frame in bot.frames]
         assert (sizes, long.threads == loop, short.threads == loop) == ([True, False], False, True), kind
+
+
+@pytest.mark.parametrize("timeout_s", [0.0, -1.0, MAX_TIMEOUT_S + 1, float("nan")])
+async def test_a_call_without_end_or_time_is_refused_before_its_robot(timeout_s: float) -> None:
+    bot, commands, _, clock = rig()
+    fleet = FleetDesk(bot.find, commands, LeaseTable(valid_s=3.0), clock=clock)
+    with pytest.raises(InvalidRequestError, match="timeout_s is more than 0 and at most"):
+        await fleet.call("r1", "/a", type_name="std_srvs/srv/Trigger", request={}, timeout_s=timeout_s)
+    assert bot.frames == []
 
 
 @pytest.mark.parametrize(

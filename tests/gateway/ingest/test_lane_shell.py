@@ -7,6 +7,7 @@ import gc
 import logging
 import sys
 from collections.abc import AsyncIterator
+from types import SimpleNamespace
 from typing import Any
 
 import grpc
@@ -15,9 +16,15 @@ import pytest_asyncio
 from websockets.asyncio.client import connect
 from websockets.typing import Subprotocol
 
+from gateway.domain.identity import Peer
+from gateway.errors import ProtocolError
+from gateway.ingest.knocks import Knocks
+from gateway.ingest.lane_shell import LaneGoneError, serve_lane
 from gateway.ingest.links import Lane, Links
 from gateway.main import Ready
 from metaros._proto import link_pb2, link_pb2_grpc
+from metaros.clock import ManualClock
+from metaros.limits import LIMITS
 from tests.gateway.harness import CONTROL, ScriptedAgent, client, running_gateway
 from tests.support.processes import started
 from tests.support.waiting import wait_until_async
@@ -111,6 +118,24 @@ async def test_a_socket_cut_while_frames_are_written_to_it(
     socket.transport.abort()
     await wait_until_async(lambda: "the socket is gone" in caplog.text)
     assert complaints(caplog) == []
+
+
+async def test_whoever_takes_not_even_the_last_words_is_cut() -> None:
+    links: Any = SimpleNamespace(knocks=Knocks(clock=ManualClock(), limits=LIMITS))
+
+    async def read() -> link_pb2.AgentFrame:
+        return link_pb2.AgentFrame(heartbeat=link_pb2.Heartbeat())
+
+    for taken in (True, False):
+        told: list[str] = []
+
+        async def write(frame: link_pb2.GatewayFrame, *, taken: bool = taken, told: list[str] = told) -> None:
+            told.append(frame.goodbye.code)
+            if not taken:
+                raise LaneGoneError("nobody is left")
+
+        assert await serve_lane(links, read, write, peer=Peer(address="a")) is taken
+        assert told == [ProtocolError.code]
 
 
 async def test_what_is_no_frame_fills_no_log(ready: Ready, caplog: pytest.LogCaptureFixture) -> None:

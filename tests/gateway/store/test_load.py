@@ -86,6 +86,12 @@ def test_chunks_are_read_once_and_the_cache_is_bounded(engine: StoreEngine, obje
         loader.load(engine, run)
     assert counting.reads > 9
     assert loader._cache._size_bytes <= 35_000
+    kept, size_bytes = dict(loader._cache._chunks), loader._cache._size_bytes
+    for key in kept:
+        loader._cache.put(key, b"read twice at once")
+    assert (dict(loader._cache._chunks), loader._cache._size_bytes) == (kept, size_bytes)
+    whole = loader.load(engine, runs[0])
+    assert whole.cut(1, 1) is whole
     small = RunLoader(counting, cache_bytes=10)
     small.load(engine, runs[0])
     assert small._cache._size_bytes == 0

@@ -83,8 +83,9 @@ def test_one_robots_write_that_breaks_the_commit_is_refused(tmp_path: Path, capl
     assert sum("nobody foresaw" in record.message for record in caplog.records) >= 1
 
 
+@pytest.mark.parametrize("error", [MemoryError("no memory"), StoreError("the disk is full")])
 def test_commits_that_all_break_are_a_failed_commit(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
     """Every robot is told to send again, nothing is acknowledged, and afterwards all is stored."""
     caplog.set_level(logging.ERROR)
@@ -94,13 +95,19 @@ def test_commits_that_all_break_are_a_failed_commit(
 
     def commit(self: Committer, writes: Sequence[Write], *, now_ns: int) -> Committed:
         if broken:
-            raise MemoryError("no memory")
+            raise error
         return whole(self, writes, now_ns=now_ns)
 
     monkeypatch.setattr(Committer, "commit", commit)
-    rig.writer.start()
     rig.writer.submit(run_write(1, [b"x"], robot="one"))
     rig.writer.submit(run_write(1, [b"x"], robot="two"))
+    job = rig.writer.run(lambda engine: "ran")
+    rig.writer.start()
+    if isinstance(error, StoreError):  # of the disk, not of what the robots sent
+        with pytest.raises(StoreError, match="^the store cannot commit: the disk is full"):
+            job.result(WAIT_S)
+    else:
+        assert job.result(WAIT_S) == "ran"
     wait_until(lambda: {getattr(write, "robot", "") for write in rig.refused} == {"one", "two"})
     assert rig.marks == {}
     broken = False

@@ -176,6 +176,17 @@ def test_facts_and_teaching_come_again_in_a_replay(tmp_path: Path) -> None:
     assert world.dump() == dump
 
 
+def test_a_robot_that_was_forgotten_is_learned_anew(tmp_path: Path) -> None:
+    world = plain(tmp_path, [wave(write(1, 50, series=SERIES)), wave(write(1, 50, robot="r2", series=SERIES))])
+    world.turn(["forget", "r1"])
+    assert world.judged() == {}
+    again = wave(write(51, 50, series=SERIES))
+    world.ahead(again)
+    world.commit(again)
+    world.settle()
+    assert set(world.judged()) == set(SERIES)
+
+
 def test_an_unknown_fact_ends_its_turn_and_nothing_else(tmp_path: Path) -> None:
     world = World(tmp_path)
     world.start()
