@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from metaros.cli.launch_plan import Place, launches
+import pytest
+
+from metaros.cli.launch_plan import PROGRAM, Place, check_exists, launches
+from metaros.errors import ConfigError
 from metaros.supervise.table import parse_table
 
 
@@ -22,3 +25,12 @@ def test_a_node_starts_after_the_last_of_those_it_comes_after(tmp_path: Path) ->
     planned = launches(table, Place(zenoh_port=7447, domain=0, log_dir=tmp_path))
     stages = {launch.name: launch.stage for launch in planned}
     assert stages == {"base": 0, "log": 0, "lidar": 1, "map": 2, "drive": 3, "arm": 3}
+
+
+def test_a_driver_is_looked_up_among_the_kinds_of_drivers_and_nothing_else_of_its_row(tmp_path: Path) -> None:
+    text = '[[node]]\nname = "host"\ndriver = "host_metrics"\n[[node]]\nname = "late"\nmodule = "there.is.none"\n'
+    table = parse_table(text, tmp_path / "robot.toml")
+    with pytest.raises(ConfigError, match=r"'late': module: there is no module 'there\.is\.none'"):
+        check_exists(table)
+    host = launches(table, Place(zenoh_port=7447, domain=0, log_dir=tmp_path))[0].argv
+    assert host[: len(PROGRAM) + 2] == (*PROGRAM, "driver", "host_metrics")

@@ -18,13 +18,13 @@ import pytest
 
 from gateway import settings
 from metaros.cli import up_decide, up_plan, up_run
-from metaros.cli.instance import DataDir, running_instances
+from metaros.cli.instance import DataDir, Instance, StateFile, open_data_dir, running_instances
 from metaros.cli.options import DEFAULT_ZENOH_PORT
 from metaros.cli.up_decide import UpOptions
 from metaros.cli.up_plan import Plan
 from metaros.cli.up_screen import Screen
 from metaros.clock import SystemClock, system_rng
-from metaros.errors import UnavailableError
+from metaros.errors import ConfigError, UnavailableError
 from metaros.supervise import Launch
 from tests.support.ports import free_port
 from tests.support.waiting import wait_until_async
@@ -115,6 +115,43 @@ async def test_whose_ports_are_taken_every_time_gives_up(
         await start(lambda plan: plan.http_port, thefts=99)
     assert capsys.readouterr().out.count("starting again with others") == up_run.STARTS - 1
     assert running_instances() == []
+
+
+async def test_data_that_lie_elsewhere_are_told_before_anything_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("METAROS_RUNTIME_DIR", str(tmp_path / "runtime"))
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "share"))
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+
+    def decide(options: UpOptions, data: DataDir, screen: Screen, *, lost: Sequence[int]) -> Plan:
+        raise ConfigError(f"nothing to start in {data.path.name}")
+
+    monkeypatch.setattr(up_run, "decide", decide)
+    clock = SystemClock()
+    first = open_data_dir(None)
+    with pytest.raises(ConfigError, match="in instance-2"):
+        await up_run.run(UpOptions(), Screen(clock=clock), clock=clock, rng=system_rng())
+    said = f"another `metaros up` uses {first.path}: this one keeps its data in {first.path / 'instance-2'}"
+    assert said in capsys.readouterr().out
+    first.lock.close()
+
+
+async def test_what_is_not_ready_in_time_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("METAROS_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(up_run, "START_TIMEOUT_S", 0.0)
+    clock = SystemClock()
+    options = UpOptions(robots=0, host_robot=False, zenoh_port=free_port(), data_dir=tmp_path / "data")
+    data = open_data_dir(options.data_dir)
+    state = StateFile()
+    plan = up_decide.decide(options, data, Screen(clock=clock), lost=[])
+    claimed: Instance = up_run.claim(plan, clock)
+    up = up_run._Up(plan, claimed, state, Screen(clock=clock), clock=clock, rng=system_rng(), lost=None)
+    with pytest.raises(UnavailableError, match="the robots not ready after 0 s") as late:
+        await up._step("the robots", lambda: False)
+    assert f"logs: {plan.log_dir}" in str(late.value)
+    state.close()
+    data.lock.close()
 
 
 def test_who_moves_takes_no_port_that_a_gateway_opens_by_itself() -> None:

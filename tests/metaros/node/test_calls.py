@@ -16,6 +16,7 @@ import metaros
 from metaros.errors import ClosedError, PeerError, TimeoutError_, UnavailableError, UsageError
 from metaros.interfaces.example_interfaces.srv import AddTwoInts
 from metaros.interfaces.std_srvs.srv import Trigger
+from metaros.node.call import Call
 from tests.support.waiting import wait_until
 
 
@@ -237,3 +238,16 @@ def test_a_callback_that_blocks_delays_calls_and_loses_none(server, client_node,
             client.call(AddTwoInts.Request(), timeout_s=held_s)
         gate.set()
         assert [future.result(60).sum for future in futures] == list(range(100))
+
+
+def test_who_asks_to_be_woken_after_the_end_is_woken_at_once():
+    woken: list[str] = []
+    call = Call("/add", 1, bytes(16), 60.0)
+    call.when_finished(lambda: woken.append("before"))
+    assert woken == []
+    call.cancel()
+    assert woken == ["before"]
+    call.when_finished(lambda: woken.append("after"))
+    assert woken == ["before", "after"]
+    with pytest.raises(PeerError, match="the call of /add was cancelled"):
+        call.outcome()

@@ -113,6 +113,13 @@ def test_frames_that_are_sound_and_say_nonsense_are_counted() -> None:
     assert epochs[-1].status == 0
 
 
+def test_sentences_of_other_kinds_are_left_unread() -> None:
+    counts: Counter[str] = Counter()
+    assert len(read(nmea_frame("GPQQQ,no,such,sentence") + nmea_epoch(5), counts)) == 1
+    assert counts["frames"] == 1 + nmea_epoch(5).count(b"$")
+    assert counts["bad_messages"] == 0
+
+
 def test_noise_between_epochs_costs_none_of_them() -> None:
     rng = Random(3)
     reader = EpochReader(lambda *_: None)

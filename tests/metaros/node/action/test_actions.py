@@ -215,6 +215,9 @@ def test_deferred_goals_run_one_after_the_other(serve):
     assert order == [0, 1, 2]
     with pytest.raises(UsageError, match="started before"):
         waiting[0].execute()
+    server.run_plain(waiting[0])  # as a thread does whose goal ended just before it began
+    assert order == [0, 1, 2]
+    assert waiting[0].status is GoalState.SUCCEEDED
 
 
 def test_a_deferred_goal_may_be_dropped_or_cancelled_before_it_begins(serve):
