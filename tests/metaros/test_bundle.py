@@ -109,6 +109,14 @@ def test_a_link_in_a_bundle_is_refused(tmp_path: Path) -> None:
         read_bundle(path)
 
 
+def test_a_member_that_is_not_packed_by_deflate_is_refused(tmp_path: Path) -> None:
+    path = make_bundle(tmp_path)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("files/a", b"x", compress_type=zipfile.ZIP_BZIP2)
+    with pytest.raises(BundleError, match="'files/a' is packed otherwise than by deflate"):
+        read_bundle(path)
+
+
 def test_a_member_whose_checksum_does_not_hold(tmp_path: Path) -> None:
     path = make_bundle(tmp_path, members={WHEEL: b"wheel " * 10})
     data = bytearray(path.read_bytes())

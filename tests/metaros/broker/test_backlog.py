@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 
 from metaros.broker.backlog import Backlog
 
@@ -22,6 +23,26 @@ def test_bytes_are_bounded_and_the_newest_is_kept() -> None:
         backlog.put(name, size)
     assert backlog.take() == "huge"
     assert backlog.dropped == 3
+
+
+def test_what_the_reader_takes_while_the_writer_makes_room_is_not_dropped() -> None:
+    taken: list[int | None] = []
+
+    class Overtaken(deque[tuple[int, int]]):
+        """The reader takes everything, once, between the writer's look at the length and its own taking."""
+
+        def popleft(self) -> tuple[int, int]:
+            if not taken:
+                taken.append(None)
+                taken.extend(iter(backlog.take, None))
+            return super().popleft()
+
+    backlog: Backlog[int] = Backlog(depth=1)
+    backlog._items = Overtaken()
+    backlog.put(1, 10)
+    backlog.put(2, 10)
+    assert taken[1:] == [1, 2]
+    assert (len(backlog), backlog.dropped, backlog.size_bytes) == (0, 0, 0)
 
 
 def test_two_threads_lose_nothing_uncounted() -> None:

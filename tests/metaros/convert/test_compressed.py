@@ -70,7 +70,17 @@ def test_a_bomb_is_refused_by_its_header_alone() -> None:
 
 @cases(
     "data",
-    [b"", b"GIF89a", b"\xff\xd8\xff", b"\xff\xd8\xff\xe0\0\0", PNG_HEAD, PNG_HEAD + bytes(8), b"\xff\xd8\xff\xd9"],
+    [
+        b"",
+        b"GIF89a",
+        b"\xff\xd8\xff",
+        b"\xff\xd8\xff\xe0\0\0",
+        b"\xff\xd8\xff\xe0\0\0" + bytes(16),  # a segment shorter than its own length
+        b"\xff\xd8\xff\xe0\0\1" + bytes(16),
+        PNG_HEAD,
+        PNG_HEAD + bytes(8),
+        b"\xff\xd8\xff\xd9",
+    ],
 )
 def test_what_is_no_image_file_is_a_decode_error(data: bytes) -> None:
     with pytest.raises(DecodeError):

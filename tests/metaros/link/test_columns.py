@@ -79,6 +79,13 @@ def test_columns_of_different_length_cannot_be_packed() -> None:
         pack_metrics(1, 1, [1], [1, 2], [1.0])
 
 
+def test_metrics_on_a_stream_of_samples_are_refused() -> None:
+    frame = pack_metrics(1, 1, [1], [1], [1.0])
+    frame.stream_id = 7
+    with pytest.raises(FrameError, match="stream 7 carries samples, not metrics"):
+        unpack_metrics(frame)
+
+
 def test_series_zero_is_refused() -> None:
     with pytest.raises(FrameError, match="series ids"):
         unpack_metrics(pack_metrics(1, 1, [1, 0], [1, 2], [1.0, 2.0]))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
-from mcap.writer import Writer
+from mcap.writer import IndexType, Writer
 from rosbags.highlevel import AnyReader
 
 from metaros.errors import ConfigError, RecordingError
@@ -14,6 +15,7 @@ from metaros.interfaces.geometry_msgs.msg import Point
 from metaros.interfaces.std_msgs.msg import Char, String
 from metaros.record import BagOptions, open_bag, rewrite
 from tests.support.bags import START_NS, SmallDisk, arrivals, write_bag
+from tests.support.tables import cases
 
 
 def strings(count: int = 100) -> list:
@@ -114,6 +116,52 @@ def test_a_damaged_chunk_is_named_and_passed_over(tmp_path: Path) -> None:
     assert 0 < done.messages < 100
     with (tmp_path / "sound.mcap").open("rb") as file:
         assert sum(1 for _ in make_reader(file, validate_crcs=True).iter_messages()) == done.messages
+
+
+def test_a_compression_that_nobody_knows_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    write_bag(path, strings(3))
+    path.write_bytes(path.read_bytes().replace(b"\x04\0\0\0zstd", b"\x04\0\0\0zst9"))  # the chunk's and the index's
+    bag = open_bag(path)
+    assert bag.files[0].damage == ""
+    with pytest.raises(RecordingError, match=r"the chunk at byte \d+ is damaged: unknown compression 'zst9'"):
+        list(bag.messages())
+
+
+@cases(
+    ("options", "messages"),
+    [
+        ({}, 1),
+        ({"use_statistics": False}, 1),  # a summary without the counts is none
+        (
+            {
+                "index_types": IndexType.NONE,
+                "repeat_channels": False,
+                "repeat_schemas": False,
+                "use_statistics": False,
+                "use_summary_offsets": False,
+            },
+            1,
+        ),  # the file is closed, and has no summary at all
+        ({"use_chunking": False}, 0),  # it counts one message, and says of no chunk where that is
+    ],
+)
+def test_a_summary_that_does_not_say_enough_is_not_believed(
+    options: dict[str, Any], messages: int, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, **options)
+        writer.start("ros2")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data\n")
+        channel = writer.register_channel("/c", "cdr", schema)
+        (_arrival, payload), *_rest = strings(1)
+        writer.add_message(channel, 5, payload, 4, 1)
+        writer.finish()
+    bag = open_bag(path)
+    assert bag.files[0].damage == ("no index: the recorder did not close the file" if options else "")
+    assert [message.decode().data for message in bag.messages()] == ["hello 0"] * messages
+    assert bag.message_count == messages
 
 
 def test_what_is_no_recording(tmp_path: Path) -> None:

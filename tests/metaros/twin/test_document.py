@@ -71,6 +71,10 @@ def test_an_absent_section_is_none_and_an_empty_one_is_not() -> None:
         ({"nodes": {"a b": {"allowed": "x"}}}, "nodes['a b']: letters, digits and _"),
         ({"nodes": {"a": {"allowed": "x", "after": ["b"]}}}, "nodes.a.after: there is no node 'b'"),
         (
+            {"nodes": {"lidar": {"allowed": "x"}, "a": {"allowed": "x", "after": ["lidr"]}}},
+            "nodes.a.after: there is no node 'lidr' in this document; did you mean 'lidar'?",
+        ),
+        (
             {"nodes": {"a": {"allowed": "x", "after": ["b"]}, "b": {"allowed": "x", "after": ["a"]}}},
             "nodes: after: a circle",
         ),

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from metaros.errors import FieldError, TokenError
 from metaros.wire import qos
 from metaros.wire.qos import INFINITE_NS, Durability, History, Liveliness, QoSProfile, Reliability, incompatibilities
+from tests.support.tables import cases
 
 PROFILES = st.builds(
     QoSProfile,
@@ -76,6 +77,28 @@ def test_any_text_is_a_profile_or_a_token_error(text):
     except TokenError:
         return
     assert QoSProfile.decode(profile.encode()) == profile.resolved()
+
+
+@cases(
+    ("text", "said"),
+    [
+        ("::,:,:,", "has 5 parts: 6 are required"),
+        ("::,:,:,:,", "lacks the history depth or the liveliness lease"),
+        ("::,2147483648:,:,:,,", "QoS depth 2147483648 is out of range"),
+        ("::,x:,:,:,,", "'x' in a QoS string is no number"),
+        ("9::,:,:,:,,", "9 is no reliability of a QoS string"),
+        (":9:,:,:,:,,", "9 is no durability of a QoS string"),
+        ("::9,:,:,:,,", "9 is no history of a QoS string"),
+        ("::,:,:,:9,,", "9 is no liveliness of a QoS string"),
+    ],
+)
+def test_a_text_that_is_none_says_where(text, said):
+    with pytest.raises(TokenError, match=said):
+        QoSProfile.decode(text)
+
+
+def test_the_largest_depth_is_read():
+    assert QoSProfile.decode("::,2147483647:,:,:,,").depth == 2147483647
 
 
 def test_bounds_are_named():
