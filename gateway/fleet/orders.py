@@ -52,6 +52,7 @@ log = logging.getLogger(__name__)
 
 NOTES = 4096  # of older doors that wait for the store; further ones leave no row
 NOTE_S = 0.2
+NOTE_RETRY_S = 1.0  # while the store takes none
 UNSHOWN = frozenset({"lease_id"})  # whoever reads the history would have the robot: the id is all that a lease asks for
 Local = Callable[[str, Mapping[str, Any]], Awaitable[Any]]  # robot and request; what it answers, as JSON
 
@@ -352,7 +353,7 @@ class OrderDesk:
             except StoreError as error:
                 log.debug("commands wait for the store: %s", error)
                 self._noted.set()
-                await asyncio.sleep(1.0)
+                await asyncio.sleep(NOTE_RETRY_S)
             await asyncio.sleep(NOTE_S)
 
     async def _write_some(self) -> None:

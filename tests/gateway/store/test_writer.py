@@ -104,7 +104,7 @@ def test_commits_that_all_break_are_a_failed_commit(
     job = rig.writer.run(lambda engine: "ran")
     rig.writer.start()
     if isinstance(error, StoreError):  # of the disk, not of what the robots sent
-        with pytest.raises(StoreError, match="^the store cannot commit: the disk is full"):
+        with pytest.raises(StoreError, match=r"^the store cannot commit: the disk is full"):
             job.result(WAIT_S)
     else:
         assert job.result(WAIT_S) == "ran"
