@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import grpc
 import pytest
 
 from gateway.announce import ready_line, write_status
+from gateway.api.grpc.authenticate import Gate
 from gateway.domain.principal import Role
+from gateway.errors import StoreError
 from gateway.main import Ready
 from gateway.settings import Settings
 from metaros._proto import fleet_pb2, fleet_pb2_grpc
+from metaros.clock import ManualClock
 from metaros.limits import LIMITS
 from tests.gateway.harness import RING, ScriptedAgent, client, running_gateway
 from tests.support.certificates import make_certificate
@@ -157,3 +161,29 @@ async def test_a_robot_that_is_driven_stops_with_the_stream(tmp_path: Path, atte
                     assert dict(caught.value.trailing_metadata() or ())["metaros-code"] == "bad_credentials"
             async with client(ready) as http:
                 assert (await http.get("/api/v1/robots/sim_1")).json()["lease"] is None, how
+
+
+async def test_what_is_done_is_answered_though_the_audit_log_cannot_take_it(caplog: pytest.LogCaptureFixture) -> None:
+    told: list[tuple[str, int]] = []
+    method = "/metaros.v1.FleetService/SendCommand"
+    key = RING.add(role=Role.OPERATOR)
+
+    async def record(**_facts: Any) -> None:
+        raise StoreError("it is away")
+
+    services: Any = SimpleNamespace(
+        clock=ManualClock(),
+        door=RING,
+        audit=SimpleNamespace(check_room=lambda: None, record=record),
+        rates=SimpleNamespace(check=lambda *_: None, take=lambda *_: None),
+        operations=SimpleNamespace(
+            meters=SimpleNamespace(rpc=lambda name, status, seconds: told.append((name, status)))
+        ),
+    )
+    context: Any = SimpleNamespace(peer=lambda: "ipv4:127.0.0.1:5", invocation_metadata=lambda: known_by(key))
+    async with Gate(lambda: services).call(method, context) as call:
+        call.require("r1")
+    assert told == [(method, 200)]
+    assert [(one.levelname, one.getMessage()) for one in caplog.records] == [
+        ("WARNING", f"the audit log has no row of {method}: it is away")
+    ]
