@@ -91,23 +91,22 @@ def test_arrays_are_always_aligned(count: int, frame: str, shift: int) -> None:
 
 def test_large_fixed_arrays_lie_where_the_standard_says() -> None:
     """Those over 512 bytes are no part of a run of small fields, in the encoder and in the decoder."""
-    catalogue = learnt("int8 a\nfloat64[65] b\nbool[513] c\nint8 d")
+    catalogue = learnt("int8 a\nfloat64[65] b\nint8 c\nbool[513] d\nint32 e")
     cls = message_class("p/msg/N", catalogue)
     numbers, flags = [n / 2 for n in range(65)], [n % 3 == 0 for n in range(513)]
-    parts = (b"\x05" + bytes(7), numbers, bytes(flags) + b"\x06")
     little, big = (
-        header + parts[0] + struct.pack(f"{order}65d", *parts[1]) + parts[2]
-        for header, order in ((LITTLE, "<"), (b"\0\0\0\0", ">"))
+        head + b"\5" + bytes(7) + struct.pack(f"{order}65d", *numbers) + b"\6" + bytes(flags) + bytes(2) + last
+        for head, order, last in ((LITTLE, "<", b"\7\0\0\0"), (b"\0\0\0\0", ">", b"\0\0\0\7"))
     )
-    message = cls(a=5, b=numbers, c=flags, d=6)
-    assert codec(cls).encode(message) == little
+    good = {"a": 5, "b": numbers, "c": 6, "d": flags, "e": 7}
+    assert codec(cls).encode(cls(**good)) == little
     for data in (little, big):
         found = codec(cls).decode(data)
-        assert (found.a, found.b.tolist(), found.c.tolist(), found.d) == (5, numbers, flags, 6)
+        assert (found.a, found.b.tolist(), found.c, found.d.tolist(), found.e) == (5, numbers, 6, flags, 7)
         with pytest.raises(DecodeError):
             codec(cls).decode(data[:-1])
-    for name, values in (("b", numbers[1:]), ("c", [*flags, True])):
-        wrong = cls(a=5, b=numbers, c=flags, d=6)
+    for name, values in (("b", numbers[1:]), ("d", [*flags, True])):
+        wrong = cls(**good)
         setattr(wrong, name, values)
         with pytest.raises(FieldError, match=f"{name}: {len(values)} elements, exactly"):
             codec(cls).encode(wrong)

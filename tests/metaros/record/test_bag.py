@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import IndexType, Writer
 from rosbags.highlevel import AnyReader
@@ -126,6 +127,18 @@ def test_a_compression_that_nobody_knows_is_named(tmp_path: Path) -> None:
     assert bag.files[0].damage == ""
     with pytest.raises(RecordingError, match=r"the chunk at byte \d+ is damaged: unknown compression 'zst9'"):
         list(bag.messages())
+
+
+def test_a_file_whose_end_is_no_footer_is_read_from_its_beginning(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    write_bag(path, strings(3))
+    data = bytearray(path.read_bytes())
+    assert data[-37] == Opcode.FOOTER
+    data[-37] = Opcode.DATA_END  # a sound record of that length, which does not say where the summary is
+    path.write_bytes(data)
+    bag = open_bag(path)
+    assert bag.files[0].damage == "no index: the recorder did not close the file"
+    assert [message.sequence for message in bag.messages()] == [1, 2, 3]
 
 
 @cases(
