@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -49,6 +51,27 @@ def test_an_interrupted_cut_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("of somebody else")
     assert list(Shelf(tmp_path)) == []
     assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+
+
+WRONG: list[dict[str, Any]] = [
+    {"size_bytes": "4"},
+    {"made_ns": -1},
+    {"messages": True},
+    {"sha256": "00"},
+    {"failed": None},
+    {"more": 1},
+    {"recording_id": ident(0)},
+]
+
+
+def test_facts_that_are_not_of_their_kind_are_thrown_away(tmp_path: Path) -> None:
+    whole = put(Shelf(tmp_path), 0)
+    facts = json.loads((tmp_path / f"{ident(0)}.json").read_text())
+    for number, wrong in enumerate(WRONG, 1):
+        (tmp_path / f"{ident(number)}.json").write_text(json.dumps({**facts, "recording_id": ident(number), **wrong}))
+        (tmp_path / f"{ident(number)}.mcap").write_bytes(b"clip")
+    assert list(Shelf(tmp_path)) == [whole]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [f"{ident(0)}.json", f"{ident(0)}.mcap"]
 
 
 def test_a_file_that_changed_is_told_as_failed(tmp_path: Path) -> None:

@@ -441,3 +441,29 @@ async def test_a_frame_that_lay_in_a_buffer_gives_nothing(shared: Rig) -> None:
     await shared.desk.verb("a", "restart")  # goes the same way, after them
     await shared.until("a", state="running")
     assert shared.node("m")["why"] == "no lease"
+
+
+async def test_what_is_not_to_be_had_is_asked_for_ever_more_seldom(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    desk, timeout = Rig(tmp_path).desk, asyncio.timeout
+    waits: list[float | None] = []
+    all_passed = asyncio.Event()
+
+    def passing(wait_s: float | None) -> asyncio.Timeout:
+        """Each wait is over at once, but for the last two."""
+        waits.append(wait_s)
+        if len(waits) >= 9:
+            all_passed.set()
+        return timeout(0.0 if 1 < len(waits) < 9 else None)
+
+    monkeypatch.setattr(asyncio, "timeout", passing)
+    await desk.set_nodes({"n": {"bundle": "b", "version": "9.0"}})
+    keeping = asyncio.create_task(desk._keep())
+    await all_passed.wait()
+    all_passed.clear()
+    await desk.set_nodes({"n": {"bundle": "b", "version": "9.0"}})
+    await all_passed.wait()
+    keeping.cancel()
+    await asyncio.gather(keeping, return_exceptions=True)
+    assert waits == [None, 5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 300.0, 300.0, 5.0]  # told anew, it begins anew

@@ -252,3 +252,24 @@ def test_a_pool_needs_a_thread():
     with pytest.raises(UsageError, match="thread"):
         MultiThreadedExecutor(threads=0)
     assert MultiThreadedExecutor().threads >= 2
+
+
+def test_what_a_worker_takes_after_the_stop_is_left_to_the_next_executor(node):
+    heard: list[int] = []
+    box = node.listen("a", lambda item: heard.append(item.value))
+    first, group = MultiThreadedExecutor(threads=1), MutuallyExclusiveCallbackGroup()
+    box.pending.append(Item("a", 1))
+    box.queued = True  # it was taken off its desk
+    first.shutdown()
+    job = pool._Job(box, group)
+    assert group.enter(job)
+    first._jobs.put(job)
+    first._jobs.put(None)
+    first._labour()  # as one of its threads does
+    assert (heard, len(box.pending)) == ([], 1)
+    assert group.enter(job)  # its place in the group is free again
+    following = SingleThreadedExecutor()
+    following.add_node(node)
+    following.spin_once(0)
+    assert heard == [1]
+    following.shutdown()
