@@ -312,3 +312,60 @@ def test_an_alert_that_was_deleted_is_stored_again() -> None:
     book.clashed(change, None, NOW)
     ((alert, told),) = stored(book)
     assert (alert.revision, told) == (0, ("escalated",))
+
+
+def elsewhere_opened(book: Book, **more: Any) -> Alert:
+    """The next alert of the same cause, which another gateway opened of a series of its own: "b"."""
+    other = make()
+    other.apply([opened(series="b", **more)], NOW)
+    return replace(only(other), id="0" * 26, gateway="g2", revision=3)
+
+
+def resolved_while_it_goes_on() -> Book:
+    """A book whose alert somebody resolved, and whose finding is not over."""
+    book = make()
+    book.apply([opened()], NOW)
+    stored(book)
+    book.learn(known(book, state="resolved", resolved_ns=NOW + S, resolved_by="eve"), NOW + S)
+    assert book.of("r1") == ()
+    return book
+
+
+def test_what_goes_on_belongs_to_the_alert_that_another_gateway_opened_next() -> None:
+    book = resolved_while_it_goes_on()
+    book.learn(elsewhere_opened(book), NOW + 2 * S)
+    assert (only(book).id, book.unresolved) == ("0" * 26, 1)
+    book.apply([cleared(series="b")], NOW + 3 * S)
+    assert only(book).clear_ns == 0
+    book.apply([cleared()], NOW + 4 * S)
+    assert only(book).clear_ns == NOW + 4 * S
+
+
+def test_of_an_alert_that_another_gateway_opened_next_only_what_was_told_here_is_sure() -> None:
+    for told_again, left in ((True, ["motor.temperature"]), (False, [])):
+        book = resolved_while_it_goes_on()
+        book.adopt("r1", NOW + S)
+        if told_again:
+            book.apply([opened()], NOW + 2 * S)
+        stored(book)
+        theirs = elsewhere_opened(book)
+        mine = replace(theirs.findings[0], finding=opened().finding)
+        book.learn(replace(theirs, findings=(*theirs.findings, mine)), NOW + 3 * S)
+        book.tick(NOW + 200 * S)  # the grace is over
+        alert = only(book)
+        assert [item.finding.series for item in alert.findings if item.active] == left
+        assert (alert.id, alert.clear_ns == 0) == ("0" * 26, told_again)
+
+
+def test_what_another_gateway_stored_of_a_robot_that_is_taken_over_is_in_doubt() -> None:
+    book = make()
+    book.apply([opened()], NOW)
+    stored(book)
+    book.adopt("r1", NOW)
+    book.apply([opened()], NOW)
+    stored(book)
+    theirs = known(book, gateway="g2", severity="error")
+    book.learn(theirs, NOW + S)
+    assert (only(book).severity, only(book).gateway) == ("error", "g1")
+    book.tick(NOW + 120 * S)
+    assert only(book).clear_ns == NOW + 120 * S

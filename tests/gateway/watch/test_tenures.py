@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from gateway.cluster.errors import PeerGoneError
+from gateway.errors import StoreError
 from gateway.store.engine import StoreEngine
 from gateway.store.watch_states import Saved, read_state, take_states
+from gateway.watch import tenures as module
 from gateway.watch.elsewhere import Elsewhere, answers
+from gateway.watch.tenures import Tenures
+from metaros.clock import ManualClock
 from tests.gateway.watch.replicas import open_replicas
 from tests.support.fake_mesh import FakeMeshes
 from tests.support.postgres import PostgresServer
@@ -275,3 +282,35 @@ async def test_questions_and_lessons_go_to_the_gateway_that_judges_the_robot(
         assert await b.watch.learning("r1") == []
         with pytest.raises(PeerGoneError):
             await b.watch.normal(found)
+
+
+async def test_a_store_that_is_away_is_said_once_and_asked_again(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(module, "STEP_S", 0.0)
+    ends = ["away", "away", "full", "", "full"]
+
+    class Away:
+        gateway_id = "a"
+
+        async def run(self, job: Callable[[StoreEngine], Any]) -> Any:
+            if not ends:
+                await asyncio.Event().wait()
+            if end := ends.pop(0):
+                raise StoreError(end)
+            return {}, []
+
+    database: Any = Away()
+    clock, nobody = ManualClock(), cast("Any", SimpleNamespace(here=list))
+    tenures = Tenures(database, nobody, nobody, clock=clock, where=nobody, gained=nobody, lost=nobody)
+    with caplog.at_level(logging.WARNING):
+        running = asyncio.create_task(tenures.run())
+        for _ in range(40):
+            await asyncio.sleep(0)
+            clock.advance(1.0)
+        assert not running.done()
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+    said = "which robots are judged here cannot be stored or read now: "
+    assert [record.message for record in caplog.records] == [said + end for end in ("away", "full", "full")]
+    assert ends == []
