@@ -39,7 +39,8 @@ def loaders(monkeypatch: pytest.MonkeyPatch) -> list[Loader]:
         (["--state-dir=first", "--state-dir", "last"], "last"),
         (["--config", "robot.toml"], "of_the_file"),
         (["--config=robot.toml", "--state-dir", "told"], "told"),
-        (["--state-dirs", "no", "--config", "robot.toml", "--state-dir"], "of_the_file"),
+        (["--state-directory=no", "--config", "robot.toml"], "of_the_file"),
+        (["--config", "robot.toml", "--state-dir"], "of_the_file"),
     ],
 )
 def test_the_agents_own_options_say_whose_state_it_is(

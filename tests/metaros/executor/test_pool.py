@@ -254,10 +254,11 @@ def test_a_pool_needs_a_thread():
     assert MultiThreadedExecutor().threads >= 2
 
 
-def test_what_a_worker_takes_after_the_stop_is_left_to_the_next_executor(node):
+@pytest.mark.parametrize("group_class", [MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup])
+def test_what_a_worker_takes_after_the_stop_is_left_to_the_next_executor(node, group_class):
     heard: list[int] = []
     box = node.listen("a", lambda item: heard.append(item.value))
-    first, group = MultiThreadedExecutor(threads=1), MutuallyExclusiveCallbackGroup()
+    first, group = MultiThreadedExecutor(threads=1), group_class()
     box.pending.append(Item("a", 1))
     box.queued = True  # it was taken off its desk
     first.shutdown()
