@@ -110,7 +110,7 @@ class Failover:
         try:
             await self._look()
             self._plan(group)
-            self._failed = self._failed and self._unsure
+            self._failed = self._failed and (self._unsure or self._writing is not None)
         except StoreError as error:
             self._fail(error)
         self._tell_some()
@@ -180,22 +180,25 @@ class Failover:
             self._send(robot, link_pb2.GatewayFrame(node_leases=frame))
 
     def _offer(self, robot: str) -> None:
-        able = self._able.get(robot, {})
-        self._leases.offer(robot, {unit: able.get(unit.node, False) for unit in self._units_of(robot)})
-
-    def _units_of(self, robot: str) -> list[Unit]:
-        """The migratable nodes that a robot is to have, each with the template that made it one first."""
-        desired = self._book.desired.get(robot)
+        able, units, desired = self._able.get(robot, {}), self._units_of(robot), self._book.desired.get(robot)
+        self._leases.offer(robot, {unit: able.get(unit.node, False) for unit in units})
         if desired is None:
             self._units.pop(robot, None)
+        elif robot in self._able:
+            self._units[robot] = (desired, units)
+
+    def _units_of(self, robot: str) -> list[Unit]:
+        """The migratable nodes that a robot is to have, each with the template that made it one first.
+
+        Whoever asks changes nothing: what `_units` has was offered.
+        """
+        desired = self._book.desired.get(robot)
+        if desired is None:
             return []
         known = self._units.get(robot)
         if known is not None and known[0] is desired:
             return known[1]
-        units = [Unit(self._scope(desired, node), node) for node in _migratable(desired)]
-        if robot in self._able:
-            self._units[robot] = (desired, units)
-        return units
+        return [Unit(self._scope(desired, node), node) for node in _migratable(desired)]
 
     def _scope(self, desired: Desired, node: str) -> str:
         for name in (mark.rpartition("@")[0] for mark in desired.templates):

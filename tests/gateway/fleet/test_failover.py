@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from gateway.domain.robot import Robot
-from gateway.errors import RobotOfflineError
+from gateway.errors import RobotOfflineError, StoreError
 from gateway.fleet.failover import STEP_S, Failover, can_run
 from gateway.fleet.twin_feature import Twins
 from gateway.fleet.twin_plan import Edit
@@ -151,6 +151,30 @@ async def test_a_quarantined_node_moves_once_and_not_in_a_circle(fleet: tuple[Fl
     here.reports("r1")
     here.reports("r2", map={"state": "quarantined", "quarantined": True})
     await here.until({"r2": {"map": 2}}, for_s=20.0)
+
+
+@pytest.mark.parametrize("door", ["run", "read"])
+async def test_while_the_store_is_away_nobody_gets_a_lease_and_it_is_said_once(
+    fleet: tuple[Fleet, Store], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, door: str
+) -> None:
+    here, store = fleet
+    await here.robot(store, "r1")
+    await here.template("all", "", ROW)
+
+    async def away(job: object) -> None:
+        raise StoreError("the disk is full")
+
+    for _ in range(2):
+        with monkeypatch.context() as patched:
+            patched.setattr(store, door, away)
+            here.failover._unsure = True
+            for _ in range(120):
+                await here.step()
+            assert here.failover.holder_of("r1", "map") is None
+        assert [record.message for record in caplog.records if record.name == "gateway.fleet.failover"] == [
+            "leases of migratable nodes cannot be stored or read now: the disk is full"
+        ]
+    await here.until({"r1": {"map": 1}})  # although somebody asked for its holder before it was offered
 
 
 async def test_a_template_over_a_template_makes_no_second_unit(fleet: tuple[Fleet, Store]) -> None:
