@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from gateway.domain.command import CANCELLED, DELIVERED, DONE, EXPIRED, FAILED, ISSUED, Command
+from gateway.domain.command import CANCELLED, DELIVERED, DONE, EXPIRED, FAILED, ISSUED, Command, command_of_wire
 from gateway.fleet import orders as module
 from gateway.fleet.delivery import IMMEDIATE_GRACE_S
 from gateway.fleet.orders import Order
+from metaros._proto import link_pb2
 from metaros.limits import LIMITS
 from tests.gateway.fleet.test_delivery import ANN, ROBOT, World
 
@@ -103,10 +104,18 @@ async def test_who_waits_too_short_has_it_as_it_is_and_who_waits_long_its_end(wo
     assert (await waiting).state == CANCELLED
 
 
-async def test_the_same_order_twice_at_once_is_one_command(world: World) -> None:
+@pytest.mark.parametrize("durable", [True, False])
+async def test_the_same_order_twice_at_once_is_one_command(world: World, durable: bool) -> None:
     desk = world.desks[0]
-    one, two = await asyncio.gather(*(desk.send(order(key="mine"), ANN) for _ in range(2)))
-    assert one == two
+    world.connect(0)
+    sending = asyncio.gather(*(desk.send(order(durable=durable, key="mine"), ANN) for _ in range(2)))
+    await turns()
+    assert world.link is not None
+    (asked,) = [frame.command for frame in world.link.down if frame.HasField("command")]
+    if not durable:
+        desk._commands.on_result(ROBOT, link_pb2.CommandResult(command_id=asked.command_id, ok=True, payload=b"{}"))
+    one, two = await sending
+    assert one.id == two.id == command_of_wire(asked.command_id)
     assert [command.id for command in await desk.list(limit=9)] == [one.id]
 
 
