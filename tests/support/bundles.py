@@ -6,6 +6,8 @@ import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 
+from tests.support.zips import member
+
 __all__ = ["WHEEL", "make_bundle"]
 
 WHEEL = "wheels/lidar_node-1.0.0-py3-none-any.whl"
@@ -24,10 +26,11 @@ def make_bundle(
     """A bundle's file; `extra` is put into its bundle.toml, `manifest` instead of all of it."""
     entry = 'entry = "lidar_node.main:main"\n' if kind == "node" and "command" not in extra else ""
     said = f'format = 1\nname = "{name}"\nkind = "{kind}"\nversion = "{version}"\n{entry}{extra}'
+    files = members if members is not None else {WHEEL: f"wheel of {version}".encode()}
     path = folder / f"{name}-{version}.zip"
     folder.mkdir(parents=True, exist_ok=True)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("bundle.toml", said if manifest is None else manifest)
-        for member, content in (members if members is not None else {WHEEL: f"wheel of {version}".encode()}).items():
-            archive.writestr(member, content)
+        archive.writestr(member("bundle.toml"), said if manifest is None else manifest)
+        for inside, content in files.items():
+            archive.writestr(member(inside), content)
     return path

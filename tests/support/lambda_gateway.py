@@ -23,6 +23,7 @@ from gateway.main import Ready
 from tests.gateway.harness import running_gateway
 from tests.support.plain_http import TRUSTS_NOBODY
 from tests.support.quick_boto import read_documents_once
+from tests.support.zips import member
 
 __all__ = ["HANDLER", "ROLE", "LambdaGateway", "lambda_gateway", "zipped"]
 
@@ -44,7 +45,7 @@ def zipped(source: str = HANDLER, **files: str) -> bytes:
     target = io.BytesIO()
     with zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in {"app": source, **files}.items():
-            archive.writestr(f"{name}.py", text)
+            archive.writestr(member(f"{name}.py"), text)
     return target.getvalue()
 
 

@@ -28,6 +28,7 @@ from tuf.api.metadata import (
 )
 
 from metaros.bundle import Manifest
+from tests.support.zips import member
 
 __all__ = ["Served", "TufRepository", "make_bundle", "make_wheel", "serve", "target_file"]
 
@@ -54,7 +55,7 @@ def zipped(files: dict[str, bytes]) -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in files.items():
-            archive.writestr(name, data)
+            archive.writestr(member(name), data)
     return buffer.getvalue()
 
 
