@@ -110,6 +110,7 @@ class Failover:
         try:
             await self._look()
             self._plan(group)
+            # A store that can be read may refuse the write that has just begun.
             self._failed = self._failed and (self._unsure or self._writing is not None)
         except StoreError as error:
             self._fail(error)

@@ -1,12 +1,12 @@
 /** One alert: what is wrong in words, the values with what was expected, what it groups, what was done, what can be. */
 
-import { useLayoutEffect } from "preact/hooks";
 import { Refusal } from "../admin/modal";
 import { alertsApi, type AlertDetail, type AlertFinding } from "../api/alerts";
 import { now } from "../live/age";
 import { clockTime, dayText, duration } from "../ui/format";
 import { Link } from "../ui/parts";
 import { go, robotHref } from "../ui/url";
+import { useWindowKey } from "../ui/use_window_key";
 import { ActionsCard } from "./actions";
 import { BandCard } from "./band_plot";
 import { ClipCard } from "./clip";
@@ -52,14 +52,10 @@ export function AlertPage({ id }: { id: string }) {
 
 /** Escape leads back to the list, except out of a dialog or a field. */
 function useBackKey(): void {
-  useLayoutEffect(() => {
-    const onKey = (event: KeyboardEvent) => {
-      const busy = document.querySelector("dialog[open], :popover-open") || (event.target instanceof Element && event.target.matches("input, textarea, select"));
-      if (event.key === "Escape" && !busy) go("/alerts");
-    };
-    addEventListener("keydown", onKey);
-    return () => removeEventListener("keydown", onKey);
-  }, []);
+  useWindowKey((event) => {
+    const busy = document.querySelector("dialog[open], :popover-open") || (event.target instanceof Element && event.target.matches("input, textarea, select"));
+    if (event.key === "Escape" && !busy) go("/alerts");
+  });
 }
 
 function QuietNote({ one }: { one: AlertDetail }) {

@@ -1,13 +1,14 @@
 /** The alerts of the last hours: their timeline, filters, and the list, the most urgent first. */
 
 import { useSignal } from "@preact/signals";
-import { useEffect, useLayoutEffect, useMemo, useRef } from "preact/hooks";
+import { useEffect, useMemo, useRef } from "preact/hooks";
 import { Refusal } from "../admin/modal";
 import { alertsApi, type Alert } from "../api/alerts";
 import { saidOf } from "../api/client";
 import { can } from "../api/session";
 import { now } from "../live/age";
 import { place, setParam } from "../ui/url";
+import { useWindowKey } from "../ui/use_window_key";
 import { AlertRow } from "./alert_row";
 import { filterOf, isFiltered, lets, SPANS, STATE_CHOICES, USUAL_SPAN, type Filter } from "./filter";
 import { AlertTimeline } from "./timeline";
@@ -109,28 +110,22 @@ function Rows({ alerts, filter, any, refresh }: { alerts: Alert[]; filter: Filte
   );
 }
 
-/** `j`, `k` and the arrows move the focus along the rows, `a` acknowledges the one that has it; from the first row seen on, not a frame later. */
+/** `j`, `k` and the arrows move the focus along the rows, `a` acknowledges the one that has it. */
 function useListKeys(list: { current: HTMLOListElement | null }, acknowledge: (id: string) => void): void {
-  const latest = useRef(acknowledge);
-  latest.current = acknowledge;
-  useLayoutEffect(() => {
-    const onKey = (event: KeyboardEvent) => {
-      const target = event.target instanceof Element ? event.target : null;
-      if (target?.closest("input, textarea, select, dialog") || event.ctrlKey || event.metaKey || event.altKey || !list.current) return;
-      const links = [...list.current.querySelectorAll<HTMLElement>(".alert-link")];
-      const at = links.findIndex((link) => link.closest("li")?.contains(document.activeElement));
-      const inside = at >= 0;
-      const step = event.key === "j" || (inside && event.key === "ArrowDown") ? 1 : event.key === "k" || (inside && event.key === "ArrowUp") ? -1 : 0;
-      if (step !== 0) {
-        event.preventDefault();
-        links[inside ? Math.max(0, Math.min(links.length - 1, at + step)) : 0]?.focus();
-      } else if (event.key === "a" && inside) {
-        latest.current(links[at]!.closest("li")!.dataset.alertRow!);
-      }
-    };
-    addEventListener("keydown", onKey);
-    return () => removeEventListener("keydown", onKey);
-  }, []);
+  useWindowKey((event) => {
+    const target = event.target instanceof Element ? event.target : null;
+    if (target?.closest("input, textarea, select, dialog") || event.ctrlKey || event.metaKey || event.altKey || !list.current) return;
+    const links = [...list.current.querySelectorAll<HTMLElement>(".alert-link")];
+    const at = links.findIndex((link) => link.closest("li")?.contains(document.activeElement));
+    const inside = at >= 0;
+    const step = event.key === "j" || (inside && event.key === "ArrowDown") ? 1 : event.key === "k" || (inside && event.key === "ArrowUp") ? -1 : 0;
+    if (step !== 0) {
+      event.preventDefault();
+      links[inside ? Math.max(0, Math.min(links.length - 1, at + step)) : 0]?.focus();
+    } else if (event.key === "a" && inside) {
+      acknowledge(links[at]!.closest("li")!.dataset.alertRow!);
+    }
+  });
 }
 
 function Nothing({ filter, any }: { filter: Filter; any: boolean }) {

@@ -101,7 +101,7 @@ function TalkButton({ robot }: { robot: Robot }) {
     [robot.id],
   );
   const online = robot.state === "online";
-  useLayoutEffect(() => {
+  useLayoutEffect(() => { // before it is painted: what starts can be stopped
     const stop = () => talk.letGo();
     const hidden = () => document.hidden && stop();
     addEventListener("blur", stop);

@@ -42,7 +42,7 @@ export function TeleopCard({ robot, namespace, online, lease }: { robot: string;
     thumb.value = null;
     teleop.letGo();
   };
-  useLayoutEffect(() => {
+  useLayoutEffect(() => { // before it is painted: what starts can be stopped
     const hidden = () => document.hidden && stop();
     const escape = (event: KeyboardEvent) => event.key === "Escape" && stop();
     addEventListener("blur", stop);

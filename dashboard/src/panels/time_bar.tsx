@@ -1,7 +1,7 @@
 /** The time bar of a robot: LIVE, or an instant of what is stored, that every panel then shows. */
 
 import { useSignal } from "@preact/signals";
-import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import { can } from "../api/session";
 import type { Recording } from "../api/history_types";
 import { ageText, now } from "../live/age";
@@ -11,6 +11,7 @@ import { pause, play, playing, speed, SPEEDS } from "../history/player";
 import { SPANS, USUAL_SPAN, windowFor, type Window } from "../history/span";
 import { clockTime, dayText, zoneName } from "../ui/format";
 import { place, setParam } from "../ui/url";
+import { useWindowKey } from "../ui/use_window_key";
 import { SaveButton } from "./save_button";
 import { StripView } from "./strip";
 
@@ -71,14 +72,10 @@ function LiveButton({ live }: { live: boolean }) {
 
 /** `l` goes back to LIVE from anywhere on the page, except while somebody types. */
 function useLiveKey(): void {
-  useLayoutEffect(() => {
-    const onKey = (event: KeyboardEvent) => {
-      const typing = event.target instanceof HTMLInputElement || event.target instanceof HTMLTextAreaElement;
-      if (event.key === "l" && !typing && !event.ctrlKey && !event.metaKey && !event.altKey) setMoment(null);
-    };
-    addEventListener("keydown", onKey);
-    return () => removeEventListener("keydown", onKey);
-  }, []);
+  useWindowKey((event) => {
+    const typing = event.target instanceof HTMLInputElement || event.target instanceof HTMLTextAreaElement;
+    if (event.key === "l" && !typing && !event.ctrlKey && !event.metaKey && !event.altKey) setMoment(null);
+  });
 }
 
 function Playing() {

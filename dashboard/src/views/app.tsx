@@ -2,7 +2,7 @@
 
 import { useSignal } from "@preact/signals";
 import type { ComponentType } from "preact";
-import { useEffect, useLayoutEffect } from "preact/hooks";
+import { useEffect } from "preact/hooks";
 import { can, refresh, session, shutOut } from "../api/session";
 import { moment } from "../history/moment";
 import { alertsOpen } from "../live/fleet";
@@ -10,6 +10,7 @@ import type { StreamState } from "../live/stream";
 import { useLive } from "../ui/context";
 import { Link } from "../ui/parts";
 import { place, robotOf } from "../ui/url";
+import { useWindowKey } from "../ui/use_window_key";
 import { AccountMenu } from "./account_menu";
 import { lazy } from "./lazy";
 
@@ -55,19 +56,15 @@ export function App() {
   useEffect(() => {
     if (state === "open" && session.peek() === null) void refresh(); // it did not answer when the page began
   }, [state]);
-  useLayoutEffect(() => {
-    const onKey = (event: KeyboardEvent) => {
-      const typing = event.target instanceof Element && event.target.matches("input, textarea, select");
-      if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
-      if (event.key === "?") help.value = true;
-      const search = document.querySelector<HTMLInputElement>("input[type=search]");
-      if (event.key !== "/" || !search) return;
-      event.preventDefault();
-      search.focus();
-    };
-    addEventListener("keydown", onKey);
-    return () => removeEventListener("keydown", onKey);
-  }, []);
+  useWindowKey((event) => {
+    const typing = event.target instanceof Element && event.target.matches("input, textarea, select");
+    if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.key === "?") help.value = true;
+    const search = document.querySelector<HTMLInputElement>("input[type=search]");
+    if (event.key !== "/" || !search) return;
+    event.preventDefault();
+    search.focus();
+  });
   return (
     <>
       <a class="skip" href="#main">Skip to content</a>
