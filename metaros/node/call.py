@@ -23,9 +23,8 @@ __all__ = ["FOREVER_S", "GRACE_S", "Call", "Reply"]
 
 T = TypeVar("T")
 FOREVER_S: Final = 1e9  # Zenoh wants a number: a generation, for what may take as long as it takes
-# Calls with a callback end by a timeout of ours. Zenoh's, for those that nobody waits for, comes later: it calls back
-# on the one thread that Zenoh's publishers of transient_local topics need for their end, which holds Python's lock:
-# whoever closed such a publisher then, as every node's for /rosout, froze the program for ten seconds.
+# Calls with a callback end by a timeout of ours, always in the same way. Zenoh's, for those that nobody waits for,
+# comes later: it calls back on a thread that advanced publishers of the program's own need for their end (sporadic.py).
 GRACE_S: Final = 0.5
 _TIMED_OUT: Final = "Timeout"  # what Zenoh puts into the error reply it makes itself
 

@@ -11,6 +11,7 @@ from metaros.errors import ClosedError
 from metaros.executor import Ingress
 from metaros.node.arrivals import Arrivals
 from metaros.node.drops import Drops
+from metaros.node.sporadic import SporadicHeartbeats
 from metaros.node.watch import Watch
 from metaros.wire import Graph, WireSession
 
@@ -52,6 +53,7 @@ class Context:
         self.arrivals = Arrivals(self.session, self.ingress)
         self.watch = Watch(self.graph)
         self.drops = Drops(self.session, self.ingress)
+        self.sporadic = SporadicHeartbeats()
         self._nodes: list[Closable] = []
         self._lock = threading.Lock()
 
@@ -98,6 +100,7 @@ class Context:
         self.drops.close()
         self.graph.close()
         self.session.close()
+        self.sporadic.close()
         self.ingress.close()
 
     def __enter__(self) -> Context:

@@ -31,7 +31,6 @@ _log = logging.getLogger("metaros.node")
 _UNDECLARE_TRIES = 2000  # of a millisecond: longer than Zenoh blocks a put before it gives up
 _BUFFERS = (bytes, bytearray, memoryview)
 _LARGE = LIMITS.shared_memory_threshold_bytes
-_HEARTBEAT_S = 0.5  # how soon a transient_local subscription learns of a sample it missed; rmw_zenoh's figure
 
 
 class Publish(Protocol):
@@ -64,13 +63,26 @@ class RawPublisher(Endpoint):
         session = node.context.session
         publisher = _declare(session.check_open(), self.key, qos)
         self.on_close(lambda: _undeclare(publisher))
+        told = [] if self.events.sent is None else [self.events.sent]
+        if isinstance(publisher, zenoh.ext.AdvancedPublisher) and _reliable(qos):
+            told.append(self._tell_of_the_last_sample(publisher))
         place = _sized(self.topic, None if qos.durability is Durability.TRANSIENT_LOCAL else session.shared_pool)
         publish, retire = _publish(
             self, node.context.clock, publisher.put, message_type=message_type, encode=encode, place=place
         )
-        self.publish = publish if self.events.sent is None else _promising(publish, self.events.sent)
+        for sent in told:
+            publish = _and_note(publish, sent)
+        self.publish = publish
         self.on_close(retire)
         self.announce()
+
+    def _tell_of_the_last_sample(self, publisher: zenoh.ext.AdvancedPublisher) -> Callable[[], None]:
+        """Sporadic heartbeats for as long as it is open; what to call after each sample."""
+        context = self.node.context
+        sent, teller = context.sporadic.follow(context.session.check_open(), publisher)
+        self.on_close(lambda: _undeclare(teller))
+        self.on_close(lambda: context.sporadic.leave(teller))
+        return sent
 
     def assert_liveliness(self) -> None:
         """Say that the publisher lives, without a sample: for manual liveliness with a lease; else needless."""
@@ -99,7 +111,7 @@ class Publisher(RawPublisher):
 
 
 def _declare(session: zenoh.Session, key: str, qos: QoSProfile) -> zenoh.Publisher | zenoh.ext.AdvancedPublisher:
-    reliable = qos.reliability is not Reliability.BEST_EFFORT
+    reliable = _reliable(qos)
     options: dict[str, Any] = {
         "congestion_control": zenoh.CongestionControl.BLOCK if qos.blocks else zenoh.CongestionControl.DROP,
         "priority": getattr(zenoh.Priority, qos.priority.name),
@@ -108,15 +120,18 @@ def _declare(session: zenoh.Session, key: str, qos: QoSProfile) -> zenoh.Publish
     if qos.durability is not Durability.TRANSIENT_LOCAL:
         return session.declare_publisher(key, **options)
     if reliable:
-        options["sample_miss_detection"] = zenoh.ext.MissDetectionConfig(
-            heartbeat=None, sporadic_heartbeat=_HEARTBEAT_S
-        )
+        numbered = zenoh.ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None)  # see sporadic.py
+        options["sample_miss_detection"] = numbered
     cache = zenoh.ext.CacheConfig(max_samples=qos.depth)
     return zenoh.ext.declare_advanced_publisher(session, key, cache=cache, publisher_detection=True, **options)
 
 
-def _promising(publish: Publish, sent: Callable[[], None]) -> Publish:
-    """The same `publish` for a publisher with a deadline or a lease to keep."""
+def _reliable(qos: QoSProfile) -> bool:
+    return qos.reliability is not Reliability.BEST_EFFORT
+
+
+def _and_note(publish: Publish, sent: Callable[[], None]) -> Publish:
+    """The same `publish` for a publisher with a deadline or a lease to keep, or whose samples are counted."""
 
     def publish_and_note(message: Any, *, stamp_ns: int | None = None) -> None:
         publish(message, stamp_ns=stamp_ns)

@@ -139,6 +139,8 @@ def test_kills_of_gateway_and_agent(world: World) -> None:
         ids[number] = world.send(number)
         if number % 3 == 0:
             assert world.send(number) == ids[number], "the same request is the same command"
+        if number in WITHIN:  # else a slow robot comes to it when others have begun, which then are interrupted, too
+            wait_until(lambda number=number: number not in world.triggers)
 
     def settled() -> bool:
         world.revive()
@@ -148,14 +150,13 @@ def test_kills_of_gateway_and_agent(world: World) -> None:
     found = world.of(numbers)
     assert {number: item["id"] for number, item in found.items()} == ids, "nothing is lost, and nothing was added"
     assert max(world.ran.values()) == 1, f"done twice: {[n for n, times in world.ran.items() if times > 1]}"
-    assert not world.triggers, "every trigger was pulled"
     for number, item in found.items():
         ended = (item["state"], item["code"])
         if ended == ("done", ""):
             assert world.ran[number] == 1, f"{number} is said to be done"
             assert item["result"]["sum"] == number + 1
-        else:
-            assert ended == ("failed", "interrupted"), (number, item)
+        else:  # unavailable: so slow a machine that the link to the robot's service was given up
+            assert ended in (("failed", "interrupted"), ("failed", "unavailable")), (number, item)
     interrupted = {number for number, item in found.items() if item["code"] == "interrupted"}
     assert 5 in interrupted, "the agent was killed while it ran"
     assert len(interrupted) < COMMANDS / 2, "most are done"

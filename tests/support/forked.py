@@ -43,5 +43,5 @@ def ended(process: subprocess.Popen[str], *, ready: bool = False) -> tuple[dict[
     out, err = process.communicate(timeout=END_S)
     *lines, codes = out.splitlines()
     found: dict[int, int] = ast.literal_eval(codes)
-    assert lines == ["ready"] * (len(found) if ready else 0), err
+    assert "".join(lines) == "ready" * (len(found) if ready else 0), f"{out}\n{err}"  # unbuffered, lines mix
     return found, err
