@@ -66,6 +66,7 @@ class NodeDesk:
         self._work = asyncio.Event()
         self._rows = _rows_of(ledger.directory)  # as last given: an old one serves until its new bundle is here
         self._trouble = ""
+        self.handed_over = True  # whether the supervisor has, or cannot be given now, what is wanted
 
     # -- the twin's side -------------------------------------------------------------------------------------------
 
@@ -81,7 +82,7 @@ class NodeDesk:
             check_allowed(node, self._settings)
             if node.bundle and self._bundles is None:
                 raise NodeRefusedError(f"{node.name}: this robot takes no bundles: it is not enrolled")
-        self._wanted = wanted
+        self._wanted, self.handed_over = wanted, False
         for name, node in wanted.items():
             if node.bundle:
                 self._trial(node).forgive(node.version)
@@ -157,10 +158,13 @@ class NodeDesk:
             except TimeoutError:
                 again_s = min(2 * again_s, AGAIN_S[1])
             self._work.clear()
-            if self._wanted is None:
+            if (wanted := self._wanted) is None:
                 continue
             try:
-                await self._apply()
+                try:
+                    await self._apply()
+                finally:
+                    self.handed_over = self._wanted is wanted
                 self._say("")
                 if await self._fetch():
                     self._work.set()

@@ -86,6 +86,11 @@ class Applier:
         self._values.want(twin.parameters, twin.lifecycle)
         await self._agent.want(twin.agent_version or None)
 
+    @property
+    def handed_over(self) -> bool:
+        """Whether all that begins later has begun, or cannot now: nodes, which can starve the link when they run."""
+        return self._nodes.handed_over
+
     def reported(self) -> dict[str, Any]:
         """What is really so."""
         report = {

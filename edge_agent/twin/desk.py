@@ -39,6 +39,7 @@ class TwinDesk:
         self._applier = applier
         self._inbox: deque[Callable[[], list[Action]]] = deque(maxlen=WAITING)
         self._wake = asyncio.Event()
+        self._beginning = False  # what is on trial: its time with the link counts from when its nodes have begun
         self.reporter = Reporter(confirm, applier.reported, clock, limits=limits)
 
     # -- the link ---------------------------------------------------------------------------------------------------
@@ -80,6 +81,9 @@ class TwinDesk:
             self._wake.clear()
             while self._inbox:
                 await self._do(self._inbox.popleft()())
+            if self._beginning and self._applier.handed_over:
+                self._beginning = False
+                await self._do(self._confirm.lived())
             await self._do(self._confirm.tick())
             self.reporter.send()
             waits = [wait_s for wait_s in (self._confirm.wait_s(), self.reporter.wait_s()) if wait_s is not None]
@@ -115,6 +119,7 @@ class TwinDesk:
 
     async def _live(self, document: bytes, revision: int) -> list[Action]:
         trial = self._confirm.record.pending is not None
+        self._beginning = False
         try:
             await self._applier.live(document, trial=trial, known=self._confirm.record.seen > 0)
         except MetarosError as error:
@@ -125,4 +130,5 @@ class TwinDesk:
             return self._confirm.failed("twin_failed", f"{type(error).__name__}: {error}")
         if revision:  # before anybody wrote a twin there is nothing to tell
             LOG.info("the robot lives by revision %d of its twin%s", revision, ", on trial" if trial else "")
-        return self._confirm.lived()
+        self._beginning = trial and not self._applier.handed_over
+        return [] if self._beginning else self._confirm.lived()

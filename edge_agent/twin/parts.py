@@ -11,7 +11,11 @@ __all__ = ["AgentVersion", "NoNodes", "NodeTable", "SameVersion"]
 class NodeTable(Protocol):
     """The nodes that the robot runs."""
 
-    changed: Callable[[], None]  # called when `reported` changes
+    changed: Callable[[], None]  # called when `reported` or `handed_over` changes
+
+    @property
+    def handed_over(self) -> bool:
+        """Whether what runs nodes has been given what is wanted, or cannot be given it now."""
 
     async def set_nodes(self, nodes: Mapping[str, Any] | None) -> None:
         """Run these and no others; None: the twin says nothing of nodes. A MetarosError changes nothing."""
@@ -37,6 +41,7 @@ class NoNodes:
 
     def __init__(self) -> None:
         self.changed: Callable[[], None] = lambda: None
+        self.handed_over = True
 
     async def set_nodes(self, nodes: Mapping[str, Any] | None) -> None:
         """Nothing is run."""

@@ -56,6 +56,7 @@ class Supervisor:
 
     def __init__(self) -> None:
         self.changed: Callable[[], None] = lambda: None
+        self.handed_over = True
         self.nodes: dict[str, Any] = {}
 
     async def set_nodes(self, nodes: Mapping[str, Any] | None) -> None:

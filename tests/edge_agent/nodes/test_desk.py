@@ -220,6 +220,9 @@ async def test_without_nodes_there_is_no_supervisor(rig: Rig) -> None:
 
 async def test_what_is_wanted_runs_and_outlives_the_agent(rig: Rig) -> None:
     await rig.desk.set_nodes({"a": {"allowed": "sleep"}, "b": {"allowed": "sleep", "run": False}})
+    assert not rig.desk.handed_over
+    await wait_until_async(lambda: rig.desk.handed_over)
+    assert rig.node("a")["state"] in ("starting", "running")
     pid = (await rig.until("a", state="running"))["pid"]
     assert rig.node("b")["state"] == "stopped"
     supervisor = running_pid(rig.directory)
