@@ -109,13 +109,13 @@ class Arrivals:
                     self._forget(arrival)
 
     def stop(self, recording_id: str) -> None:
-        """Nobody wants it any more; its robot is told, and what has come is deleted."""
+        """Nobody wants it here any more; its robot is told, and what has come is deleted."""
         arrival = self._here.get(recording_id)
         if arrival is not None:
             arrival.transfer.stop()
             if not arrival.running:
                 self._forget(arrival)
-                self._unwanted(arrival.recording.robot, recording_id)
+                self._spawn(self._ended(arrival.recording))
 
     async def tidy(self) -> list[Recording]:
         """Take up whole files whose gateway ended before it could store them; delete those that nobody waits for.
@@ -161,7 +161,7 @@ class Arrivals:
         if asked is None or asked.robot != robot_id or asked.state == FAILED:
             self._unwanted(robot_id, part.recording_id)
         elif asked.state == STORED:
-            self._tell(robot_id, link_pb2.RecordingWanted(recording_id=asked.id, offset=asked.size_bytes, stored=True))
+            self._stored(asked)
         elif part.failed:
             await self._fail(asked, good_code(part.failed), f"robot {robot_id} has no file of it: {part.failed[:200]}")
         elif not 0 < part.size_bytes <= self._limits.recording_bytes or len(part.sha256) != 32:
@@ -241,12 +241,11 @@ class Arrivals:
             arrival.whole = await transfer.run()
             self._next(recording.robot)
             if arrival.whole and await self._keep(arrival):
-                stored = link_pb2.RecordingWanted(recording_id=recording.id, offset=recording.size_bytes, stored=True)
-                self._tell(recording.robot, stored)
+                self._stored(recording)
             elif not arrival.whole and not transfer.cancelled:
                 await self._fail(recording, "corrupt", "the file's checksum did not hold, several times")
             elif not arrival.replaced:
-                self._unwanted(recording.robot, recording.id)
+                await self._ended(recording)
             await self._on_thread(transfer.partial.discard)
         finally:
             arrival.ended.set()
@@ -289,6 +288,22 @@ class Arrivals:
         log.warning("recording %s of robot %s failed: %s", recording.id, recording.robot, message)
         await self._rows.change(recording.id, state=FAILED, code=code, message=message)
         self._unwanted(recording.robot, recording.id)
+
+    async def _ended(self, recording: Recording) -> None:
+        """It is not waited for here any more: deleted, or another gateway has stored it meanwhile."""
+        try:
+            found = await self._rows.get(recording.id)
+        except StoreError as error:
+            log.warning("recording %s: its robot is told with its next offer: %s", recording.id, error)
+            return
+        if found is not None and found.state == STORED:
+            self._stored(found)
+        else:
+            self._unwanted(recording.robot, recording.id)
+
+    def _stored(self, recording: Recording) -> None:
+        told = link_pb2.RecordingWanted(recording_id=recording.id, offset=recording.size_bytes, stored=True)
+        self._tell(recording.robot, told)
 
     def _unwanted(self, robot_id: str, recording_id: str) -> None:
         self._tell(robot_id, link_pb2.RecordingWanted(recording_id=recording_id, unwanted=True))

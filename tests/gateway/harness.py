@@ -268,6 +268,14 @@ class ScriptedAgent:
         series, stamps, values = zip(*rows, strict=True)
         await self.send(metrics=pack_metrics(epoch, first_seq, series, stamps, values))
 
+    async def settled(self, wanted: dict[int, int]) -> None:
+        """Wait until so much of each stream is acknowledged; metric rows are stream 0."""
+        left = dict(wanted)
+        while left:
+            for mark in (await self.next("ack", DATA)).ack.watermarks:
+                if left.get(mark.stream_id, 1 << 62) <= mark.seq:
+                    del left[mark.stream_id]
+
     async def answer(self, command: link_pb2.Command, *, payload: bytes = b"", code: str = "") -> None:
         """Send a command's result."""
         result = link_pb2.CommandResult(

@@ -12,7 +12,7 @@ from gateway.api.rest.times import parse_time
 from gateway.errors import ERRORS, InvalidRequestError
 from gateway.identity.permissions import PERMISSIONS
 from metaros._proto import link_pb2
-from tests.gateway.harness import DATA, ScriptedAgent, channel, client, running_gateway
+from tests.gateway.harness import ScriptedAgent, channel, client, running_gateway
 
 
 async def test_answers_fit_their_models(tmp_path: Path) -> None:
@@ -21,7 +21,7 @@ async def test_answers_fit_their_models(tmp_path: Path) -> None:
         await agent.announce(channel(1, "/sim_1/chatter", "std_msgs/msg/String"), series=series)
         await agent.rows(1, [(1, 5, 1.0), (1, 6, float("nan"))])
         await agent.samples(1, 1, [b"x"])
-        await agent.next("ack", DATA)
+        await agent.settled({0: 2, 1: 1})
         base = "/api/v1/robots/sim_1"
         for path, model in [
             ("/api/v1/robots", models.RobotList),

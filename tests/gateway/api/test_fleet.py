@@ -14,7 +14,7 @@ from gateway.api.models_fleet import GroupList, Snapshot
 from gateway.domain.principal import Role
 from metaros._proto import link_pb2
 from metaros.cdr import codec
-from tests.gateway.harness import DATA, RING, ScriptedAgent, channel, client, running_gateway
+from tests.gateway.harness import RING, ScriptedAgent, channel, client, running_gateway
 
 ROBOTS = "/api/v1/robots"
 STRING = "std_msgs/msg/String"
@@ -52,7 +52,7 @@ async def test_a_snapshot_is_what_comes_and_else_what_is_stored(tmp_path: Path) 
         )
         await agent.rows(1, [(1, 5, 1.5)])
         await agent.samples(2, 1, [text("first"), text("second")])
-        await agent.next("ack", DATA)
+        await agent.settled({0: 1, 2: 2})
         await announced(http, 4)
         looking = asyncio.create_task(http.get(f"{ROBOTS}/r1/snapshot", params={"wait_s": 10}))
         demand = (await agent.next("demand")).demand  # the look makes the robot send what it sends to nobody else

@@ -35,7 +35,7 @@ from metaros.cdr import codec
 from metaros.clock import SystemClock
 from metaros.interfaces.std_msgs.msg import String
 from metaros.limits import LIMITS, Limits
-from tests.gateway.harness import DATA, EPOCH, OPERATOR_KEY, ScriptedAgent, bearer, channel, client, running_gateway
+from tests.gateway.harness import EPOCH, OPERATOR_KEY, ScriptedAgent, bearer, channel, client, running_gateway
 from tests.support.plain_http import TRUSTS_NOBODY
 
 shared = pytest.mark.asyncio(loop_scope="module")
@@ -60,7 +60,7 @@ async def fill(agent: ScriptedAgent) -> None:
         stream_id=1, epoch=EPOCH, from_seq=11, to_seq=15, reason="outbox_full", from_ns=START_NS, to_ns=START_NS + 9
     )
     await agent.send(gap=gap)
-    await settled(agent, {0: 2, 1: 15, 2: 10})
+    await agent.settled({0: 2, 1: 15, 2: 10})
 
 
 @dataclass(frozen=True)
@@ -88,14 +88,6 @@ def slow_reader(ready: Ready) -> httpx.AsyncClient:
     small = [(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)]
     transport = httpx.AsyncHTTPTransport(verify=TRUSTS_NOBODY, trust_env=False, socket_options=small)
     return httpx.AsyncClient(base_url=ready.url, headers=bearer(OPERATOR_KEY), transport=transport, timeout=60)
-
-
-async def settled(agent: ScriptedAgent, wanted: dict[int, int]) -> None:
-    """Wait until all of it is acknowledged."""
-    while wanted:
-        for mark in (await agent.next("ack", DATA)).ack.watermarks:
-            if wanted.get(mark.stream_id, 1 << 62) <= mark.seq:
-                del wanted[mark.stream_id]
 
 
 async def get(http: httpx.AsyncClient, path: str) -> dict[str, Any]:
@@ -236,7 +228,7 @@ async def make_noise(agent: ScriptedAgent) -> None:
     await agent.announce(channel(1, f"/{agent.robot}/noise", "std_msgs/msg/String"))
     for number in range(1, NOISE_MIB + 1):
         await agent.samples(1, number, [os.urandom(1 << 20)], stamp_ns=START_NS)
-    await settled(agent, {1: NOISE_MIB})
+    await agent.settled({1: NOISE_MIB})
 
 
 @shared
@@ -287,7 +279,7 @@ async def test_damage_is_named_and_the_rest_is_served(tmp_path: Path) -> None:
         payload = codec(String).encode(String(data="x" * 100))
         for number in range(3):
             await agent.samples(1, 1 + 10 * number, [payload] * 10, stamp_ns=START_NS + number * 10**9)
-            await settled(agent, {1: 10 + 10 * number})
+            await agent.settled({1: 10 + 10 * number})
     await asyncio.to_thread(damage, tmp_path / "data")
     async with running_gateway(tmp_path) as ready, client(ready) as http:
         answer = await http.get(f"/api/v1/export.mcap?robot=sim_1&{RANGE}")

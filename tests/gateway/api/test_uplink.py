@@ -11,7 +11,7 @@ import httpx
 from gateway.api import models
 from metaros._proto import link_pb2
 from metaros.link import BACKFILL_BIT
-from tests.gateway.harness import CONTROL, DATA, EPOCH, ScriptedAgent, channel, client, running_gateway
+from tests.gateway.harness import CONTROL, EPOCH, ScriptedAgent, channel, client, running_gateway
 
 Http = httpx.AsyncClient
 UPLINK = "/api/v1/robots/sim_1/uplink"
@@ -74,7 +74,7 @@ async def test_declared_losses_are_listed_newest_first(tmp_path: Path) -> None:
         await agent.samples(1, 1, [b"x", b"y"])
         gap = link_pb2.Gap(stream_id=1, epoch=EPOCH, from_seq=3, to_seq=7, reason="disk_full", from_ns=10**18)
         await agent.send(gap=gap)
-        await agent.next("ack", DATA)
+        await agent.settled({1: 7})
         await until(lambda: _gaps(http, 1))
         metric = link_pb2.Gap(stream_id=0, epoch=EPOCH, from_seq=1, to_seq=2, reason="thinned", from_ns=10**18)
         await agent.send(gap=metric)

@@ -21,7 +21,7 @@ from metaros._proto import link_pb2
 from metaros.cdr import codec
 from metaros.idl import message_class
 from metaros.link import pack_batch
-from tests.gateway.harness import DATA, EPOCH, ScriptedAgent, channel, client, running_gateway
+from tests.gateway.harness import EPOCH, ScriptedAgent, channel, client, running_gateway
 from tests.gateway.history.source import compact_all
 
 ROBOTS = ("sim_1", "sim_2", "sim_3")
@@ -70,17 +70,9 @@ async def publish(agent: ScriptedAgent, robot: int) -> Published:
             some = samples[first : first + 3 * rate_hz]
             batch = pack_batch(number, EPOCH, first + 1, [stamp for stamp, _ in some], [data for _, data in some])
             await agent.send(batches=link_pb2.Batches(batches=[batch]))
-        await acknowledged(agent, number, len(samples))
+        await agent.settled({number: len(samples)})
         published[f"/{agent.robot}{name}" if name.startswith("/") else full] = samples
     return published
-
-
-async def acknowledged(agent: ScriptedAgent, stream_id: int, seq: int) -> None:
-    """Wait until the gateway has stored the stream up to `seq`."""
-    while True:
-        marks = (await agent.next("ack", DATA)).ack.watermarks
-        if any(mark.stream_id == stream_id and mark.seq >= seq for mark in marks):
-            return
 
 
 async def saved(http: httpx.AsyncClient, path: Path, **query: Any) -> None:

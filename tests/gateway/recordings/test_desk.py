@@ -49,7 +49,7 @@ class World:
         self.objects = DirectoryStore(folder / "objects")
         self.desk = self.another_desk()
 
-    def another_desk(self, objects: Any = None) -> RecordingDesk:
+    def another_desk(self, objects: Any = None, *, folder: str = "incoming") -> RecordingDesk:
         """As another gateway process would make it."""
         side = RobotSide(
             command=self._command,
@@ -57,7 +57,7 @@ class World:
             online=lambda robot: self.online,
             clock_offset_ns=lambda robot: self.offset_ns,
         )
-        return RecordingDesk(self.store, objects or self.objects, self.folder / "incoming", side, clock=self.clock)
+        return RecordingDesk(self.store, objects or self.objects, self.folder / folder, side, clock=self.clock)
 
     async def _command(self, robot: str, command: link_pb2.Command, *, timeout_s: float) -> link_pb2.CommandResult:
         self.commands.append(command.save_recording)
@@ -272,6 +272,26 @@ async def test_what_nobody_waits_for_is_cleared_away(tmp_path: Path) -> None:
         await world.desk.look()
         assert not left.exists()
         assert (await world.desk.get(asked.id)).received_bytes == 5
+
+
+async def test_what_another_gateway_has_stored_is_told_as_stored(tmp_path: Path) -> None:
+    async with opened(tmp_path) as world:
+        asked = await world.desk.request("r1", last_s=60)
+        world.part(asked)
+        await world.until(lambda: world.told)
+        world.part(asked, 0, BLOB[:100])
+        await world.until(lambda: world.told[-1].offset == 100)
+        here, world.desk = world.desk, world.another_desk(folder="elsewhere")
+        world.part(asked)
+        await world.until(lambda: world.told[-1].offset == 0)
+        world.part(asked, 0, BLOB)
+        await world.state(asked, STORED)
+        await world.until(lambda: world.told[-1].stored)
+        world.told.clear()
+        await here.look()
+        await world.until(lambda: world.told)
+        assert [(wanted.stored, wanted.unwanted) for wanted in world.told] == [(True, False)]
+        await here.close()
 
 
 async def test_a_robot_that_cuts_again_sends_another_file(tmp_path: Path) -> None:
