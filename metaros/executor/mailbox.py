@@ -60,16 +60,25 @@ class Mailbox:
         self._weigh_at = _FEW
 
     def trim(self) -> None:
-        """Drop the oldest items until the rest fits the bounds. Call after appending to `pending`."""
+        """Drop the oldest items until the rest fits the bounds. Call after appending to `pending`.
+
+        An executor may take items out at the same time, on another thread.
+        """
         pending = self.pending
         if self.depth is not None:
             excess = len(pending) - self.depth
             if excess > 0:
                 self._drop(excess)
-        if len(pending) > self._weigh_at or (pending and self.size_of(pending[-1]) > self.limit_bytes // _FEW):
+        if len(pending) > self._weigh_at or self._newest_bytes() > self.limit_bytes // _FEW:
             self._trim_bytes()
         elif len(pending) < _FEW:
             self._weigh_at = _FEW
+
+    def _newest_bytes(self) -> int:
+        try:
+            return self.size_of(self.pending[-1])
+        except IndexError:
+            return 0
 
     def _trim_bytes(self) -> None:
         """Where the bound is passed, keep the newest items that fill three quarters of it, so that it lasts a while."""

@@ -28,8 +28,12 @@ _OVERHEAD_BYTES = 512  # what Zenoh and Python keep beside a request's payload
 
 
 def query_bytes(query: zenoh.Query) -> int:
-    """What a waiting request weighs."""
-    return _OVERHEAD_BYTES + (0 if query.payload is None else len(query.payload))
+    """What a waiting request weighs; 0 where another thread has taken and answered it meanwhile."""
+    try:
+        payload = query.payload
+    except zenoh.ZError:
+        return 0
+    return _OVERHEAD_BYTES + (0 if payload is None else len(payload))
 
 
 class Waiting:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
+from typing import Any
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -38,6 +41,20 @@ def test_bytes_bound_both():
         assert sum(map(len, box.pending)) <= 1000
         assert len(box.pending) >= 2
         assert box.dropped == 10 - len(box.pending)
+
+
+def test_an_executor_may_take_the_last_while_it_is_weighed():
+    class Taken(deque[Any]):
+        """Somebody takes all that waits in the moment before one looks."""
+
+        def __getitem__(self, index: Any) -> Any:
+            self.clear()
+            return super().__getitem__(index)
+
+    box = mailbox(None)
+    box.pending = Taken([b"1"])
+    box.trim()
+    assert (len(box.pending), box.dropped) == (0, 0)
 
 
 def test_the_newest_stays_even_alone_over_the_bound():

@@ -9,12 +9,14 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
+import zenoh
 
 import metaros
 from metaros.cdr import codec
 from metaros.errors import FieldError, PeerError, TimeoutError_, UnavailableError
 from metaros.interfaces.example_interfaces.srv import AddTwoInts
 from metaros.interfaces.std_srvs.srv import Trigger
+from metaros.node.service import query_bytes
 from tests.support.waiting import wait_until
 
 
@@ -41,6 +43,18 @@ def server(there):
 def client_node(here):
     with metaros.Node("client", context=here) as node:
         yield node
+
+
+def test_a_request_that_another_thread_has_answered_weighs_nothing(here):
+    """A thread sorts what arrives, and weighs what waits, while the executor's answers it."""
+    queries: list[zenoh.Query] = []
+    sink = zenoh.handlers.Callback(queries.append, indirect=False)
+    with here.session.zenoh.declare_queryable("weighed", sink):
+        here.session.zenoh.get("weighed", payload=b"0123456789")
+        (query,) = queries
+        assert query_bytes(query) == 512 + 10
+        query.drop()
+        assert query_bytes(query) == 0
 
 
 def test_a_call_returns_the_response(server, client_node):
