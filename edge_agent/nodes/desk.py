@@ -66,7 +66,7 @@ class NodeDesk:
         self._work = asyncio.Event()
         self._rows = _rows_of(ledger.directory)  # as last given: an old one serves until its new bundle is here
         self._trouble = ""
-        self.handed_over = True  # whether the supervisor has, or cannot be given now, what is wanted
+        self._taken = True  # whether the supervisor has, or could not be given, what is wanted
 
     # -- the twin's side -------------------------------------------------------------------------------------------
 
@@ -82,12 +82,18 @@ class NodeDesk:
             check_allowed(node, self._settings)
             if node.bundle and self._bundles is None:
                 raise NodeRefusedError(f"{node.name}: this robot takes no bundles: it is not enrolled")
-        self._wanted, self.handed_over = wanted, False
+        self._taken = self._taken and wanted == self._wanted
+        self._wanted = wanted
         for name, node in wanted.items():
             if node.bundle:
                 self._trial(node).forgive(node.version)
             self._problems.pop(name, None)
         self._work.set()
+
+    @property
+    def handed_over(self) -> bool:
+        """See NodeTable. While a bundle comes, which may take long, nobody waits for what is wanted beside it."""
+        return self._taken or bool(self._fetching)
 
     def reported(self) -> dict[str, Any]:
         """The nodes as they are, by name: what runs, and what is wanted and does not."""
@@ -164,7 +170,7 @@ class NodeDesk:
                 try:
                     await self._apply()
                 finally:
-                    self.handed_over = self._wanted is wanted
+                    self._taken = self._wanted == wanted
                 self._say("")
                 if await self._fetch():
                     self._work.set()

@@ -222,6 +222,8 @@ async def test_what_is_wanted_runs_and_outlives_the_agent(rig: Rig) -> None:
     await rig.desk.set_nodes({"a": {"allowed": "sleep"}, "b": {"allowed": "sleep", "run": False}})
     assert not rig.desk.handed_over
     await wait_until_async(lambda: rig.desk.handed_over)
+    await rig.desk.set_nodes({"a": {"allowed": "sleep"}, "b": {"allowed": "sleep", "run": False}})
+    assert rig.desk.handed_over  # the same again, as with a twin that changes something else
     assert rig.node("a")["state"] in ("starting", "running")
     pid = (await rig.until("a", state="running"))["pid"]
     assert rig.node("b")["state"] == "stopped"
@@ -354,6 +356,8 @@ async def test_the_old_version_serves_on_while_another_agent_fetches_the_new_one
     assert shared.node("old")["pid"] == pid
     await wait_until_async(lambda: shared.node("old")["update"]["state"] == "downloading")
     assert shared.node("old")["pid"] == pid
+    await shared.desk.set_nodes({"old": {"bundle": "b", "version": "4.0"}})
+    assert shared.desk.handed_over  # a download may take longer than a twin's trial, which does not wait for it
     shared.bundles.away.set()
     await shared.until("old", state="running", version="4.0")
 

@@ -77,7 +77,7 @@ def test_a_thousand_calls_at_once_need_no_thread_each(adder):
 
 
 def test_a_node_closes_while_one_of_its_calls_runs_out_of_time(server, client_node):
-    """Zenoh's thread for time-outs is not in Python then: the end of /rosout would wait for it, with Python's lock."""
+    """The end of /rosout once waited, with Python's lock, for Zenoh's thread of time-outs, which wanted that lock."""
     server.create_service(AddTwoInts, "/deaf", add)  # nobody spins it
     client = client_node.create_client(AddTwoInts, "/deaf")
     assert client.wait_for_service(60)
