@@ -145,13 +145,17 @@ class Canaries:
             raise
         self._known = {(item.function, item.alias): item for item in found}
         for canary in found:
-            if not canary.applied:
-                await self._apply(canary)
+            await self._apply(canary)
 
     async def _apply(self, canary: Canary) -> Canary:
-        """Let the alias be as the canary says; where it is gone, so is the canary."""
+        """Let the alias be as the canary says; where it is gone, so is the canary. Who marks it done tells it: whoever
+        begins a canary and the look that finds it meet here.
+        """
         version, weights = canary.weights
         key = (canary.function, canary.alias)
+        if canary.applied:
+            self._known[key] = canary
+            return canary
         try:
             await self._directory.set_weights(*key, version, weights, by=canary.by or "canary")
         except RequestError as error:
@@ -160,8 +164,10 @@ class Canaries:
             self._known.pop(key, None)
             raise
         done = replace(canary, applied=True)
-        if await self._database.run(lambda engine: table.save_canary(engine, done)):
-            done = replace(done, revision=canary.revision + 1)
+        if not await self._database.run(lambda engine: table.save_canary(engine, done)):
+            self._known[key] = found = await self._read(done)
+            return found
+        done = replace(done, revision=canary.revision + 1)
         self._known[key] = done
         self._emit(KIND, "", _told(done))
         if done.state == ROLLED_BACK:

@@ -110,6 +110,27 @@ async def test_an_alias_is_moved_back_and_the_journal_says_why(world: World) -> 
     assert again.state == RUNNING
 
 
+@pytest.mark.parametrize("place", ["_read", "directory"])  # before the row is read again; while the alias is set
+async def test_a_look_while_one_begins_tells_nothing_twice(
+    world: World, place: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = Scene(world)
+    holder, name = (FakeDirectory, "set_weights") if place == "directory" else (Canaries, place)
+    go_on = getattr(holder, name)
+
+    async def a_look_in_between(*args: Any, **options: Any) -> Any:
+        monkeypatch.undo()
+        await scene.canaries.look()
+        return await go_on(*args, **options)
+
+    monkeypatch.setattr(holder, name, a_look_in_between)
+    begun = await scene.canaries.begin(ASKED)
+    assert (begun.state, begun.applied) == (RUNNING, True)
+    assert [data["state"] for _, data in scene.told] == [RUNNING]
+    assert scene.canaries.of("f", "live") == begun
+    assert scene.directory.aliases["f:live"] == (("1", 0.9), ("2", 0.1))
+
+
 async def test_what_was_decided_is_done_by_the_next_life(world: World) -> None:
     scene = Scene(world)
     await scene.canaries.begin(ASKED)
