@@ -84,9 +84,9 @@ class Http(_Sender):
                 self.pause(self._wait_s(attempt, error, ask))
                 attempt += 1
 
-    def pause(self, wait_s: float) -> None:
-        """Wait, but not beyond `close`."""
-        self._closed.wait(wait_s)
+    def pause(self, wait_s: float) -> bool:
+        """Wait, but not beyond `close`; whether it was closed."""
+        return self._closed.wait(wait_s)
 
     def close(self) -> None:
         """End its connections."""

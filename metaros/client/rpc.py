@@ -142,6 +142,8 @@ def refusal(error: Any) -> MetarosError:
     reason = str(dict(error.trailing_metadata() or ()).get("metaros-code", ""))
     if reason:
         return RefusedError(text, status=HTTP_STATUS.get(code, 500), reason=reason)
+    if code is grpc.StatusCode.CANCELLED:  # not by us: a gateway that ends breaks its calls off by this, too
+        return UnavailableError(f"the gateway ended the call: {text}")
     if code is grpc.StatusCode.UNAVAILABLE:
         return UnavailableError(f"the gateway's gRPC port does not answer: {text}")
     if code is grpc.StatusCode.DEADLINE_EXCEEDED:

@@ -21,7 +21,7 @@ from metaros.client.http import Http
 from metaros.client.results import Command, Event, GoalUpdate, Robot, Sample, Series, Values
 from metaros.client.retries import Retries, StreamRetries
 from metaros.clock import SystemClock, system_rng
-from metaros.errors import MetarosError, PeerError
+from metaros.errors import MetarosError, PeerError, UnavailableError
 
 __all__ = ["Client"]
 
@@ -285,12 +285,15 @@ class Client:
                     yield reply, samples
                 return
             except MetarosError as error:
-                wait_s = tries.wait_s(error)
-            self._http.pause(wait_s)
+                if self._http.pause(tries.wait_s(error)):
+                    raise  # closed: nothing is begun again
 
     def _stream(self, call: Any, request: Any) -> Iterator[Any]:
         """The replies of a call, whose errors are ours; leaving it ends the call."""
-        replies = call(request, metadata=self._metadata())
+        try:
+            replies = call(request, metadata=self._metadata())
+        except ValueError as error:  # gRPC's word for a channel that was closed
+            raise UnavailableError("the client is closed") from error
         try:
             yield from replies
         except grpc.RpcError as error:
