@@ -43,7 +43,10 @@ class Board:
         self._port.discard()  # an answer that came too late belongs to nothing any more
         self._lines.clear()
         self._port.write(command)
-        until_s = self._unit.clock.monotonic_s() + ANSWER_S
-        while self._unit.clock.monotonic_s() < until_s and not self._unit.stopping:
+        until_s, over = self._unit.clock.monotonic_s() + ANSWER_S, False
+        while not over and not self._unit.stopping:
+            over = (
+                self._unit.clock.monotonic_s() >= until_s
+            )  # where it was this process that slept, the answer is there
             yield from self._lines.feed(self._port.read())
         self._unit.count("no_answer")

@@ -35,7 +35,7 @@ from metaros.wire import qos_command, qos_default
 __all__ = ["DiffDriveDevice", "make"]
 
 BOOT_S: Final = 4.0  # an Arduino starts anew when its port is opened, and its boot loader waits two seconds
-SILENT_S: Final = 1.0
+SILENT_ASKS: Final = 5  # in a row, about a second; time alone says nothing: it may be this machine that slept
 MARGIN: Final = 2.0  # a wheel that runs twice as fast as the limits allow is a jump of its encoder
 _STOPPED: Final = "stopped by ~/stop"
 _NEVER: Final = 1e-9  # variance of what a base on the floor does not do: leave it
@@ -99,14 +99,14 @@ class DiffDriveDevice:
         unit, board = self._unit, self._board
         assert board is not None
         period_s = 1 / unit["rate"]
-        heard_s = next_s = unit.clock.monotonic_s()
+        next_s, unanswered = unit.clock.monotonic_s(), 0
         while not unit.stopping:
             counts = board.exchange(*self._ticks())
             now_s, stamp_ns = unit.clock.monotonic_s(), unit.clock.wall_ns()
+            unanswered = 0 if counts is not None else unanswered + 1
             if counts is not None:
-                heard_s = now_s
                 self._take(counts, now_s, stamp_ns)
-            elif now_s - heard_s > SILENT_S:
+            elif unanswered >= SILENT_ASKS:
                 raise UnavailableError("the board does not answer any more")
             next_s = max(next_s + period_s, now_s)
             unit.wait(next_s - now_s)

@@ -12,7 +12,8 @@ from typing import Any
 import pytest
 
 import metaros
-from metaros.drivers.diff_drive.driver import SILENT_S
+from metaros.drivers.diff_drive.board import ANSWER_S
+from metaros.drivers.diff_drive.driver import SILENT_ASKS
 from metaros.interfaces.geometry_msgs.msg import Twist, Vector3
 from metaros.interfaces.nav_msgs.msg import Odometry
 from metaros.interfaces.sensor_msgs.msg import JointState
@@ -223,6 +224,15 @@ def test_noise_on_the_line_moves_nothing_by_itself(tmp_path: Path, context: meta
 def test_a_board_that_falls_silent_is_away_until_it_answers(tmp_path: Path, context: metaros.Context) -> None:
     with rig(tmp_path, context) as made:
         made.base.answers = False
-        made.driver.lose(SILENT_S / 2)
+        made.driver.lose(ANSWER_S)
         made.base.answers = True
         wait_until(lambda: made.driver.state() == "working")
+
+
+def test_some_answers_may_be_missing_for_however_long(tmp_path: Path, context: metaros.Context) -> None:
+    with rig(tmp_path, context) as made:
+        made.base.missing = 2 * (SILENT_ASKS - 1)  # each asks two things
+        wait_until(lambda: not made.base.missing or made.driver.leap(60.0))
+        seen = len(made.odometry)
+        wait_until(lambda: len(made.odometry) > seen + 1)
+        assert "reconnects" not in made.driver.facts()
