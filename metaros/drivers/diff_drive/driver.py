@@ -99,13 +99,16 @@ class DiffDriveDevice:
         unit, board = self._unit, self._board
         assert board is not None
         period_s = 1 / unit["rate"]
-        next_s, unanswered = unit.clock.monotonic_s(), 0
+        asked_s = next_s = unit.clock.monotonic_s()
+        unanswered = 0
         while not unit.stopping:
+            if not unanswered:
+                asked_s = unit.clock.monotonic_s()
             counts = board.exchange(*self._ticks())
             now_s, stamp_ns = unit.clock.monotonic_s(), unit.clock.wall_ns()
             unanswered = 0 if counts is not None else unanswered + 1
             if counts is not None:
-                self._take(counts, now_s, stamp_ns)
+                self._take(counts, asked_s, now_s, stamp_ns)
             elif unanswered >= SILENT_ASKS:
                 raise UnavailableError("the board does not answer any more")
             next_s = max(next_s + period_s, now_s)
@@ -133,9 +136,9 @@ class DiffDriveDevice:
         pid_rate = self._unit["pid_rate"]
         return round(left / pid_rate), round(right / pid_rate)
 
-    def _take(self, counts: tuple[int, int], now_s: float, stamp_ns: int) -> None:
+    def _take(self, counts: tuple[int, int], asked_s: float, now_s: float, stamp_ns: int) -> None:
         unit, odometer = self._unit, self._odometer
-        if not odometer.feed(counts, now_s, error=unit["odometry_error"]):
+        if not odometer.feed(counts, now_s, error=unit["odometry_error"], asked_s=asked_s):
             unit.count("encoder_jumps")
             self._gate.forget()  # a board that began anew is not driven on by what it was told before
         header = Header(stamp=unit.stamp(stamp_ns), frame_id=unit["odom_frame"])

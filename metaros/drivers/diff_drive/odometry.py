@@ -15,7 +15,7 @@ class Odometer:
         self._wheels = wheels
         self._max_ticks_s = max_ticks_s
         self._counts: tuple[int, int] | None = None
-        self._moment_s = 0.0
+        self._asked_s = self._heard_s = 0.0
         self.pose = Pose()
         self.linear = self.angular = 0.0
         self.angles = (0.0, 0.0)
@@ -27,15 +27,19 @@ class Odometer:
         self.linear = self.angular = 0.0
         self.rates = (0.0, 0.0)
 
-    def feed(self, counts: tuple[int, int], now_s: float, *, error: float) -> bool:
-        """One reading; False where it was a jump, and the place stays."""
+    def feed(self, counts: tuple[int, int], now_s: float, *, error: float, asked_s: float | None = None) -> bool:
+        """One reading, of some moment between `asked_s` (else `now_s`) and `now_s`; False where it was a jump, and the
+        place stays.
+        """
+        asked_s = now_s if asked_s is None else asked_s
         last, self._counts = self._counts, counts
-        step_s, self._moment_s = now_s - self._moment_s, now_s
+        longest_s, step_s = now_s - self._asked_s, (asked_s + now_s - self._asked_s - self._heard_s) / 2
+        self._asked_s, self._heard_s = asked_s, now_s
         if last is None or step_s <= 0:
             return True
         left, right = wrapped(counts[0] - last[0]), wrapped(counts[1] - last[1])
-        # Half a tenth of a second more than the step: the reading itself may have been late or early.
-        if max(abs(left), abs(right)) > self._max_ticks_s * (step_s + 0.05) + 2:
+        # Half a tenth of a second more: the answer may be that to a question before, which was late.
+        if max(abs(left), abs(right)) > self._max_ticks_s * (longest_s + 0.05) + 2:
             self.linear = self.angular = 0.0
             self.rates = (0.0, 0.0)
             return False

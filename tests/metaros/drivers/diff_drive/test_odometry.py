@@ -77,6 +77,16 @@ def test_a_jump_moves_nothing_and_the_next_counts_go_on_from_there() -> None:
     assert odometer.pose.x == pytest.approx(2 * before.x)
 
 
+def test_a_late_answer_is_no_jump_nor_are_the_counts_after_it() -> None:
+    odometer = Odometer(WHEELS, max_ticks_s=1000)
+    odometer.feed((0, 0), 0.0, error=0.0)
+    assert odometer.feed((10, 10), 3.02, error=0.0, asked_s=0.02)  # counted at once, and then three seconds on its way
+    assert odometer.feed((1520, 1520), 3.04, error=0.0, asked_s=3.03)
+    assert odometer.angles[0] == pytest.approx(1520 * WHEELS.tick_rad)
+    assert odometer.rates[0] < 2 * 500 * WHEELS.tick_rad, "no burst"
+    assert not odometer.feed((1700, 1700), 3.06, error=0.0, asked_s=3.05)
+
+
 def test_after_a_pause_the_first_counts_are_where_it_stands() -> None:
     odometer = Odometer(WHEELS, max_ticks_s=1000)
     odometer.feed((0, 0), 0.0, error=0.0)
