@@ -70,6 +70,7 @@ class EventJournal:
         self._limits = limits
         self._waiting: deque[Event] = deque()
         self._dropped = 0
+        self._commit: asyncio.Future[None] | None = None
         self._emitted = asyncio.Event()
         self._tail: deque[Event] = deque(maxlen=limits.events_in_memory)  # the newest, without a hole
         self._head = 0
@@ -186,7 +187,14 @@ class EventJournal:
             log.warning("the last %d events are not kept: %s", len(self._waiting), error)
 
     async def store_some(self) -> None:
-        """One commit of what waits; StoreError leaves it waiting."""
+        """One commit of what waits; StoreError leaves it waiting. A commit goes on where who asked for it is cancelled,
+        and the next one begins behind it: else what was under way at the gateway's end would be stored twice.
+        """
+        if self._commit is None or self._commit.done():
+            self._commit = asyncio.ensure_future(self._store_batch())
+        await asyncio.shield(self._commit)
+
+    async def _store_batch(self) -> None:
         lost, known = self._dropped, self._head
         some = list(islice(self._waiting, BATCH))
         entries = [*some, self._made("journal.lost", "", f'{{"count":{lost}}}')] if lost else some

@@ -203,6 +203,25 @@ async def test_an_end_stores_what_was_told_last(tmp_path: Path) -> None:
         assert told(await journal.read(after=0, limit=5)) == [(1, "robot.offline", "r1")]
 
 
+async def test_what_is_under_way_at_the_end_is_stored_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    committed, go_on = asyncio.Event(), asyncio.Event()
+
+    async def slow(store: Store, job: Any) -> Any:
+        answer = await run(store, job)
+        committed.set()
+        await go_on.wait()
+        return answer
+
+    async with open_journal(tmp_path) as journal:
+        run = Store.run
+        monkeypatch.setattr(Store, "run", slow)
+        journal.emit("robot.offline", "r1")
+        await committed.wait()
+        asyncio.get_running_loop().call_soon(go_on.set)  # when `run` is cancelled already
+    async with open_journal(tmp_path) as journal:
+        assert told(await journal.read(after=0, limit=5)) == [(1, "robot.offline", "r1")]
+
+
 async def test_who_watches_is_sent_home_when_the_gateway_ends(tmp_path: Path) -> None:
     async with open_journal(tmp_path) as journal:
         journal.emit("robot.online", "r1")
