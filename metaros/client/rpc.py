@@ -36,6 +36,7 @@ OPTIONS = (
     ("grpc.initial_reconnect_backoff_ms", 200),
     ("grpc.max_reconnect_backoff_ms", 5_000),  # by itself it waits up to two minutes for a gateway that is there again
     ("grpc.enable_http_proxy", 0),
+    ("grpc.enable_retries", 0),  # we do it; a call that it begins again by itself as a gateway ends may hang for ever
 )
 HTTP_STATUS = {
     grpc.StatusCode.INVALID_ARGUMENT: 400,
