@@ -32,6 +32,7 @@ from metaros.link import pack_batch, pack_metrics
 from tests.support.key_ring import KeyRing, bearer
 from tests.support.plain_http import TRUSTS_NOBODY
 
+LANE_OPTIONS = (("grpc.use_local_subchannel_pool", 1), ("grpc.enable_retries", 0))  # as agents have them
 CONTROL, DATA, BACKFILL = link_pb2.LANE_CONTROL, link_pb2.LANE_DATA, link_pb2.LANE_BACKFILL
 EPOCH = 77
 RING = KeyRing()
@@ -188,7 +189,7 @@ class ScriptedAgent:
 
     async def open(self, lane: int, streams: Sequence[link_pb2.StreamState] = (), *, welcome: bool = True) -> None:
         """Connect a lane and say hello."""
-        opened = grpc.aio.insecure_channel(self._target)
+        opened = grpc.aio.insecure_channel(self._target, LANE_OPTIONS)
         self._channels.append(opened)
         call = self.lanes[lane] = link_pb2_grpc.LinkStub(opened).Connect()
         self._readers.append(asyncio.create_task(self._read(lane, call)))
