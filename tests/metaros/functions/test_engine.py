@@ -419,7 +419,9 @@ async def test_a_call_does_not_pay_for_what_one_before_it_used(zygote: Zygote, t
         worker.look(much, calls=worker.calls - 1)  # but not for ever
         await wait_until_async(lambda: not alive(pid))
         other = await bench.returned(spec)
-        (worker,) = bench.engine._pools[spec.key].workers
+        pool = bench.engine._pools[spec.key]
+        await wait_until_async(lambda: len(pool.workers) == 1)  # that the first is dead is noticed a moment later
+        (worker,) = pool.workers
         worker.look(much, calls=worker.calls)
         await wait_until_async(lambda: not alive(other))
 
