@@ -79,7 +79,7 @@ def test_hz_and_bw(zenoh_port: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(listen, "REPORT_S", 0.1)
     with stream_metaros("topic", "hz", "/chatter", "-o", "json", "--zenoh-port", zenoh_port) as lines:
         report = next(found for line in lines if (found := json.loads(line))["window"] > 1)
-    assert 0 < report["rate_hz"] < 60
+    assert report["rate_hz"] > 0  # of two samples, which a busy machine may have bunched
     with stream_metaros("topic", "bw", "/chatter", "-o", "json", "--zenoh-port", zenoh_port) as lines:
         report = next(found for line in lines if (found := json.loads(line))["window"] > 1)
     assert 10 < report["mean_bytes"] < 40
@@ -103,7 +103,7 @@ def test_pub_once_is_heard(run: Run, talker: metaros.Node) -> None:
 
 def test_pub_at_a_rate(run: Run, talker: metaros.Node) -> None:
     heard: list[float] = []
-    talker.create_subscription(Float64, "/value", lambda message: heard.append(message.data), 10)
+    talker.create_subscription(Float64, "/value", lambda message: heard.append(message.data), 20)
     rate = ("-r", "200", "-n", "20", "-q", "--max-wait-time-secs", "60")
     done = run("topic", "pub", "/value", "std_msgs/msg/Float64", "{data: 1.5}", *rate)
     assert (done.code, done.out) == (0, "")
