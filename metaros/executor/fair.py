@@ -256,10 +256,10 @@ class FairExecutor(SingleThreadedExecutor):
         with self._lock:
             return work.boxes.popleft() if work.boxes else None
 
-    def _start(self, coroutine: Coroutine[Any, Any, Any], owner: Mailbox | Timer) -> None:
+    def _start(self, coroutine: Coroutine[Any, Any, Any], owner: Mailbox | Timer, *, counted: bool = False) -> None:
         """As ever, with every step of the coroutine charged to its node."""
         node = self._current
-        super()._start(coroutine if node is None else self._metered(coroutine, node), owner)
+        super()._start(coroutine if node is None else self._metered(coroutine, node), owner, counted=counted)
 
     async def _metered(self, coroutine: Coroutine[Any, Any, Any], node: Spinnable) -> Any:
         return await _Steps(coroutine, self._cpu_s, lambda spent_s: self._charge(node, spent_s))

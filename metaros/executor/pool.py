@@ -87,9 +87,9 @@ class MultiThreadedExecutor(SingleThreadedExecutor):
         worked = bool(self._coroutines)
         while self._coroutines:
             coroutine, job = self._coroutines.popleft()
-            self._start(self._until_done(coroutine, job), job.source)
-            if not job.exclusive and isinstance(job.source, Mailbox):
-                self._count(job.source, -1)  # it counts as a coroutine from now on
+            # Counted twice for a moment, a mailbox would look full, and be left with a place free.
+            counted = not job.exclusive and isinstance(job.source, Mailbox)
+            self._start(self._until_done(coroutine, job), job.source, counted=counted)
         for node in list(self._nodes):
             now_s = node.clock.monotonic_s()
             while not self._stopped.is_set() and (timer := node.timers.pop_due(now_s)) is not None:

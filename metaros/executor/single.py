@@ -258,10 +258,11 @@ class SingleThreadedExecutor:
 
     # -- async callbacks -------------------------------------------------------------------------------------------
 
-    def _start(self, coroutine: Coroutine[Any, Any, Any], owner: Mailbox | Timer) -> None:
-        """Let a coroutine run on the loop; its owner gets no other call until it is done."""
+    def _start(self, coroutine: Coroutine[Any, Any, Any], owner: Mailbox | Timer, *, counted: bool = False) -> None:
+        """Let a coroutine run on the loop; its owner gets no other call until it is done. `counted`: it is already."""
         loop = self._loop = self._loop or asyncio.new_event_loop()
-        self._count(owner, 1)
+        if not counted:
+            self._count(owner, 1)
         task = loop.create_task(self._finish(coroutine, owner))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)

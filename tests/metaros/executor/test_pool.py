@@ -168,9 +168,16 @@ def test_async_callbacks_keep_their_group_until_they_are_done(node, spinning):
     assert log.index("end 1") < log.index("begin 2") < log.index("end 2")
 
 
-def test_async_callbacks_of_a_reentrant_group_overlap(node, spinning):
+def test_async_callbacks_of_a_reentrant_group_overlap(node, spinning, monkeypatch):
     inside = most = done = 0
-    gate, loops = asyncio.Event(), []
+    gate, loops, counts = asyncio.Event(), [], []
+    count = spinning._count
+
+    def watched(owner: Any, step: int) -> None:
+        count(owner, step)
+        counts.append(owner.running)
+
+    monkeypatch.setattr(spinning, "_count", watched)
 
     async def wait(item: Item) -> None:
         nonlocal inside, most, done
@@ -188,6 +195,7 @@ def test_async_callbacks_of_a_reentrant_group_overlap(node, spinning):
     loops[0].call_soon_threadsafe(gate.set)
     wait_until(lambda: done == 200 and (box.running, box.busy) == (0, False))
     assert most == 64
+    assert max(counts) == 64, "none was counted twice: the mailbox would have looked full with a place free"
 
 
 def test_callbacks_that_raise_end_nothing(node, spinning, caplog):
