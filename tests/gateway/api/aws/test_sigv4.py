@@ -73,9 +73,9 @@ def test_whatever_is_changed_is_seen() -> None:
         with pytest.raises(SignatureWrongError):
             check(change.pop("headers", headers), **change)
     authorization = dict(headers)[b"authorization"]
-    for last in (b"0", b"\xff"):
+    for last in (b"11" if authorization.endswith(b"00") else b"00", b"\xff\xff"):
         with pytest.raises(SignatureWrongError):
-            check(altered(headers, b"authorization", authorization[:-2] + last * 2))
+            check(altered(headers, b"authorization", authorization[:-2] + last))
 
 
 def test_a_body_that_is_not_signed_is_refused() -> None:
