@@ -45,8 +45,7 @@ class Board:
         self._port.write(command)
         until_s, over = self._unit.clock.monotonic_s() + ANSWER_S, False
         while not over and not self._unit.stopping:
-            over = (
-                self._unit.clock.monotonic_s() >= until_s
-            )  # where it was this process that slept, the answer is there
+            # One more reading after the deadline: where it was this process that slept, the answer is there.
+            over = self._unit.clock.monotonic_s() >= until_s
             yield from self._lines.feed(self._port.read())
         self._unit.count("no_answer")

@@ -78,8 +78,9 @@ def test_echo_gives_up_when_silent(run: Run) -> None:
 def test_hz_and_bw(zenoh_port: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(listen, "REPORT_S", 0.1)
     with stream_metaros("topic", "hz", "/chatter", "-o", "json", "--zenoh-port", zenoh_port) as lines:
-        report = next(found for line in lines if (found := json.loads(line))["window"] > 1)
-    assert report["rate_hz"] > 0  # of two samples, which a busy machine may have bunched
+        # Not of two samples, which a busy machine may have bunched.
+        report = next(found for line in lines if (found := json.loads(line))["window"] > 20)
+    assert 0 < report["rate_hz"] < 60
     with stream_metaros("topic", "bw", "/chatter", "-o", "json", "--zenoh-port", zenoh_port) as lines:
         report = next(found for line in lines if (found := json.loads(line))["window"] > 1)
     assert 10 < report["mean_bytes"] < 40
