@@ -53,10 +53,13 @@ class RawPeer:
             session.liveliness().declare_token(f"@ros2_lv/0/{self.zid}/{self.nid}/{self.nid}/NN/%/%/raw")
         ]
 
-    def declare(self, kind: str, name: str, dds: str, type_hash: str, qos: str) -> bytes:
-        """The endpoint's token; returns its GID."""
+    def token(self, kind: str, name: str, dds: str, type_hash: str, qos: str) -> str:
+        """What `announce` says of an endpoint, once that is there: as rmw does, so who sees it can use it."""
         where = f"@ros2_lv/0/{self.zid}/{self.nid}/{next(self._ids)}/{kind}/%/%/raw"
-        token = f"{where}/{name.replace('/', '%')}/{dds}/{type_hash}/{qos}"
+        return f"{where}/{name.replace('/', '%')}/{dds}/{type_hash}/{qos}"
+
+    def announce(self, token: str) -> bytes:
+        """Everybody sees the endpoint from now on; returns its GID."""
         self._kept.append(self.session.liveliness().declare_token(token))
         return gid_of(token)
 
@@ -67,38 +70,37 @@ class RawPeer:
 
     def serve(self, name: str, dds: str, type_hash: str, answer: Callable[[zenoh.Query], None]) -> bytes:
         """A service server; `answer` runs on a Zenoh thread of its own."""
-        gid = self.declare("SS", name, dds, type_hash, "::,10:,:,:,,")
         self._kept.append(self.session.declare_queryable(f"0{name}/{dds}/{type_hash}", answer, complete=True))
-        return gid
+        return self.announce(self.token("SS", name, dds, type_hash, "::,10:,:,:,,"))
 
     def client(self, name: str, dds: str, type_hash: str) -> RawClient:
         """A service client."""
-        return RawClient(
-            self.session, f"0{name}/{dds}/{type_hash}", self.declare("SC", name, dds, type_hash, "::,10:,:,:,,")
-        )
+        gid = self.announce(self.token("SC", name, dds, type_hash, "::,10:,:,:,,"))
+        return RawClient(self.session, f"0{name}/{dds}/{type_hash}", gid)
 
     def subscribe(self, name: str, dds: str, type_hash: str, qos: str) -> SimpleQueue[zenoh.Sample]:
         """A volatile subscription, or for a transient_local QoS string one that gets what was kept."""
-        self.declare("MS", name, dds, type_hash, qos)
         arrived: SimpleQueue[zenoh.Sample] = SimpleQueue()
         key, sink = f"0{name}/{dds}/{type_hash}", zenoh.handlers.Callback(arrived.put, indirect=False)
+        subscriber: Any
         if not qos.startswith(":1:"):
-            self._kept.append(self.session.declare_subscriber(key, sink))
-            return arrived
-        subscriber = zenoh.ext.declare_advanced_subscriber(
-            self.session,
-            key,
-            sink,
-            history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
-            recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
-            subscriber_detection=True,
-        )
+            subscriber = self.session.declare_subscriber(key, sink)
+        else:
+            subscriber = zenoh.ext.declare_advanced_subscriber(
+                self.session,
+                key,
+                sink,
+                history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=1),
+                recovery=zenoh.ext.RecoveryConfig(periodic_queries=None, heartbeat=True),
+                subscriber_detection=True,
+            )
         self._kept.append(subscriber)
+        self.announce(self.token("MS", name, dds, type_hash, qos))
         return arrived
 
     def publisher(self, name: str, dds: str, type_hash: str, qos: str) -> Callable[[bytes], None]:
         """A publisher as a function of the payload; for a transient_local QoS string it keeps the last."""
-        gid = self.declare("MP", name, dds, type_hash, qos)
+        token = self.token("MP", name, dds, type_hash, qos)
         key, seq = f"0{name}/{dds}/{type_hash}", itertools.count(1)
         made: Any
         wait = zenoh.CongestionControl.BLOCK  # what is put arrives, on a busy machine too
@@ -114,6 +116,7 @@ class RawPeer:
         else:
             made = self.session.declare_publisher(key, congestion_control=wait)
         self._kept.append(made)
+        gid = self.announce(token)
         return lambda payload: made.put(payload, attachment=pack_attachment(next(seq), STAMP_NS, gid))
 
 
