@@ -9,6 +9,7 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from queue import Empty, SimpleQueue
 from types import FrameType
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import asyncio
 
-__all__ = ["StopEvent", "on_stop", "stop_signals"]
+__all__ = ["StopEvent", "on_stop", "pause", "stop_signals"]
 
 
 class StopEvent(threading.Event):
@@ -53,6 +54,15 @@ class StopEvent(threading.Event):
                 return self._stopped
             self._tokens.put(None)  # for the next who waits
         return self._stopped
+
+
+def pause(seconds: float) -> None:
+    """Sleep on the main thread, until Ctrl-C at most, which is a KeyboardInterrupt then.
+
+    Where it comes as the wait for one of Python's own events begins, that may raise "release unlocked lock" instead.
+    """
+    with suppress(Empty):
+        SimpleQueue[None]().get(timeout=max(0.0, seconds))
 
 
 def stop_signals(*, hangup: bool = False) -> tuple[signal.Signals, ...]:

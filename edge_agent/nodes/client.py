@@ -92,8 +92,7 @@ class SupervisorLine:
     async def _connected(self, *, start: bool) -> SupervisorClient:
         loop = asyncio.get_running_loop()
         deadline = loop.time() + START_S
-        if start:
-            self._launcher.start()
+        started = start and self._launcher.start()
         while True:
             try:
                 return await SupervisorClient.open(self._directory)
@@ -102,4 +101,6 @@ class SupervisorLine:
                     raise
             await asyncio.sleep(0.05)
             if start and not self._launcher.running and not self._launcher.starting:
-                raise UnavailableError(f"the supervisor ended at once: see {self._directory / 'supervisor.log'}")
+                if started:
+                    raise UnavailableError(f"the supervisor ended at once: see {self._directory / 'supervisor.log'}")
+                started = self._launcher.start()  # the one that ran was about to end

@@ -56,14 +56,14 @@ class Launcher:
         """Whether there is a table that it would run."""
         return (self._directory / TABLE).exists()
 
-    def start(self) -> None:
-        """Start one, unless it runs; when two are started, one of them ends at once.
+    def start(self) -> bool:
+        """Start one, unless it runs: whether we did. When two are started, one of them ends at once.
 
         Raises:
             UnavailableError: somebody stopped it on purpose, or the system cannot start it.
         """
         if self.running:
-            return
+            return False
         if self.stopped_by_hand:
             raise UnavailableError(
                 f"the supervisor was stopped by hand: metaros supervisor --state-dir {self._directory}"
@@ -83,6 +83,7 @@ class Launcher:
             raise UnavailableError(f"the supervisor cannot be started: {error.strerror}") from None
         self._burial = threading.Thread(target=child.wait, name="metaros-supervisor", daemon=True)
         self._burial.start()
+        return True
 
 
 def _apart() -> dict[str, Any]:

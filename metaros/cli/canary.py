@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import queue
-import threading
 from typing import TYPE_CHECKING
 
 from metaros.clock import SystemClock
+from metaros.signals import pause
 
 if TYPE_CHECKING:
     from metaros.node import Context
@@ -44,5 +44,5 @@ def round_trips(context: Context, *, zenoh_port: int, domain: int, rounds: int) 
                     times.append(arrived.get(timeout=_WAIT_S) - sent)
                 except queue.Empty:
                     break
-                threading.Event().wait(0.002)  # spread out, or the pipe is warmer than a robot's ever is
+                pause(0.002)  # spread out, or the pipe is warmer than a robot's ever is
     return times

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
@@ -13,6 +12,7 @@ from typer.core import TyperCommand
 
 from metaros.cli.gateway_http import GatewayOption
 from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, RobotOption, SpinTime, ZenohPort
+from metaros.signals import pause
 
 if TYPE_CHECKING:
     from metaros.cli.graph_model import Picture
@@ -139,7 +139,7 @@ def _rates(session: WireSession, seconds: float) -> dict[str, Rates]:
     counts, meter, clock = Counts(session), Meter(), SystemClock()
     try:
         meter.look(clock.monotonic_s(), {})
-        threading.Event().wait(seconds)
+        pause(seconds)
         return meter.look(clock.monotonic_s(), counts.by_topic())
     finally:
         counts.close()

@@ -71,9 +71,8 @@ def _by_network(options: argparse.Namespace, problems: list[str]) -> None:
 
 
 def _publish(node: Node, wanted: Sequence[str], problems: list[str]) -> None:
-    import threading
-
     from metaros.idl import message_class
+    from metaros.signals import pause
 
     publishers = []
     for text in wanted:
@@ -84,11 +83,10 @@ def _publish(node: Node, wanted: Sequence[str], problems: list[str]) -> None:
             publishers.append((node.create_publisher(kind, topic), kind()))
 
         _try(problems, topic, make)
-    pause = threading.Event()
     for _ in range(TIMES if publishers else 0):
         for publisher, zero in publishers:
             publisher.publish(zero)
-        pause.wait(EVERY_S)
+        pause(EVERY_S)
 
 
 def _call(node: Node, service: str) -> None:

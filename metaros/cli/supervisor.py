@@ -82,20 +82,18 @@ def status(state_dir: StateDir = None, name: Name = "", output: FormatOption = F
 
 def stop(state_dir: StateDir = None, name: Name = "") -> None:
     """Ask the supervisor to end: its nodes stop in order. Its agent starts none until you do."""
-    import threading
-
     from metaros.errors import TimeoutError_
+    from metaros.signals import pause
     from metaros.supervise import program
     from metaros.supervise.client import ask
 
     folder = folder_of(state_dir, name)
     ask(folder, "shutdown")
-    pause = threading.Event()
     for _ in range(int(3 * program.STOP_GRACE_S / 0.1)):
         if program.running_pid(folder) is None:
             typer.echo("stopped")
             return
-        pause.wait(0.1)
+        pause(0.1)
     raise TimeoutError_(f"the supervisor of {folder} still runs; metaros supervisor stop once more kills its nodes")
 
 

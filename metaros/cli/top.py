@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
@@ -13,6 +12,7 @@ import typer
 
 from metaros.cli.gateway_http import GatewayOption
 from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, RobotOption, SpinTime, ZenohPort
+from metaros.signals import pause
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -63,22 +63,18 @@ def top(
     watch = _afar(robot, gateway, word, sort) if robot else _watch(zenoh_port, domain, spin_time, word, sort)
     with suppress(KeyboardInterrupt), watch as look:
         if once:
-            _pause(interval)
+            pause(interval)
             screenful = look()
             out.objects(asdict(screenful)) if out.json else _print(out, screenful)
         elif out.json or not out.tty:
             while True:
-                _pause(interval)
+                pause(interval)
                 screenful = look()
                 out.object_line(asdict(screenful)) if out.json else _print(out, screenful)
         else:
             from metaros.cli.top_screen import live
 
-            live(look, lambda: _pause(interval))
-
-
-def _pause(seconds: float) -> None:
-    threading.Event().wait(seconds)
+            live(look, lambda: pause(interval))
 
 
 def _print(out: Output, screenful: Screenful) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import threading
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from metaros.cli.gateway_http import GatewayOption
 from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, RobotOption, ZenohPort
+from metaros.signals import pause
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -96,7 +96,7 @@ def _publish(
 ) -> None:
     from metaros.clock import SystemClock
 
-    clock, pause = SystemClock(), threading.Event()
+    clock = SystemClock()
     due, count = clock.monotonic_s(), 0
     while True:
         publish(message)
@@ -106,4 +106,4 @@ def _publish(
         if count == times:
             break
         due = max(due + 1.0 / rate, clock.monotonic_s() - 1.0)  # catch up a second at most, never a whole night
-        pause.wait(max(0.0, due - clock.monotonic_s()))
+        pause(due - clock.monotonic_s())

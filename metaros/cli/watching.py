@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import sys
-import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from metaros.signals import pause
 
 if TYPE_CHECKING:
     from metaros.cli.output import Output
@@ -40,5 +41,5 @@ def watch(out: Output, find: Callable[[], Any], show: Callable[[Any], None], *, 
                 show(found)
                 out.line()
             before = found
-            threading.Event().wait(EVERY_S)
+            pause(EVERY_S)
             found = find()

@@ -12,6 +12,7 @@ import zenoh
 from metaros.clock import SystemClock
 from metaros.errors import MetarosError, PeerError, TimeoutError_, UnavailableError
 from metaros.later import Later
+from metaros.signals import StopEvent
 from metaros.wire import parse_attachment
 
 if TYPE_CHECKING:
@@ -132,7 +133,7 @@ class Call:
     def wait(self) -> bytes:
         """Block until the end; the answer's CDR, or an error."""
         if not self.finished:
-            ended = threading.Event()
+            ended = StopEvent()  # the main thread may wait here for a Ctrl-C
             self.when_finished(ended.set)
             try:
                 if not ended.wait(min(max(0.0, self.due_s - SystemClock.monotonic_s()), threading.TIMEOUT_MAX)):

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
 from metaros.clock import Clock
@@ -42,14 +45,15 @@ class Rate:
 
     def sleep(self) -> bool:
         """Block until the next period begins; False when the node is closed."""
-        woken = threading.Event()
-        self._add(woken.set)
+        woken: SimpleQueue[None] = SimpleQueue()  # an event may answer Ctrl-C with "release unlocked lock"
+        wake = partial(woken.put, None)
+        self._add(wake)
         try:
             while (left_s := self._left_s()) > 0:
-                woken.wait(None if self._simulated else left_s)
-                woken.clear()
+                with suppress(Empty):
+                    woken.get(timeout=None if self._simulated else left_s)
         finally:
-            self._discard(woken.set)
+            self._discard(wake)
         return self._step()
 
     async def sleep_async(self) -> bool:

@@ -7,10 +7,12 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from types import CodeType
 
 import pytest
 
-from metaros.signals import StopEvent, on_stop, stop_signals
+from metaros.signals import StopEvent, on_stop, pause, stop_signals
 from tests.support.interrupts import interrupt_at
 
 
@@ -85,3 +87,14 @@ def test_a_stop_event_wakes_all_who_wait() -> None:
         thread.join()
     assert answers == [True] * 4
     assert stop.wait()
+
+
+@pytest.mark.parametrize("code", [pause.__code__, threading.Condition.wait.__code__], ids=["pause", "condition"])
+def test_ctrl_c_ends_a_pause_at_any_moment(code: CodeType) -> None:
+    """Python's own event may say "release unlocked lock" instead."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    step, more = 0, True
+    while more:
+        with suppress(KeyboardInterrupt):
+            more = interrupt_at(step, code, lambda: pause(0.001))
+        step += 1

@@ -169,8 +169,13 @@ async def test_stop_and_start_at_once_never_run_it_twice(rig: Rig) -> None:
         await asyncio.gather(
             rig.service.stop_node("a"), rig.service.start_node("a"), rig.service.restart_node("a"), rig.table(row("a"))
         )
-    children = [child for child in psutil.Process().children(recursive=True) if "sigwait" in " ".join(child.cmdline())]
-    assert len(children) == 1
+
+    def sleepers() -> list[psutil.Process]:
+        children = psutil.Process().children(recursive=True)
+        return [child for child in children if "sigwait" in " ".join(child.cmdline())]
+
+    await wait_until_async(sleepers)  # a process has no command line while it becomes another program
+    assert len(sleepers()) == 1
 
 
 STOP = "import os, sys; print(os.environ['METAROS_NODE'], os.environ['X'], file=open(sys.argv[1], 'a'))"
