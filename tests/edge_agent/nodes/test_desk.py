@@ -423,7 +423,7 @@ async def test_a_lease_that_nobody_renews_ends_with_agent_and_link_dead(shared: 
     await shared.up("other")
     first = moment_of(shared)
     shared.link.take(leases(first, ("m", 60_000)))
-    pid = (await shared.until("m", state="running"))["pid"]
+    pid = await shared.up("m")
     assert psutil.Process(pid).environ()["METAROS_LEASE_EPOCH"] == "7"
     shared.link.take(leases(moment_of(shared), ("m", 1_500), lease_id="y"))
     await shared.until("m", lease_id="y")

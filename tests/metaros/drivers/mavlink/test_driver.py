@@ -237,6 +237,7 @@ def test_others_on_the_link_are_not_it(context: metaros.Context, tmp_path: Path)
             for _ in range(5):
                 other.send(dialect.MAVLink_heartbeat_message(10, 3, 1, 15, 4, 3))
             wait_until(lambda: int(driver.facts().get("other_systems", 0)) >= 5)
+            wait_until(lambda: states)
             assert {state.vehicle for state in states} == {"copter"}
             assert driver.facts()["target"] == "7.1"
 
