@@ -17,6 +17,7 @@ from metaros.limits import LIMITS, Limits
 __all__ = ["ServerTls", "make_server", "tls_credentials"]
 
 STREAMS = 128  # of one connection; an agent has a connection for each of its three lanes
+ANY_PORT_TRIES = 5
 IDLE_MS = 60_000  # a connection without a call is closed after so long
 
 
@@ -80,15 +81,20 @@ def make_server(
         ]
     )
     add(server)
-    try:
-        address = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
-        if credentials is None:
-            bound = server.add_insecure_port(address)
-        else:
-            bound = server.add_secure_port(address, credentials)
-    except RuntimeError as error:
-        raise ConfigError(f"port {port} cannot be opened: {error}") from error
-    return server, bound
+    return server, _bound(server, f"[{host}]:{port}" if ":" in host else f"{host}:{port}", port, credentials)
+
+
+def _bound(server: grpc.aio.Server, address: str, port: int, credentials: grpc.ServerCredentials | None) -> int:
+    """Bind it; any port of all addresses is looked for by gRPC before it binds it, and may be another's by then."""
+    for left in reversed(range(ANY_PORT_TRIES if port == 0 else 1)):
+        try:
+            if credentials is None:
+                return int(server.add_insecure_port(address))
+            return int(server.add_secure_port(address, credentials))
+        except RuntimeError as error:
+            if not left:
+                raise ConfigError(f"port {port} cannot be opened: {error}") from error
+    raise AssertionError
 
 
 def _configuration(tls: ServerTls) -> grpc.ServerCertificateConfiguration:
