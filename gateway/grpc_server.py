@@ -17,7 +17,7 @@ from metaros.limits import LIMITS, Limits
 __all__ = ["ServerTls", "make_server", "tls_credentials"]
 
 STREAMS = 128  # of one connection; an agent has a connection for each of its three lanes
-ANY_PORT_TRIES = 5
+ANY_PORT_TRIES = 5  # gRPC looks for a free port of all addresses before it binds it: it may be another's by then
 IDLE_MS = 60_000  # a connection without a call is closed after so long
 
 
@@ -85,16 +85,17 @@ def make_server(
 
 
 def _bound(server: grpc.aio.Server, address: str, port: int, credentials: grpc.ServerCredentials | None) -> int:
-    """Bind it; any port of all addresses is looked for by gRPC before it binds it, and may be another's by then."""
-    for left in reversed(range(ANY_PORT_TRIES if port == 0 else 1)):
+    """The port that it is bound to; any port (0) is looked for again where it was taken meanwhile."""
+    tries = ANY_PORT_TRIES if port == 0 else 1
+    while True:
+        tries -= 1
         try:
             if credentials is None:
                 return int(server.add_insecure_port(address))
             return int(server.add_secure_port(address, credentials))
         except RuntimeError as error:
-            if not left:
+            if not tries:
                 raise ConfigError(f"port {port} cannot be opened: {error}") from error
-    raise AssertionError
 
 
 def _configuration(tls: ServerTls) -> grpc.ServerCertificateConfiguration:

@@ -57,9 +57,9 @@ class StopEvent(threading.Event):
 
 
 def pause(seconds: float) -> None:
-    """Sleep on the main thread, until Ctrl-C at most, which is a KeyboardInterrupt then.
+    """Sleep; on the main thread Ctrl-C ends it with a KeyboardInterrupt, whenever it comes.
 
-    Where it comes as the wait for one of Python's own events begins, that may raise "release unlocked lock" instead.
+    A wait for `threading.Event` may raise RuntimeError, "release unlocked lock", where Ctrl-C comes as it begins.
     """
     with suppress(Empty):
         SimpleQueue[None]().get(timeout=max(0.0, seconds))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import logging
-import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -18,6 +17,7 @@ from metaros.limits import LIMITS
 from metaros.node.endpoint import Endpoint
 from metaros.node.events.callbacks import PublisherEvents
 from metaros.node.events.publishing import PublisherObserver
+from metaros.signals import pause
 from metaros.wire import Durability, QoSProfile, Reliability
 from metaros.wire.attachment import NEW
 from metaros.wire.shm import SharedPool
@@ -142,12 +142,11 @@ def _and_note(publish: Publish, sent: Callable[[], None]) -> Publish:
 
 def _undeclare(publisher: zenoh.Publisher | zenoh.ext.AdvancedPublisher) -> None:
     """Undeclare once no other thread is inside its `put`: Zenoh refuses while one is."""
-    pause = threading.Event()
     for _ in range(_UNDECLARE_TRIES):
         try:
             publisher.undeclare()  # type: ignore[no-untyped-call]
         except RuntimeError:
-            pause.wait(0.001)
+            pause(0.001)
         else:
             return
     _log.warning("a publisher was left to the session's close: its put() does not return")

@@ -22,6 +22,7 @@ from urllib.parse import unquote, urlsplit
 import zenoh
 
 from metaros.errors import ClosedError, ConfigError, NameError_
+from metaros.signals import pause
 from metaros.wire.allocator import keep_large_blocks
 from metaros.wire.keys import parse_domain
 from metaros.wire.shm import shared_pool
@@ -191,11 +192,10 @@ class WireSession:
 
     def wait_linked(self, timeout_s: float) -> bool:
         """Wait until a router or a peer is linked; False when none is after `timeout_s`."""
-        pause = threading.Event()
         for _ in range(max(1, round(timeout_s / 0.002))):
             if self.connected():
                 return True
-            pause.wait(0.002)
+            pause(0.002)
         return self.connected()
 
     @property

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from types import CodeType
 
 import pytest
@@ -93,8 +93,10 @@ def test_a_stop_event_wakes_all_who_wait() -> None:
 def test_ctrl_c_ends_a_pause_at_any_moment(code: CodeType) -> None:
     """Python's own event may say "release unlocked lock" instead."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    step, more = 0, True
-    while more:
-        with suppress(KeyboardInterrupt):
-            more = interrupt_at(step, code, lambda: pause(0.001))
-        step += 1
+    for step in itertools.count():
+        try:
+            assert not interrupt_at(step, code, lambda: pause(0.001)), "Ctrl-C was lost"
+        except KeyboardInterrupt:
+            continue
+        assert (step > 5) is (code is pause.__code__), "it was interrupted there, and it waits for no event"
+        break

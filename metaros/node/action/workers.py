@@ -8,6 +8,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
+from metaros.signals import pause
+
 __all__ = ["Workers"]
 
 Job = Callable[[], None]
@@ -58,11 +60,10 @@ class Workers:
 
     def settle(self, timeout_s: float) -> bool:
         """Wait until no job runs; False when some still does."""
-        pause = threading.Event()
         for _ in range(max(1, round(timeout_s / _LOOK_S))):
             if self.running == self._idle:
                 return True
-            pause.wait(_LOOK_S)
+            pause(_LOOK_S)
         return self.running == self._idle
 
     def _run(self) -> None:
