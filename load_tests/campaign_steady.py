@@ -4,7 +4,7 @@
     make campaign ARGS="steady --runs 3 --beside 1 --all"
 
 The first runs go on beside two processes that never rest, at the same priority: they find the most, and so at once.
-Nothing is tried again.
+Nothing is tried again. What a run that failed has printed is kept in `.make/steady`, whole.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from pathlib import Path
 __all__ = ["main"]
 
 ROOT = Path(__file__).resolve().parents[1]
+KEPT = ROOT / ".make" / "steady"
 BUSY_PROCESSES = 2
 
 
@@ -36,7 +37,7 @@ def main(argv: list[str]) -> int:
         busy = number <= options.beside
         began_s = time.monotonic()
         with _busy(BUSY_PROCESSES if busy else 0):
-            passed = _passes(everything=options.all)
+            passed = _passes(number, everything=options.all)
         failed += not passed
         beside = f" beside {BUSY_PROCESSES} busy processes" if busy else ""
         print(f"  run {number}: {'PASS' if passed else 'FAIL'}, {time.monotonic() - began_s:.0f} s{beside}", flush=True)
@@ -44,11 +45,14 @@ def main(argv: list[str]) -> int:
     return int(bool(failed))
 
 
-def _passes(*, everything: bool) -> bool:
+def _passes(number: int, *, everything: bool) -> bool:
     env = {**os.environ, "CI": "true"} if everything else {k: v for k, v in os.environ.items() if k != "CI"}
     done = subprocess.run(["make", "test", "ARGS=-q"], cwd=ROOT, env=env, stdout=subprocess.PIPE, text=True)
     if done.returncode:
-        print(done.stdout[-20_000:], flush=True)
+        KEPT.mkdir(parents=True, exist_ok=True)
+        kept = KEPT / f"{time.strftime('%Y%m%d-%H%M%S')}-run-{number}.txt"
+        kept.write_text(done.stdout)
+        print(done.stdout[-20_000:] + f"  all of it: {kept}", flush=True)
     return done.returncode == 0
 
 

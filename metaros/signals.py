@@ -9,28 +9,28 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Callable
-from contextlib import suppress
-from queue import Empty, SimpleQueue
 from types import FrameType
 from typing import TYPE_CHECKING
+
+from metaros.waiting import Wakeup
 
 if TYPE_CHECKING:
     import asyncio
 
-__all__ = ["StopEvent", "on_stop", "pause", "stop_signals"]
+__all__ = ["StopEvent", "on_stop", "stop_signals"]
 
 
 class StopEvent(threading.Event):
     """An event that a signal's handler may set.
 
     Python's own takes a lock to be set and to be waited for: a handler that interrupts the main thread where it holds
-    that lock would wait for ever. A queue's `put` takes none.
+    that lock would wait for ever. A `Wakeup` takes none.
     """
 
     def __init__(self) -> None:
         super().__init__()
         self._stopped = False
-        self._tokens: SimpleQueue[None] = SimpleQueue()
+        self._wakeup = Wakeup()
 
     def is_set(self) -> bool:
         """Whether it was set."""
@@ -39,7 +39,7 @@ class StopEvent(threading.Event):
     def set(self) -> None:
         """Wake who waits, now and later."""
         self._stopped = True
-        self._tokens.put(None)
+        self._wakeup.set()
 
     def clear(self) -> None:
         """Not for this one: who was asked to stop stops."""
@@ -47,22 +47,9 @@ class StopEvent(threading.Event):
 
     def wait(self, timeout: float | None = None) -> bool:
         """Whether it is set by then."""
-        if not self._stopped:
-            try:
-                self._tokens.get(timeout=None if timeout is None else max(0.0, timeout))
-            except Empty:
-                return self._stopped
-            self._tokens.put(None)  # for the next who waits
+        if not self._stopped and self._wakeup.wait(timeout):
+            self._wakeup.set()  # for the next who waits
         return self._stopped
-
-
-def pause(seconds: float) -> None:
-    """Sleep; on the main thread Ctrl-C ends it with a KeyboardInterrupt, whenever it comes.
-
-    A wait for `threading.Event` may raise RuntimeError, "release unlocked lock", where Ctrl-C comes as it begins.
-    """
-    with suppress(Empty):
-        SimpleQueue[None]().get(timeout=max(0.0, seconds))
 
 
 def stop_signals(*, hangup: bool = False) -> tuple[signal.Signals, ...]:

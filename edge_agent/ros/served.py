@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from queue import Empty, SimpleQueue
+from queue import Empty
 from types import SimpleNamespace
 from typing import Any, Final, cast
 
@@ -17,6 +17,7 @@ from metaros.limits import LIMITS
 from metaros.node import Node
 from metaros.node.action import ActionServer, ServerGoal
 from metaros.node.service import Responder, Waiting
+from metaros.waiting import WaitQueue
 from metaros.wire import qos_services
 
 __all__ = ["Asked", "AskedGoal", "AskedService", "ServedAction", "ServedService"]
@@ -55,7 +56,7 @@ class AskedGoal:
     def __init__(self, request: bytes, goal_id: bytes) -> None:
         self.request = request
         self.goal_id = goal_id
-        self._answers: SimpleQueue[link_pb2.OfferAnswer] = SimpleQueue()
+        self._answers: WaitQueue[link_pb2.OfferAnswer] = WaitQueue()
         self._told: Callable[[bool], None] = lambda cancel: None
         self._lock = threading.Lock()
         self._stopping = False
@@ -86,7 +87,7 @@ class AskedGoal:
     def next(self) -> link_pb2.OfferAnswer | None:
         """The next answer; None when none came for a moment."""
         try:
-            return self._answers.get(timeout=LOOK_S)
+            return self._answers.get(LOOK_S)
         except Empty:
             return None
 

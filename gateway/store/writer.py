@@ -23,6 +23,7 @@ from gateway.store.purge import Purge
 from gateway.store.retention import Retention
 from gateway.store.writes import Committed, RobotWrite, StreamWrite, Write
 from metaros.clock import Clock
+from metaros.waiting import WaitQueue
 
 __all__ = ["Pace", "Writer"]
 
@@ -106,7 +107,7 @@ class Writer:
         self._retention = retention
         self._pace = pace if pace is not None else Pace()
         self._committer = Committer(engine, name=name)
-        self._queue: queue.SimpleQueue[Write | Future[None] | _Job | None] = queue.SimpleQueue()
+        self._queue: WaitQueue[Write | Future[None] | _Job | None] = WaitQueue()
         self._stopped = threading.Event()
         self._error: str | None = None
         self._last_commit_s = -1e9
@@ -216,7 +217,7 @@ class Writer:
         while len(turn.writes) < self._pace.commit_writes and size_bytes < self._pace.commit_bytes:
             try:
                 wait_s = 1.0 if self._error is None else self._pace.retry_every_s
-                item = self._queue.get(timeout=wait_s) if block and first else self._queue.get_nowait()
+                item = self._queue.get(wait_s) if block and first else self._queue.get_nowait()
             except queue.Empty:
                 break
             if item is None:

@@ -6,7 +6,7 @@ import queue
 from typing import TYPE_CHECKING
 
 from metaros.clock import SystemClock
-from metaros.signals import pause
+from metaros.waiting import WaitQueue, pause
 
 if TYPE_CHECKING:
     from metaros.node import Context
@@ -24,7 +24,7 @@ def round_trips(context: Context, *, zenoh_port: int, domain: int, rounds: int) 
     from metaros.wire import qos_default
 
     type_name, clock = "std_msgs/msg/UInt64", SystemClock()
-    arrived: queue.SimpleQueue[float] = queue.SimpleQueue()
+    arrived: WaitQueue[float] = WaitQueue()
     message = message_class(type_name)
     topic = f"/_metaros_canary_{context.zid[:8]}"  # hidden: no list and no agent takes it for a robot's
     with connect(zenoh_port, domain) as other:
@@ -41,7 +41,7 @@ def round_trips(context: Context, *, zenoh_port: int, domain: int, rounds: int) 
                 sent = clock.monotonic_s()
                 publisher.publish(message(data=number))
                 try:
-                    times.append(arrived.get(timeout=_WAIT_S) - sent)
+                    times.append(arrived.get(_WAIT_S) - sent)
                 except queue.Empty:
                     break
                 pause(0.002)  # spread out, or the pipe is warmer than a robot's ever is

@@ -12,7 +12,7 @@ from typer.core import TyperCommand
 
 from metaros.cli.gateway_http import GatewayOption
 from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, RobotOption, SpinTime, ZenohPort
-from metaros.signals import pause
+from metaros.waiting import pause
 
 if TYPE_CHECKING:
     from metaros.cli.graph_model import Picture

@@ -19,6 +19,7 @@ from metaros.cli.topic_find import find_topic
 from metaros.clock import SystemClock
 from metaros.errors import TimeoutError_
 from metaros.limits import LIMITS
+from metaros.waiting import WaitQueue
 
 if TYPE_CHECKING:
     from metaros.cli.topic_find import FoundTopic
@@ -103,7 +104,7 @@ class GraphSource:
         self._spin_time = spin_time
         self._raw = raw
         self._clock = SystemClock()
-        self._queue: queue.SimpleQueue[tuple[float, bytes]] = queue.SimpleQueue()
+        self._queue: WaitQueue[tuple[float, bytes]] = WaitQueue()
         self._in_bytes = 0  # written by Zenoh's thread only
         self._out_bytes = 0  # written by the main thread only
         self.dropped = 0
@@ -122,7 +123,7 @@ class GraphSource:
     def next(self, timeout_s: float) -> tuple[float, bytes] | None:
         """See Source."""
         try:
-            item = self._queue.get(timeout=timeout_s)
+            item = self._queue.get(timeout_s)
         except queue.Empty:
             return None
         self._out_bytes += len(item[1])

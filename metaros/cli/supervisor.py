@@ -83,9 +83,9 @@ def status(state_dir: StateDir = None, name: Name = "", output: FormatOption = F
 def stop(state_dir: StateDir = None, name: Name = "") -> None:
     """Ask the supervisor to end: its nodes stop in order. Its agent starts none until you do."""
     from metaros.errors import TimeoutError_
-    from metaros.signals import pause
     from metaros.supervise import program
     from metaros.supervise.client import ask
+    from metaros.waiting import pause
 
     folder = folder_of(state_dir, name)
     ask(folder, "shutdown")

@@ -12,7 +12,7 @@ import typer
 
 from metaros.cli.gateway_http import GatewayOption
 from metaros.cli.options import DEFAULT_ZENOH_PORT, Domain, Format, FormatOption, RobotOption, SpinTime, ZenohPort
-from metaros.signals import pause
+from metaros.waiting import pause
 
 if TYPE_CHECKING:
     from collections.abc import Callable

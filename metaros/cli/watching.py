@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from metaros.signals import pause
+from metaros.waiting import pause
 
 if TYPE_CHECKING:
     from metaros.cli.output import Output

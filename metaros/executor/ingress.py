@@ -21,6 +21,7 @@ from typing import Any, Final
 from metaros.errors import UsageError
 from metaros.executor.mailbox import Mailbox
 from metaros.sinks import Parcel, parcel_to
+from metaros.waiting import Wakeup
 
 __all__ = ["Desk", "Ingress", "Ownership"]
 
@@ -58,13 +59,13 @@ class Desk:
         self.ready: list[Mailbox] = []
         self.woken = False  # whether it was told to look around since it last waited
         self.asleep = False  # whether its thread waits on `signal`, while another leads
-        self.signal: SimpleQueue[None] = SimpleQueue()
+        self.signal = Wakeup()
 
     def rouse(self) -> None:
         """End its sleep."""
         if self.asleep:
             self.asleep = False
-            self.signal.put(None)
+            self.signal.set()
 
 
 class Ingress:
@@ -84,6 +85,7 @@ class Ingress:
         self._desks: dict[object, Desk] = {}  # by node
         self._unclaimed = Desk()
         self._open: weakref.WeakSet[Desk] = weakref.WeakSet()
+        self._due_s: float | None = None  # when the leader's wait is over, if by time
         self._leader: Desk | None = None  # whose thread is taking an item: then nobody else may, or order is lost
         self._lock = threading.Lock()
         self._collected = 0
@@ -212,7 +214,7 @@ class Ingress:
                         desk.asleep = True
                         if desk.ingress is not self:
                             self._register(desk)
-                if not (self._lead(timeout_s) if lead else self._sleep(desk, timeout_s)):
+                if not (self._lead(timeout_s, deadline_s) if lead else desk.signal.wait(timeout_s)):
                     return
                 if deadline_s is not None:
                     timeout_s = deadline_s - time.monotonic()
@@ -223,22 +225,26 @@ class Ingress:
                     self._leader = None
                 self._promote()
 
-    def _lead(self, timeout_s: float | None) -> bool:
-        """Sort what arrives next, and whatever came with it; False when nothing did."""
+    def _lead(self, timeout_s: float | None, deadline_s: float | None) -> bool:
+        """Sort what arrives next, and whatever came with it; False when nothing did.
+
+        Such a queue may wait for ever, see `metaros.waiting`, and no other one has a `put` that is a C function. Two
+        things prevent that: it has tried to take its lock before its time counts, so that it does wait; and where a
+        signal's handler outlived that wait, the relief thread ends it.
+        """
+        get = self.queue.get
         try:
-            first = self.queue.get(True, timeout_s)
+            try:
+                first = get(False)
+            except Empty:
+                self._due_s = deadline_s
+                first = get(True, timeout_s)
         except Empty:
             return False
+        finally:
+            self._due_s = None
         with self._lock:
             self._sort([first, *self._arrived()])
-        return True
-
-    @staticmethod
-    def _sleep(desk: Desk, timeout_s: float | None) -> bool:
-        try:
-            desk.signal.get(True, timeout_s)
-        except Empty:
-            return False
         return True
 
     def collect(self) -> None:
@@ -315,6 +321,9 @@ class Ingress:
             stuck = self._collected == seen
             if stuck and not self.queue.empty():
                 self.collect()
+            due_s = self._due_s
+            if due_s is not None and time.monotonic() > due_s:
+                self.put(None)
             for chore in self._chores:
                 chore()
             pause_s = min(pause_s * 2, _RELIEF_MAX_S) if seen == self._collected else _RELIEF_MIN_S

@@ -17,7 +17,7 @@ from metaros.limits import LIMITS
 from metaros.node.endpoint import Endpoint
 from metaros.node.events.callbacks import PublisherEvents
 from metaros.node.events.publishing import PublisherObserver
-from metaros.signals import pause
+from metaros.waiting import pause
 from metaros.wire import Durability, QoSProfile, Reliability
 from metaros.wire.attachment import NEW
 from metaros.wire.shm import SharedPool

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from contextlib import suppress
-from functools import partial
-from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
 from metaros.clock import Clock
 from metaros.errors import UsageError
 from metaros.later import Later
 from metaros.node.sim_time import SimClock
+from metaros.waiting import Wakeup
 
 if TYPE_CHECKING:
     import asyncio
@@ -45,15 +43,13 @@ class Rate:
 
     def sleep(self) -> bool:
         """Block until the next period begins; False when the node is closed."""
-        woken: SimpleQueue[None] = SimpleQueue()  # an event may answer Ctrl-C with "release unlocked lock"
-        wake = partial(woken.put, None)
-        self._add(wake)
+        woken = Wakeup()
+        self._add(woken.set)
         try:
             while (left_s := self._left_s()) > 0:
-                with suppress(Empty):
-                    woken.get(timeout=None if self._simulated else left_s)
+                woken.wait(None if self._simulated else left_s)
         finally:
-            self._discard(wake)
+            self._discard(woken.set)
         return self._step()
 
     async def sleep_async(self) -> bool:

@@ -11,12 +11,13 @@ import threading
 import weakref
 from collections.abc import Callable
 from concurrent.futures import Future
-from queue import Empty, SimpleQueue
+from queue import Empty
 from typing import Any
 
 from metaros.clock import SystemClock
 from metaros.errors import MetarosError
 from metaros.node.call import Call
+from metaros.waiting import WaitQueue
 
 __all__ = ["CallFuture", "Replies"]
 
@@ -49,7 +50,7 @@ class Replies:
     """A thread that completes futures, started with the first one."""
 
     def __init__(self, name: str) -> None:
-        self._queue: SimpleQueue[CallFuture | None] = SimpleQueue()
+        self._queue: WaitQueue[CallFuture | None] = WaitQueue()
         self._due: list[tuple[float, int, weakref.ref[CallFuture]]] = []  # a heap, of the thread's own
         self._order = itertools.count()
         self._lock = threading.Lock()
@@ -80,7 +81,7 @@ class Replies:
     def _run(self) -> None:
         while True:
             try:
-                future = self._queue.get(timeout=self._patience_s())
+                future = self._queue.get(self._patience_s())
             except Empty:
                 continue
             if future is None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from queue import Empty, SimpleQueue
+from queue import Empty
 from typing import Any, NamedTuple
 
 import zenoh
@@ -18,6 +18,7 @@ from metaros.clock import Clock
 from metaros.errors import AttachmentError
 from metaros.limits import LIMITS
 from metaros.record.ledger import Publisher
+from metaros.waiting import WaitQueue
 from metaros.wire import Durability, QoSProfile, parse_attachment
 from metaros.wire.attachment import NEW
 
@@ -66,7 +67,7 @@ class Intake:
         self.paused = False
         self.limit_bytes = limit_bytes
         self._clock = clock
-        self._queue: SimpleQueue[Arrival | Callable[[], object] | None] = SimpleQueue()
+        self._queue: WaitQueue[Arrival | Callable[[], object] | None] = WaitQueue()
         self._lock = threading.Lock()
         self._waiting_bytes = 0
 
@@ -115,7 +116,7 @@ class Intake:
 
     def get(self, timeout_s: float) -> Arrival | Callable[[], object] | None:
         """The next; raises queue.Empty."""
-        return self._queue.get(timeout=timeout_s)
+        return self._queue.get(timeout_s)
 
     def done(self, arrival: Arrival) -> None:
         """The writer has no further use for the payload."""

@@ -11,7 +11,7 @@ import math
 import threading
 from collections import Counter
 from collections.abc import Callable
-from queue import Empty, SimpleQueue
+from queue import Empty
 from typing import Any, Final, NamedTuple
 
 from metaros.cdr import codec
@@ -26,6 +26,7 @@ from metaros.robot_functions.backlog import Backlog, Memory, Put
 from metaros.robot_functions.document import Trigger
 from metaros.robot_functions.event import Heard, event_of
 from metaros.robot_functions.judge import Judge, Verdict
+from metaros.waiting import WaitQueue
 from metaros.wire import Durability, QoSProfile, Reliability
 from metaros.wire.attachment import parse_attachment
 from metaros.wire.graph import EndpointInfo
@@ -68,7 +69,7 @@ class Listener:
         for trigger in triggers:
             self._triggers.setdefault(node.resolve(trigger.topic), []).append(trigger)
         self._judge = Judge(triggers, backlog.memories(), limits=limits)
-        self._heard: SimpleQueue[_Sample | None] = SimpleQueue()
+        self._heard: WaitQueue[_Sample | None] = WaitQueue()
         self._heard_bytes = 0
         self._lock = threading.Lock()
         self._again_s: dict[tuple[str, str, str], float] = {}  # what is subscribed, or when it is tried again
@@ -126,7 +127,7 @@ class Listener:
             timeout_s = min(timeout_s, max(0.0, (due_ns - self._clock.wall_ns()) / 1e9))
         found: list[_Sample | None] = []
         try:
-            found.append(self._heard.get(timeout=timeout_s))
+            found.append(self._heard.get(timeout_s))
             while len(found) < AT_ONCE and found[-1] is not None:
                 found.append(self._heard.get_nowait())
         except Empty:

@@ -22,7 +22,7 @@ from urllib.parse import unquote, urlsplit
 import zenoh
 
 from metaros.errors import ClosedError, ConfigError, NameError_
-from metaros.signals import pause
+from metaros.waiting import pause
 from metaros.wire.allocator import keep_large_blocks
 from metaros.wire.keys import parse_domain
 from metaros.wire.shm import shared_pool

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-import itertools
 import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from types import CodeType
 
 import pytest
 
-from metaros.signals import StopEvent, on_stop, pause, stop_signals
+from metaros.signals import StopEvent, on_stop, stop_signals
 from tests.support.interrupts import interrupt_at
 
 
@@ -87,16 +85,3 @@ def test_a_stop_event_wakes_all_who_wait() -> None:
         thread.join()
     assert answers == [True] * 4
     assert stop.wait()
-
-
-@pytest.mark.parametrize("code", [pause.__code__, threading.Condition.wait.__code__], ids=["pause", "condition"])
-def test_ctrl_c_ends_a_pause_at_any_moment(code: CodeType) -> None:
-    """Python's own event may say "release unlocked lock" instead."""
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    for step in itertools.count():
-        try:
-            assert not interrupt_at(step, code, lambda: pause(0.001)), "Ctrl-C was lost"
-        except KeyboardInterrupt:
-            continue
-        assert (step > 5) is (code is pause.__code__), "it was interrupted there, and it waits for no event"
-        break

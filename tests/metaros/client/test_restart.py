@@ -145,7 +145,7 @@ async def test_what_was_under_way_is_not_done_twice(tmp_path: Path) -> None:
     def verbs(client: AsyncClient | Client) -> list[Any]:
         goal: dict[str, Any] = {"goal": {"order": 1}, "type_name": FIBONACCI}
         return [
-            lambda: client.publish("sim_1", "chatter", {"data": "once"}),
+            lambda: client.publish("sim_1", "chatter", {"data": "once"}, type_name=STRING),
             lambda: client.call("sim_1", "reset", type_name=TRIGGER),
             lambda: client.send_goal("sim_1", "fibonacci", **goal),
         ]
@@ -163,7 +163,7 @@ async def test_what_was_under_way_is_not_done_twice(tmp_path: Path) -> None:
         _, agent = await gateway(second, tmp_path, **ports_of(ready))
         ends = await asyncio.gather(*asking, return_exceptions=True)
         assert [end for end in ends if not isinstance(end, UnavailableError | RefusedError)] == []
-        marking = asyncio.ensure_future(aio.publish("sim_1", "chatter", {"data": "marker"}))
+        marking = asyncio.ensure_future(aio.publish("sim_1", "chatter", {"data": "marker"}, type_name=STRING))
         asked = (await agent.next("command")).command
         assert asked.publish.payload.endswith(b"marker\0"), "nothing came before it"
         await agent.answer(asked)
