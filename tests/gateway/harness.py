@@ -90,6 +90,15 @@ def client(ready: Ready, *, key: str = OPERATOR_KEY, **headers: str) -> httpx.As
     return httpx.AsyncClient(base_url=ready.url, headers=said, trust_env=False, verify=verify, timeout=60)
 
 
+async def knows(ready: Ready, robot: str, *topics: str) -> None:
+    """Return once the gateway has read that the robot has these topics: a request may overtake an announcement."""
+    async with client(ready) as http, asyncio.timeout(60):
+        while True:
+            found = (await http.get(f"/api/v1/robots/{robot}/topics")).json()["topics"]
+            if {one["topic"] for one in found}.issuperset(topics):
+                return
+
+
 def trusting(ready: Ready) -> ssl.SSLContext | None:
     """TLS that the gateway's own root alone vouches for; None where it has none."""
     return ssl.create_default_context(cadata=ready.roots_pem) if ready.roots_pem else None

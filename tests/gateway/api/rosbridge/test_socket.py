@@ -33,6 +33,7 @@ from tests.gateway.harness import (
     channel,
     client,
     hear,
+    knows,
     open_socket,
     running_gateway,
     say,
@@ -51,6 +52,7 @@ async def world(folder: Path, **settings: Any) -> AsyncIterator[tuple[Ready, Scr
     async with running_gateway(folder, **settings) as ready, ScriptedAgent(ready) as agent:
         kinds = {"/sim_1/chat": TEXT, "/sim_1/scan": SCAN, "/sim_1/image": IMAGE}
         await agent.announce(*(channel(number, topic, kind) for number, (topic, kind) in enumerate(kinds.items(), 1)))
+        await knows(ready, "sim_1", *kinds)
         yield ready, agent
 
 
