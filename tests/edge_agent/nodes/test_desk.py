@@ -103,6 +103,7 @@ class Rig:
     def __init__(self, directory: Path) -> None:
         self.directory = directory
         self.bundles = FakeBundles(directory)
+        self._logged = {log.name: log.stat().st_size for log in directory.glob("logs/*.log")}  # by tests before
         self.clock = ManualClock(wall_ns=SystemClock().wall_ns())  # a version has run well once a test says so
         self.desk = self.make()
         self._task: asyncio.Task[None] | None = None
@@ -163,12 +164,16 @@ class Rig:
         await wait_until_async(so)
 
     async def up(self, name: str) -> int:
-        """The process of a node that sleeps and may be asked to end; one that is just starting may not hear it."""
+        """The process of a node that sleeps and may be asked to end; one that is just starting may not hear it.
+
+        A row that is there again while its process of before still ends shows that one: its words do not count.
+        """
         log = self.directory / "logs" / f"{name}.log"
+        old_bytes = self._logged.get(log.name, 0)
 
         def so() -> bool:
             pid = self.node(name).get("pid")
-            return pid is not None and log.exists() and f" up {pid}\n".encode() in log.read_bytes()
+            return pid is not None and log.exists() and f" up {pid}\n".encode() in log.read_bytes()[old_bytes:]
 
         await wait_until_async(so)
         return int(self.node(name)["pid"])
