@@ -14,7 +14,7 @@ import grpc
 from metaros.errors import ConfigError
 from metaros.limits import LIMITS, Limits
 
-__all__ = ["ServerTls", "make_server", "tls_credentials"]
+__all__ = ["ServerTls", "make_server"]
 
 STREAMS = 128  # of one connection; an agent has a connection for each of its three lanes
 ANY_PORT_TRIES = 5  # gRPC looks for a free port of all addresses before it binds it: it may be another's by then
@@ -33,8 +33,11 @@ class ServerTls:
     clients: bytes | None = None
 
 
-def tls_credentials(current: Callable[[], ServerTls]) -> grpc.ServerCredentials:
-    """`current` is asked at each handshake, on gRPC's threads; whether clients are asked is settled by the first."""
+def _credentials(current: Callable[[], ServerTls]) -> grpc.ServerCredentials:
+    """For one attempt to open a port, after which gRPC takes them no more.
+
+    `current` is asked at each handshake, on gRPC's threads; whether clients are asked is settled by the first.
+    """
     first = current()
     told = [first]
 
@@ -55,13 +58,13 @@ def make_server(
     host: str,
     port: int,
     connections: int,
-    credentials: grpc.ServerCredentials | None = None,
+    tls: Callable[[], ServerTls] | None = None,
     limits: Limits = LIMITS,
 ) -> tuple[grpc.aio.Server, int]:
     """A server bound to a port (0: any) that no other process shares; ConfigError when it is taken.
 
-    `add` gives it its services. What nobody reads waits at its client: a call that is refused by its metadata costs
-    no more than HTTP/2's first window, however long its message is.
+    `add` gives it its services, `tls` what it shows now, if it has TLS. What nobody reads waits at its client: a call
+    that is refused by its metadata costs no more than HTTP/2's first window, however long its message is.
     """
     server = grpc.aio.server(
         options=[
@@ -81,18 +84,18 @@ def make_server(
         ]
     )
     add(server)
-    return server, _bound(server, f"[{host}]:{port}" if ":" in host else f"{host}:{port}", port, credentials)
+    return server, _bound(server, f"[{host}]:{port}" if ":" in host else f"{host}:{port}", port, tls)
 
 
-def _bound(server: grpc.aio.Server, address: str, port: int, credentials: grpc.ServerCredentials | None) -> int:
+def _bound(server: grpc.aio.Server, address: str, port: int, tls: Callable[[], ServerTls] | None) -> int:
     """The port that it is bound to; any port (0) is looked for again where it was taken meanwhile."""
     tries = ANY_PORT_TRIES if port == 0 else 1
     while True:
         tries -= 1
         try:
-            if credentials is None:
+            if tls is None:
                 return int(server.add_insecure_port(address))
-            return int(server.add_secure_port(address, credentials))
+            return int(server.add_secure_port(address, _credentials(tls)))
         except RuntimeError as error:
             if not tries:
                 raise ConfigError(f"port {port} cannot be opened: {error}") from error

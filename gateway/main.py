@@ -24,7 +24,7 @@ from gateway.app import Gateway
 from gateway.crowd import Crowd, Guest, open_files
 from gateway.domain.networks import is_within, read_address
 from gateway.drain import drain
-from gateway.grpc_server import ServerTls, make_server, tls_credentials
+from gateway.grpc_server import ServerTls, make_server
 from gateway.heap import settle_heap
 from gateway.http_server import protocols
 from gateway.identity.door import Door
@@ -209,7 +209,7 @@ def _robots_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
         PortChoice(own.grpc_port, DEFAULT_GRPC_PORT, "--grpc-port"),
         lambda server: add_links(server, gateway.links),
         connections=LIMITS.robots_connections,
-        credentials=tls_credentials(lambda: _robots_tls(gateway)) if own.robots_tls else None,
+        tls=(lambda: _robots_tls(gateway)) if own.robots_tls else None,
     )
 
 
@@ -221,7 +221,7 @@ def _programs_server(gateway: Gateway) -> tuple[grpc.aio.Server, int]:
         PortChoice(own.api_grpc_port, DEFAULT_API_GRPC_PORT, "--api-grpc-port"),
         lambda server: add_programs(server, gate),
         connections=LIMITS.programs_connections,
-        credentials=tls_credentials(lambda: _programs_tls(gateway)) if own.robots_tls else None,
+        tls=(lambda: _programs_tls(gateway)) if own.robots_tls else None,
     )
 
 
@@ -231,7 +231,7 @@ def _grpc_server(
     add: Callable[[grpc.aio.Server], None],
     *,
     connections: int,
-    credentials: grpc.ServerCredentials | None,
+    tls: Callable[[], ServerTls] | None,
 ) -> tuple[grpc.aio.Server, int]:
     """A server on a port that can be had; a default one that is taken moves to a free one.
 
@@ -240,11 +240,11 @@ def _grpc_server(
     with listen(host, choice.port, default=choice.default, flag=choice.flag) as probe:
         port = int(probe.getsockname()[1])
     try:
-        return make_server(add, host=host, port=port, connections=connections, credentials=credentials)
+        return make_server(add, host=host, port=port, connections=connections, tls=tls)
     except ConfigError:
         if choice.port is not None:
             raise
-        return make_server(add, host=host, port=0, connections=connections, credentials=credentials)
+        return make_server(add, host=host, port=0, connections=connections, tls=tls)
 
 
 def _robots_tls(gateway: Gateway) -> ServerTls:

@@ -39,6 +39,8 @@ class SupervisorLine:
             return await client.ask(verb, timeout_s=timeout_s, **request)
         except (ConfigError, SupervisorError):
             raise
+        except UnavailableError as error:  # it may be ending this very moment
+            raise SupervisorError(self._launcher.why_stopped or str(error)) from error
         except MetarosError as error:
             raise SupervisorError(str(error)) from error
 

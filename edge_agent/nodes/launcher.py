@@ -52,6 +52,13 @@ class Launcher:
         return (self._directory / STOPPED).exists()
 
     @property
+    def why_stopped(self) -> str:
+        """The same for people, and how it is started again; "" where nobody did."""
+        if not self.stopped_by_hand:
+            return ""
+        return f"the supervisor was stopped by hand: metaros supervisor --state-dir {self._directory}"
+
+    @property
     def has_table(self) -> bool:
         """Whether there is a table that it would run."""
         return (self._directory / TABLE).exists()
@@ -64,10 +71,8 @@ class Launcher:
         """
         if self.running:
             return False
-        if self.stopped_by_hand:
-            raise UnavailableError(
-                f"the supervisor was stopped by hand: metaros supervisor --state-dir {self._directory}"
-            )
+        if why := self.why_stopped:
+            raise UnavailableError(why)
         argv = [python_of_base(self._environ), "-m", "metaros", "supervisor", "--detached"]
         try:
             child = subprocess.Popen(

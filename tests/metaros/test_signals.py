@@ -38,20 +38,22 @@ def test_each_signal_stops(loop_class: type[asyncio.AbstractEventLoop], name: st
         stop = asyncio.Event()
         on_stop(asyncio.get_running_loop(), stop.set, hangup=True)
         os.kill(os.getpid(), getattr(signal, name))
-        await asyncio.wait_for(stop.wait(), 60)
+        assert await asyncio.wait_for(stop.wait(), 60)
 
     with asyncio.Runner(loop_factory=loop_class) as runner:
         runner.run(main())
 
 
 def test_a_late_signal_after_the_loop_is_nobody_s() -> None:
+    told = list[str]()
     with asyncio.Runner(loop_factory=LoopWithoutHandlers) as runner:
 
         async def main() -> None:
-            on_stop(asyncio.get_running_loop(), lambda: None)
+            on_stop(asyncio.get_running_loop(), lambda: told.append("to stop"))
 
         runner.run(main())
     os.kill(os.getpid(), signal.SIGTERM)
+    assert told == []
 
 
 def test_a_closed_terminal_counts_only_when_asked_for() -> None:

@@ -12,6 +12,7 @@ import pytest
 from edge_agent.nodes.client import SupervisorLine
 from edge_agent.nodes.errors import SupervisorError
 from edge_agent.nodes.launcher import BASE_PYTHON, Launcher
+from metaros.supervise.door import SOCKET
 from metaros.supervise.program import STOPPED, only_one
 
 
@@ -23,6 +24,20 @@ async def test_one_that_was_stopped_by_hand_is_not_started_again(tmp_path: Path)
         (tmp_path / STOPPED).touch()
     with pytest.raises(SupervisorError, match="stopped by hand"):
         await asked
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a Unix socket")
+async def test_one_that_goes_while_it_is_asked_says_why(tmp_path: Path) -> None:
+    async def goes(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readline()
+        (tmp_path / STOPPED).touch()
+        writer.close()
+
+    line = SupervisorLine(tmp_path, Launcher(tmp_path), lambda found: None)
+    async with await asyncio.start_unix_server(goes, tmp_path / SOCKET):
+        with only_one(tmp_path), pytest.raises(SupervisorError, match="stopped by hand"):
+            await line.ask("start", node="a")
+    await line.close()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a script stands for the interpreter")

@@ -226,6 +226,7 @@ def test_a_board_that_falls_silent_is_away_until_it_answers(tmp_path: Path, cont
         made.driver.lose(ANSWER_S)
         made.base.answers = True
         wait_until(lambda: made.driver.state() == "working")
+        assert made.driver.facts()["reconnects"] == "1"
 
 
 def test_some_answers_may_be_missing_for_however_long(tmp_path: Path, context: metaros.Context) -> None:
