@@ -236,4 +236,5 @@ def test_a_tail_goes_on_where_it_was(afar: Afar) -> None:
                 afar.on("POST", "/tailed/restart", {})
             if len(seen) == 2:
                 break
-    assert seen[1] == f"lidar started as {afar.runs('tailed')}"
+    wait_until(lambda: afar.pid("tailed") not in (None, first))  # the line may come before the report
+    assert seen[1] == f"lidar started as {afar.pid('tailed')}"
