@@ -29,9 +29,9 @@ from metaros.supervise.door import LINE_BYTES, SOCKET, TOKEN, Door, connect
 from metaros.supervise.log_reader import Page
 from metaros.supervise.service import NodeService
 from metaros.supervise.verbs import Verbs
+from tests.support.node_code import SLEEP
 from tests.support.waiting import wait_until_async
 
-SLEEP = "import signal; print('up', flush=True); signal.sigwait([signal.SIGINT])"
 UNIX = sys.platform != "win32"
 
 

@@ -12,9 +12,9 @@ from metaros.clock import SystemClock, system_rng
 from metaros.errors import UnavailableError
 from metaros.supervise import Event, EventKind, Launch, RestartPolicy, Supervisor
 from metaros.supervise.policy import Restart
+from tests.support.node_code import SLEEP
 from tests.support.waiting import wait_until_async
 
-SLEEP = "import signal; print('up', flush=True); signal.sigwait([signal.SIGINT])"
 BEAT_ONCE = """
 import os, signal, socket
 signal.signal(signal.SIGTERM, {term})

@@ -19,11 +19,9 @@ from metaros.supervise.client import ask
 from metaros.supervise.program import STOPPED, running_pid
 from metaros.supervise.table_file import TableFile, read_rows
 from tests.support.command_line import call_metaros, program, stop_metaros
+from tests.support.node_code import DEAF, SLEEP
 from tests.support.processes import END_S, started
 from tests.support.waiting import wait_until
-
-SLEEP = "import signal; print('up', flush=True); signal.sigwait([signal.SIGINT])"
-DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); print('up', flush=True); signal.pause()"
 
 
 def put_table(directory: Path, *rows: dict[str, Any]) -> None:

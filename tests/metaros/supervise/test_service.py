@@ -17,10 +17,8 @@ from metaros.clock import SystemClock, boot_s, system_rng
 from metaros.errors import ConfigError, UnavailableError
 from metaros.supervise.service import NodeService
 from metaros.supervise.table_file import TableFile, read_rows
+from tests.support.node_code import DEAF, SLEEP
 from tests.support.waiting import wait_until_async
-
-SLEEP = "import signal; print('up', flush=True); signal.sigwait([signal.SIGINT])"
-DEAF = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); print('up', flush=True); signal.pause()"
 
 
 def row(name: str, code: str = SLEEP, **values: Any) -> dict[str, Any]:

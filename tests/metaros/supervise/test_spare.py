@@ -18,6 +18,7 @@ from tests.support.waiting import wait_until, wait_until_async
 NODE = """
 import json, os, signal, sys
 arguments = sys.argv[1:]
+signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
 if arguments == ["spare"]:
     order = sys.stdin.readline()
     if not order:

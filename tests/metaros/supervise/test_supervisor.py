@@ -17,11 +17,9 @@ from metaros.clock import SystemClock, system_rng
 from metaros.errors import ConfigError
 from metaros.supervise import Event, EventKind, Launch, RestartPolicy, Supervisor
 from metaros.supervise.policy import Restart
+from tests.support.node_code import DEAF, SLEEP
 from tests.support.processes import started
 from tests.support.waiting import wait_until, wait_until_async
-
-SLEEP = "import signal; print('up', flush=True); signal.sigwait([signal.SIGINT])"
-HANG = "import signal, time; signal.signal(signal.SIGINT, signal.SIG_IGN); print('up', flush=True); signal.pause()"
 
 
 class Rig:
@@ -118,7 +116,7 @@ async def test_stages_stop_in_falling_order(rig: Rig) -> None:
 
 
 async def test_a_hung_child_is_killed_when_the_grace_is_over(rig: Rig) -> None:
-    rig.start(rig.launch("bad", HANG, stage=1), rig.launch("good", SLEEP))
+    rig.start(rig.launch("bad", DEAF, stage=1), rig.launch("good", SLEEP))
     await rig.up("bad")
     await rig.up("good")
     pids = [rig.pid("bad"), rig.pid("good")]
@@ -129,7 +127,7 @@ async def test_a_hung_child_is_killed_when_the_grace_is_over(rig: Rig) -> None:
 
 
 async def test_kill_ends_a_stop_that_takes_too_long(rig: Rig) -> None:
-    rig.start(rig.launch("a", HANG))
+    rig.start(rig.launch("a", DEAF))
     await rig.up("a")
     stopping = asyncio.create_task(rig.supervisor.stop(grace_s=60.0))
     await asyncio.sleep(0)
@@ -212,7 +210,7 @@ OWNER = """
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the parent-death signal is Linux's")
 def test_kill_9_of_the_supervisor_leaves_no_orphan(tmp_path: Path) -> None:
-    code = textwrap.dedent(OWNER).format(hang=HANG, folder=str(tmp_path))
+    code = textwrap.dedent(OWNER).format(hang=DEAF, folder=str(tmp_path))
     with started([sys.executable, "-c", code], stderr=None) as owner:
         assert owner.stdout is not None
         pids = [int(word) for word in owner.stdout.readline().split()]
