@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Callable
 from types import TracebackType
 
 from metaros.clock import SystemClock
@@ -24,6 +25,7 @@ class BaseEmulator:
         self.commands: list[str] = []
         self.answers = True
         self.missing = 0  # so many answers are lost
+        self.on_lost_counts: Callable[[], object] = lambda: None
         self.noise = b""
         self.offset = [0, 0]  # of the encoders: what they counted before
         self._ticks = [0.0, 0.0]
@@ -67,12 +69,14 @@ class BaseEmulator:
     def _work(self) -> None:
         while not self._stop.wait(0.001):
             with self._lock:
-                self._move()
                 *lines, self._text = (self._text + self.device.read(0.0)).split(b"\r")
+                self._move()  # after the question: no answer says where it was before
                 for line in lines:
                     answer = self._answer(line.decode("ascii", "replace"))
                     if self.missing:
                         self.missing -= 1
+                        if line == b"e":
+                            self.on_lost_counts()
                     elif self.answers:
                         self.device.write(self.noise + answer + b"\r\n")
 

@@ -47,6 +47,7 @@ class RplidarEmulator:
         self.status = 0
         self.heals = True
         self.mute = 0  # so many requests are not answered
+        self.on_mute: Callable[[], object] = lambda: None  # called for each of them
         self.wrong_answers = False
         self.scanning: Descriptor | None = None
         self.commands: list[int] = []
@@ -78,6 +79,7 @@ class RplidarEmulator:
             return
         if self.mute:
             self.mute -= 1
+            self.on_mute()
             return
         if self.wrong_answers:
             self._write(Descriptor(0x15, 4, False).pack() + bytes(4))

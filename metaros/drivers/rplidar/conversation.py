@@ -116,21 +116,22 @@ class Conversation:
 
     def _await(self, kept: bytearray, wanted: Descriptor) -> bool:
         """Read on to the wanted descriptor; others, and garbage, are passed over."""
-        until_s = self._unit.clock.monotonic_s() + ANSWER_S
+        until_s, late = self._unit.clock.monotonic_s() + ANSWER_S, False
         while not self._unit.stopping:
             while (found := take_descriptor(kept)) is not None:
                 if found == wanted:
                     return True
                 self._unit.count("wrong_answers")
-            if self._unit.clock.monotonic_s() > until_s:
+            if late:
                 return False
+            # One more reading after the deadline: where it was this process that slept, the answer is there.
+            late = self._unit.clock.monotonic_s() > until_s
             kept += self._port.read()
         return False
 
     def _fill(self, kept: bytearray, size_bytes: int) -> bool:
-        until_s = self._unit.clock.monotonic_s() + ANSWER_S
-        while len(kept) < size_bytes and not self._unit.stopping:
-            if self._unit.clock.monotonic_s() > until_s:
-                return False
+        until_s, late = self._unit.clock.monotonic_s() + ANSWER_S, False
+        while len(kept) < size_bytes and not late and not self._unit.stopping:
+            late = self._unit.clock.monotonic_s() > until_s
             kept += self._port.read()
         return len(kept) >= size_bytes

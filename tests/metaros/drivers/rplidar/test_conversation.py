@@ -1,63 +1,58 @@
-"""The words with an RPLIDAR on a port that answers at once."""
+"""Answers and their deadlines, with a port that a test plays."""
 
 from __future__ import annotations
 
-from collections import Counter
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from metaros.clock import ManualClock
-from metaros.drivers.rplidar.conversation import Conversation
+from metaros.drivers.rplidar.conversation import ANSWER_S, Conversation
+from metaros.drivers.rplidar.protocol import Info
+from metaros.drivers.serial_port import SerialPort
+from metaros.drivers.unit import Unit
 from metaros.errors import UnavailableError
-from tests.support.rplidar_emulator import RplidarEmulator
 
 
-class FakeUnit:
-    """Counts, and lets time pass that it is asked to wait for."""
+class Line:
+    """A driver and its port: each reading takes so long, and gives the next of these."""
 
-    def __init__(self) -> None:
+    port = "/dev/ttyUSB0"
+    stopping = False
+
+    def __init__(self, *readings: bytes, each_s: float) -> None:
         self.clock = ManualClock()
-        self.stopping = False
-        self.counts: Counter[str] = Counter()
-        self.warnings: list[str] = []
-        self.count = lambda name: self.counts.update([name])
-        self.warn = self.warnings.append
-        self.wait = self.clock.advance
+        self.readings = list(readings)
+        self.each_s = each_s
+        self.asked = 0
 
-
-class FakePort:
-    """A port with an emulated device behind it."""
-
-    port = "/dev/fake"
-
-    def __init__(self) -> None:
-        self._came = bytearray()
-        self.lidar = RplidarEmulator(self._came.extend)
-
-    def write(self, data: bytes) -> None:
-        self.lidar.heard(data)
+    def write(self, _: bytes) -> None:
+        self.asked += 1
 
     def read(self) -> bytes:
-        data = bytes(self._came)
-        self._came.clear()
-        return data
+        self.clock.advance(self.each_s)
+        return self.readings.pop(0) if self.readings else b""
 
-    def discard(self) -> None:
-        self._came.clear()
+    def _nothing(self, *_: Any) -> None: ...
+
+    wait = discard = count = _nothing
+
+    def info(self) -> Info:
+        return Conversation(cast(Unit, self), cast(SerialPort, self)).info()
 
 
-@pytest.mark.parametrize("heals", [True, False])
-def test_one_in_error_is_reset_once_and_no_more(heals: bool) -> None:
-    unit: Any = FakeUnit()
-    port: Any = FakePort()
-    port.lidar.status, port.lidar.heals = 2, heals
-    talk = Conversation(unit, port)
-    if heals:
-        assert talk.check_health().word == "good"
-    else:
-        with pytest.raises(UnavailableError, match=r"/dev/fake: its health is bad \(code 32769\), also after a reset"):
-            talk.check_health()
-    assert unit.counts == {"resets": 1}
-    assert port.lidar.commands.count(0x40) == 1
-    assert unit.warnings == ["its health is bad (code 32769): reset"]
+ANSWER = Info.DESCRIPTOR.pack() + bytes((0x18, 29, 1, 7)) + bytes(16)
+
+
+def test_an_answer_that_is_there_after_its_time_is_read() -> None:
+    for readings in ([b"", ANSWER], [ANSWER[:7], ANSWER[7:]]):
+        line = Line(*readings, each_s=2 * ANSWER_S)
+        assert line.info().firmware == (1, 29)
+        assert line.asked == 1
+
+
+def test_one_who_talks_on_but_never_answers_is_asked_three_times() -> None:
+    line = Line(*[b"$GPGGA,,,,*66\r\n"] * 1000, each_s=ANSWER_S / 4)
+    with pytest.raises(UnavailableError, match="asked 3 times who it is"):
+        line.info()
+    assert line.asked == 5  # two of them are the stop before it is asked again

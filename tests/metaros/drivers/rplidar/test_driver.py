@@ -151,12 +151,14 @@ def test_answers_that_come_late_or_are_of_another_question(device: PtyDevice, co
     lidar = RplidarEmulator(device.write)
     lidar.mute, lidar.wrong_answers = 2, True
     with answering(device, lidar.heard, lambda: scanning(lidar)):
-        with running("rplidar", {"port": device.path}, context=context) as driver:
+        with running("rplidar", {"port": device.path}, context=context, start=False) as driver:
+            # Once a question, by who has heard it: a leap too many would be over the time of the next one's answer.
+            lidar.on_mute = lambda: driver.leap(2 * ANSWER_S)
             scans = driver.messages(LaserScan, "scan")
-            unanswered(driver, lambda: lidar.commands.count(0x50) == 1, lambda: lidar.commands.count(0x50) == 2)
-            unanswered(driver, lambda: lidar.commands.count(0x50) == 2, lambda: lidar.commands.count(0x50) == 3)
+            driver.node.start()
             assert_room(seen(scans))
-            told(driver, asked_again="2")
+            assert lidar.commands.count(0x50) >= 3
+            assert int(driver.facts()["asked_again"]) >= 2
             assert int(driver.facts()["wrong_answers"]) >= 3
 
 
@@ -165,7 +167,7 @@ def test_a_device_that_is_none_is_said(device: PtyDevice, context: metaros.Conte
     with answering(device, heard.extend, lambda: b"$GPGGA,,,,,,0,,,,,,,,*66\r\n"):
         with running("rplidar", {"port": device.path}, context=context) as driver:
             unanswered(driver, lambda: bool(heard), lambda: "no RPLIDAR answers here" in driver.status().message)
-    assert heard.count(b"\xa5\x50") >= 3
+        wait_until(lambda: heard.count(b"\xa5\x50") >= 3)
 
 
 @pytest.mark.parametrize("express", [True, False])
