@@ -63,6 +63,7 @@ def test_the_slider_sets_the_budget_and_shows_it(gateway: FakeGateway, open_page
     page = open_page(gateway.url + LINK)
     card, slider = page.locator("[data-card=uplink]"), page.get_by_label("Byte budget of the uplink")
     expect(card).to_contain_text("No limit")
+    expect(slider).to_be_enabled()  # once it is known who uses the page: before, a key would go nowhere
     slider.focus()
     slider.press("Home")
     expect(page.locator("[data-limit='5000']")).to_be_visible()
@@ -81,6 +82,7 @@ def test_a_refused_budget_is_said_and_the_slider_goes_back(gateway: FakeGateway,
     gateway.refuses_uplink = True
     page = open_page(gateway.url + LINK)
     slider = page.get_by_label("Byte budget of the uplink")
+    expect(slider).to_be_enabled()
     slider.focus()
     slider.press("Home")
     expect(page.get_by_role("alert")).to_contain_text("this agent is too old")

@@ -73,10 +73,10 @@ async def test_a_certificate_counts_between_its_dates_alone(tmp_path: Path) -> N
         now_ns = SystemClock().wall_ns()
         over = dated(ready, held, begins_ns=now_ns - 2 * HOUR_NS, life_s=3600.0)
         soon = dated(ready, held, begins_ns=now_ns + HOUR_NS, life_s=3600.0)
-        for kind in KINDS:
+        for number, kind in enumerate(KINDS, 1):
             for one, what in ((over, "certificate_expired"), (soon, "certificate_expired"), (held, "welcome")):
                 async with lane(ready, kind) as opened:
-                    assert await greet(opened, one.hello(), one) == what, kind
+                    assert await greet(opened, one.hello(number=number), one) == what, kind
 
 
 async def test_a_live_link_ends_with_its_certificate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -226,9 +226,9 @@ async def test_challenges_that_nobody_answers_end_by_themselves(
             for opened in hoard:
                 with contextlib.suppress(Exception):  # however the end of a connection shows on this transport
                     await opened.next()
-        for kind in KINDS:
+        for number, kind in enumerate(KINDS, 1):
             async with lane(ready, kind) as opened:
-                assert await greet(opened, held.hello(), held) == "welcome"
+                assert await greet(opened, held.hello(number=number), held) == "welcome"
 
 
 async def test_a_certificate_opens_only_its_own_robots_lanes(tmp_path: Path) -> None:

@@ -62,10 +62,10 @@ async def test_a_link_at_another_gateway_is_cut_with_its_next_look(tmp_path: Pat
         running_gateway(tmp_path / "b", door=RING, store_url=url) as two,
     ):
         held, _ = await enrolled(one)
-        for kind in ("grpc", "websocket"):
+        for number, kind in enumerate(("grpc", "websocket"), 1):
             held, _ = await enrolled(one, bound=True)
             async with lane(two, kind) as opened:
-                assert await greet(opened, held.hello(), held) == "welcome"
+                assert await greet(opened, held.hello(number=number), held) == "welcome"
                 cut = asyncio.create_task(said(opened))
                 asked_s = asyncio.get_running_loop().time()
                 await revoke(one, "arm")

@@ -45,13 +45,13 @@ class Held:
         """Its number."""
         return f"{x509.load_pem_x509_certificate(self.certificate.encode()).serial_number:x}"
 
-    def hello(self, *, robot: str = "", lane: int = 1) -> link_pb2.Hello:
-        """A Hello that shows the certificate."""
+    def hello(self, *, robot: str = "", lane: int = 1, number: int = 1) -> link_pb2.Hello:
+        """A Hello that shows the certificate. Another number is another session, while the last one may still end."""
         return link_pb2.Hello(
             protocol=1,
             robot_id=robot or self.robot,
             session_id=b"s" * 16,
-            session_number=1,
+            session_number=number,
             lane=lane,
             namespace=f"/{self.robot}",
             certificates=[self.der],
