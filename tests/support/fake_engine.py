@@ -47,12 +47,12 @@ def run(*words):
     if os.path.exists(path("container", name)):
         sys.exit("the name is in use")
     code = open(path("image", digest)).read()
-    let = lambda how: signal.pthread_sigmask(how, [signal.SIGINT])
-    let(signal.SIG_BLOCK)  # what the child prints may be answered before this process handles it
+    mask = lambda how: signal.pthread_sigmask(how, [signal.SIGINT])
+    mask(signal.SIG_BLOCK)  # what the child prints may be answered before this process handles it
     argv = [sys.executable, "-S", "-c", code, *words]
-    child = subprocess.Popen(argv, start_new_session=True, preexec_fn=lambda: let(signal.SIG_UNBLOCK))
+    child = subprocess.Popen(argv, start_new_session=True, preexec_fn=lambda: mask(signal.SIG_UNBLOCK))
     signal.signal(signal.SIGINT, lambda *_: child.send_signal(signal.SIGINT))
-    let(signal.SIG_UNBLOCK)
+    mask(signal.SIG_UNBLOCK)
     open(path("container", name), "w").write(str(child.pid))
     status = child.wait()
     os.unlink(path("container", name))

@@ -1,58 +1,96 @@
-"""Answers and their deadlines, with a port that a test plays."""
+"""The words with an RPLIDAR on a port that answers at once, or as late as a test says."""
 
 from __future__ import annotations
 
-from typing import Any, cast
+from collections import Counter
+from typing import Any
 
 import pytest
 
 from metaros.clock import ManualClock
 from metaros.drivers.rplidar.conversation import ANSWER_S, Conversation
-from metaros.drivers.rplidar.protocol import Info
-from metaros.drivers.serial_port import SerialPort
-from metaros.drivers.unit import Unit
 from metaros.errors import UnavailableError
+from tests.support.rplidar_emulator import RplidarEmulator
 
 
-class Line:
-    """A driver and its port: each reading takes so long, and gives the next of these."""
+class FakeUnit:
+    """Counts, and lets time pass that it is asked to wait for."""
 
-    port = "/dev/ttyUSB0"
-    stopping = False
-
-    def __init__(self, *readings: bytes, each_s: float) -> None:
+    def __init__(self) -> None:
         self.clock = ManualClock()
-        self.readings = list(readings)
-        self.each_s = each_s
-        self.asked = 0
+        self.stopping = False
+        self.counts: Counter[str] = Counter()
+        self.warnings: list[str] = []
+        self.count = lambda name: self.counts.update([name])
+        self.warn = self.warnings.append
+        self.wait = self.clock.advance
 
-    def write(self, _: bytes) -> None:
-        self.asked += 1
+
+class FakePort:
+    """A port with an emulated device behind it, whose readings take so long."""
+
+    port = "/dev/fake"
+
+    def __init__(self, clock: ManualClock, *, reading_s: float = 0.0) -> None:
+        self._clock = clock
+        self._reading_s = reading_s
+        self._came = bytearray()
+        self.lidar = RplidarEmulator(self._came.extend)
+        self.sizes: list[int] = []  # of the next readings; then all that is there
+        self.chatter = b""  # instead of what the device sends
+
+    def write(self, data: bytes) -> None:
+        self.lidar.heard(data)
 
     def read(self) -> bytes:
-        self.clock.advance(self.each_s)
-        return self.readings.pop(0) if self.readings else b""
+        self._clock.advance(self._reading_s)
+        size = self.sizes.pop(0) if self.sizes else len(self._came)
+        data = bytes(self._came[:size])
+        del self._came[:size]
+        return self.chatter or data
 
-    def _nothing(self, *_: Any) -> None: ...
-
-    wait = discard = count = _nothing
-
-    def info(self) -> Info:
-        return Conversation(cast(Unit, self), cast(SerialPort, self)).info()
-
-
-ANSWER = Info.DESCRIPTOR.pack() + bytes((0x18, 29, 1, 7)) + bytes(16)
+    def discard(self) -> None:
+        self._came.clear()
 
 
-def test_an_answer_that_is_there_after_its_time_is_read() -> None:
-    for readings in ([b"", ANSWER], [ANSWER[:7], ANSWER[7:]]):
-        line = Line(*readings, each_s=2 * ANSWER_S)
-        assert line.info().firmware == (1, 29)
-        assert line.asked == 1
+@pytest.mark.parametrize("heals", [True, False])
+def test_one_in_error_is_reset_once_and_no_more(heals: bool) -> None:
+    unit: Any = FakeUnit()
+    port: Any = FakePort(unit.clock)
+    port.lidar.status, port.lidar.heals = 2, heals
+    talk = Conversation(unit, port)
+    if heals:
+        assert talk.check_health().word == "good"
+    else:
+        with pytest.raises(UnavailableError, match=r"/dev/fake: its health is bad \(code 32769\), also after a reset"):
+            talk.check_health()
+    assert unit.counts == {"resets": 1}
+    assert port.lidar.commands.count(0x40) == 1
+    assert unit.warnings == ["its health is bad (code 32769): reset"]
+
+
+@pytest.mark.parametrize("sizes", [[0], [7, 10]], ids=["all of it", "its end"])
+def test_an_answer_that_is_there_after_its_time_is_read(sizes: list[int]) -> None:
+    unit: Any = FakeUnit()
+    port: Any = FakePort(unit.clock, reading_s=2 * ANSWER_S)
+    port.sizes = sizes
+    assert Conversation(unit, port).info().firmware == (1, 29)
+    assert port.lidar.commands == [0x50]
+
+
+def test_who_does_not_answer_is_asked_again() -> None:
+    unit: Any = FakeUnit()
+    port: Any = FakePort(unit.clock, reading_s=ANSWER_S / 4)
+    port.lidar.mute, port.lidar.wrong_answers = 2, True
+    assert Conversation(unit, port).info().firmware == (1, 29)
+    assert port.lidar.commands.count(0x50) == 3
+    assert unit.counts == {"asked_again": 2, "wrong_answers": 1}
 
 
 def test_one_who_talks_on_but_never_answers_is_asked_three_times() -> None:
-    line = Line(*[b"$GPGGA,,,,*66\r\n"] * 1000, each_s=ANSWER_S / 4)
-    with pytest.raises(UnavailableError, match="asked 3 times who it is"):
-        line.info()
-    assert line.asked == 5  # two of them are the stop before it is asked again
+    unit: Any = FakeUnit()
+    port: Any = FakePort(unit.clock, reading_s=ANSWER_S / 4)
+    port.chatter = b"$GPGGA,,,,*66\r\n"
+    with pytest.raises(UnavailableError, match=r"no RPLIDAR answers here \(asked 3 times who it is\)"):
+        Conversation(unit, port).info()
+    assert port.lidar.commands.count(0x50) == 3
