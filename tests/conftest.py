@@ -39,6 +39,9 @@ def pytest_configure() -> None:
     sys.dont_write_bytecode = False
     if find_spec("sniffio") is None:  # httpcore looks for it several times in each request, the whole path through
         sys.modules["sniffio"] = None  # type: ignore[assignment]
+    # A test may fork where gRPC runs; its handlers would start gRPC's threads again in the child, whose files are being
+    # closed for the program that it becomes: the thread then aborts it.
+    os.environ["GRPC_ENABLE_FORK_SUPPORT"] = "0"
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of small matrices its threads only wait for each other: busily
 
 
