@@ -156,8 +156,9 @@ async def test_a_recording_that_is_asked_for_elsewhere_is_cut_at_once(pair: Pair
 
 async def test_a_command_under_way_ends_when_the_link_does(pair: Pair) -> None:
     async with client(pair.two) as http:
-        async with pair.agent(pair.one) as agent:
+        async with pair.agent(pair.one) as agent, agent.beating():
             await has(pair.two, pair.path, ONLINE)
+            await stored(agent)
             order = {"kind": "set_uplink", "request": {"bytes_per_s": 5000}}
             running = asyncio.ensure_future(http.post(f"{pair.path}/commands", json=order))
             await agent.next("command")
@@ -167,6 +168,7 @@ async def test_a_command_under_way_ends_when_the_link_does(pair: Pair) -> None:
 async def test_a_robot_that_moves_ends_its_former_session_and_an_older_one_is_refused(pair: Pair) -> None:
     async with pair.agent(pair.one, number=5) as former, client(pair.one) as http:
         await has(pair.two, pair.path, ONLINE)
+        await stored(former)
         async with pair.agent(pair.two, number=6) as agent:
             goodbye = (await former.next("goodbye")).goodbye
             assert goodbye.code == "fenced"
